@@ -25,7 +25,6 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.importers.dh import read_dh_table
 from taskcal.robot.robot_file import robot_from
 from taskcal.studio.project import Choices
-from taskcal.tables.column_groups import ColumnGroups
 from taskcal.tables.forms import read_csv
 from taskcal.task.orientation import read_tool_poses
 from taskcal.task.task import load_task
@@ -189,9 +188,7 @@ READERS = {
     "task": Reader(files=named("task.toml", BOX, CYLINDER), read=load_task),
     "station": Reader(files=named("station.toml", STATION), read=load_station),
     "cell": Reader(files=named("cell.toml", CELL), read=load_cell),
-    "poses": Reader(
-        files=named("poses.csv", *POSE_TABLES), read=lambda path: read_tool_poses(ColumnGroups(read_csv(path)))
-    ),
+    "poses": Reader(files=named("poses.csv", *POSE_TABLES), read=lambda path: read_tool_poses(read_csv(path))),
     "pose-cycles": Reader(files=named("cycles.csv", "\n".join([POSES, *POSE_ROWS])), read=read_pose_cycles),
     "path-cycles": Reader(files=named("path.csv", "\n".join([PATH, *PATH_ROWS])), read=read_path_cycles),
     "calibration": Reader(files=_json("cal"), read=load_calibration),

@@ -17,7 +17,7 @@ def test_rows_come_back_whatever_parts_them(rows, separator, named):
     sheet = parse_delimited(Path("a.txt"), "\n".join(lines), ".")
     expected = [tuple(f"{v:.3f}" for v in row) for row in rows]
     assert list(sheet.rows) == ([tuple("abcd")] if named else []) + expected
-    assert sheet.lines == tuple(range(1, len(lines) + 1))
+    assert list(sheet.lines) == list(range(1, len(lines) + 1))
 
 
 @given(cells, st.sampled_from([";", "\t", ", "]))
@@ -30,22 +30,22 @@ def test_decimal_commas_are_told_from_separators(rows, separator):
 
 def test_comments_are_kept_apart_and_lines_counted_with_them():
     sheet = parse_delimited(Path("a.txt"), "// made by hand\n# x y\n1,2\n\n! end\n3,4\n")
-    assert sheet.rows == (("1", "2"), ("3", "4"))
-    assert sheet.lines == (3, 6)
+    assert tuple(sheet.rows) == (("1", "2"), ("3", "4"))
+    assert tuple(sheet.lines) == (3, 6)
     assert sheet.comments == ("made by hand", "x y", "end")
 
 
 @pytest.mark.parametrize("separator", [";", ",", "\t"])
 def test_a_spreadsheets_line_says_the_separator(separator):
     sheet = parse_delimited(Path("a.txt"), f"sep={separator}\na{separator}b\n1{separator}2\n")
-    assert sheet.rows == (("a", "b"), ("1", "2"))
-    assert sheet.lines == (2, 3)
+    assert tuple(sheet.rows) == (("a", "b"), ("1", "2"))
+    assert tuple(sheet.lines) == (2, 3)
 
 
 def test_quoted_cells_hold_separators_and_line_ends():
     sheet = parse_delimited(Path("a.txt"), 'a,b\n"1, or so",2\n"3\n4",5\n')
-    assert sheet.rows[1:] == (("1, or so", "2"), ("3\n4", "5"))
-    assert sheet.lines == (1, 2, 4)
+    assert tuple(sheet.rows[1:]) == (("1, or so", "2"), ("3\n4", "5"))
+    assert tuple(sheet.lines) == (1, 2, 4)
 
 
 def test_names_with_blanks_do_not_part_a_table_of_tabs():

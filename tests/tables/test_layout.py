@@ -30,23 +30,23 @@ FORMS = {
 def test_names_units_and_rows_are_found(case):
     text, header_line, lines, preamble = FORMS[case]
     out = laid(text)
-    assert out.table.header == ("a", "b", "c")
-    assert out.table.rows == (("1", "2", "3"), ("4", "5", "6"))
-    assert (out.table.header_line, out.table.lines, out.preamble) == (header_line, lines, preamble)
+    assert out.header == ("a", "b", "c")
+    assert tuple(out.rows) == (("1", "2", "3"), ("4", "5", "6"))
+    assert (out.header_line, tuple(out.lines), out.preamble) == (header_line, lines, preamble)
     if "units" in case:
         assert out.units[1] == "mm"
 
 
 def test_a_file_without_names_takes_those_that_are_given():
-    assert laid("1,2\n3,4\n").table.header == ("", "")
-    assert laid("1,2\n3,4\n", ["x_mm", "y_mm"]).table.header == ("x_mm", "y_mm")
+    assert laid("1,2\n3,4\n").header == ("", "")
+    assert laid("1,2\n3,4\n", ["x_mm", "y_mm"]).header == ("x_mm", "y_mm")
     with pytest.raises(FileError, match=r"a\.txt:1: has 2 columns, and 3 names were given"):
         laid("1,2\n3,4\n", ["x", "y", "z"])
 
 
 def test_lines_of_another_width_are_faults_and_the_rest_is_read():
     out = laid("a,b\n1,2\n3\n4,5\n6,7,8\n9,9\n")
-    assert out.table.lines == (2, 4, 6)
+    assert list(out.lines) == [2, 4, 6]
     assert [str(fault) for fault in out.faults] == [
         "a.txt:3: the line has 1 fields, the header 2",
         "a.txt:5: the line has 3 fields, the header 2; is it written with decimal commas?",

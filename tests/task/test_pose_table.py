@@ -4,7 +4,6 @@ from hypothesis import given
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError
-from taskcal.tables.column_groups import ColumnGroups
 from taskcal.tables.forms import read_csv
 from taskcal.task.orientation import read_tool_poses
 from tests.laws.robots import generators
@@ -17,7 +16,7 @@ QUATERNION = ",".join(map(repr, R.as_quat().tolist()))
 def table(folder, header, line):
     path = folder / "poses.csv"
     path.write_text(f"x_mm,y_mm,z_mm,{header}\n100,200,300,{line}\n", encoding="utf-8")
-    return ColumnGroups(read_csv(path))
+    return read_csv(path)
 
 
 @pytest.mark.parametrize(
@@ -61,7 +60,7 @@ def test_damaged_tables_are_read_or_refused(tmp_path_factory, rng):
     text = "x_mm,y_mm,z_mm,a_deg,b_deg,c_deg\n100,200,300,30,-20,10\n110,210,310,40,-30,20\n"
     path.write_bytes(mutated(rng, text.encode(), marks=b',;\n\t-.e09\xff\x00#"'))
     try:
-        T = read_tool_poses(ColumnGroups(read_csv(path)))
+        T = read_tool_poses(read_csv(path))
     except FileError:
         return
     np.testing.assert_allclose(np.linalg.det(T[:, :3, :3]), 1.0, atol=1e-9)

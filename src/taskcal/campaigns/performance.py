@@ -13,8 +13,8 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, UnknownName
 from taskcal.geometry import polyline, se3
 from taskcal.short_repr import short_repr
-from taskcal.tables.column_groups import POSITION, QUATERNION, ColumnGroups
 from taskcal.tables.forms import read_csv
+from taskcal.tables.table import POSITION, QUATERNION, Table
 
 
 @short_repr
@@ -232,7 +232,7 @@ def read_pose_cycles(path: str | Path) -> tuple[PoseCycles, ...]:
     """
     columns = _columns(path)
     if "section" in columns and "pose" not in columns:
-        raise columns.refusal(
+        raise columns.header_error(
             "has 'section' in place of 'pose': it holds passes along a path; read it as such (--path)"
         )
     poses, cycles = _names(columns, "pose"), _names(columns, "cycle")
@@ -249,7 +249,9 @@ def read_pose_cycles(path: str | Path) -> tuple[PoseCycles, ...]:
         group = groups.setdefault((pose, direction), {})
         if cycle in group:
             where = f"pose '{pose}'" + (f" from direction '{direction}'" if direction else "")
-            message = f"cycle '{cycle}' of {where} is in line {columns.table.lines[group[cycle]]} already; give each its own name"
+            message = (
+                f"cycle '{cycle}' of {where} is in line {columns.lines[group[cycle]]} already; give each its own name"
+            )
             raise columns.error(message, row, "cycle")
         group[cycle] = row
     out: list[PoseCycles] = []
@@ -312,12 +314,12 @@ def read_path_cycles(path: str | Path, commanded: str | Path | None = None) -> P
 
 
 def _sections(
-    columns: ColumnGroups, passes: dict[str, list[int]]
+    columns: Table, passes: dict[str, list[int]]
 ) -> tuple[tuple[str, ...], Float[np.ndarray, "points 3"], Float[np.ndarray, "points 3 3"] | None]:
     """The commanded path that the rows of the first pass say, after a look at all others."""
     if "section" not in columns:
         message = "has no column 'section'; give it and command_x_mm, command_y_mm, command_z_mm, or the path as a file of its own"
-        raise columns.refusal(f"{message} (--command)")
+        raise columns.header_error(f"{message} (--command)")
     sections, commanded = _names(columns, "section"), columns.points(_COMMANDED)
     rotations = _rotations(columns, _COMMANDED)
     columns.refuse_unused(f"it may have section, cycle, {_POINT}, {_COMMAND}")
@@ -329,7 +331,7 @@ def _sections(
         for row in rows:
             name = sections[row]
             if name in row_of_section:
-                line = columns.table.lines[row_of_section[name]]
+                line = columns.lines[row_of_section[name]]
                 message = f"section '{name}' of pass '{cycle}' is in line {line} already; give each its own name"
                 raise columns.error(message, row, "section")
             if name not in place:
@@ -341,14 +343,14 @@ def _sections(
     return tuple(place), commanded[rows], None if rotations is None else rotations[rows]
 
 
-def _columns(path: str | Path) -> ColumnGroups:
-    columns = ColumnGroups(read_csv(path))
+def _columns(path: str | Path) -> Table:
+    columns = read_csv(path)
     if not len(columns):
         raise columns.error("has no measurements below its header")
     return columns
 
 
-def _names(columns: ColumnGroups, column: str) -> list[str]:
+def _names(columns: Table, column: str) -> list[str]:
     """Names in a column, none of them empty."""
     names = columns.texts(column)
     if "" in names:
@@ -356,19 +358,19 @@ def _names(columns: ColumnGroups, column: str) -> list[str]:
     return names
 
 
-def _rotations(columns: ColumnGroups, prefix: str = "") -> Float[np.ndarray, "rows 3 3"] | None:
+def _rotations(columns: Table, prefix: str = "") -> Float[np.ndarray, "rows 3 3"] | None:
     if not columns.together([prefix + name for name in QUATERNION]):
         return None
-    return se3.from_quaternion(columns.quaternions(prefix))
+    return se3.from_quaternion(columns.quaternions([prefix + name for name in QUATERNION]))
 
 
-def _commands(columns: ColumnGroups) -> dict[str, Float[np.ndarray, " rows"]]:
+def _commands(columns: Table) -> dict[str, Float[np.ndarray, " rows"]]:
     """The numbers of the command, by their columns."""
-    return {name: columns.numbers(name) for name in columns.names if name.startswith(_COMMANDED)}
+    return {name: columns.numbers(name) for name in columns.header if name.lower().startswith(_COMMANDED)}
 
 
 def _check_same_command(
-    columns: ColumnGroups, commands: Mapping[str, Float[np.ndarray, " rows"]], row: int, first: int, what: str
+    columns: Table, commands: Mapping[str, Float[np.ndarray, " rows"]], row: int, first: int, what: str
 ) -> None:
     """See that two rows have one command.
 
@@ -377,7 +379,7 @@ def _check_same_command(
     """
     for name, numbers in commands.items():
         if numbers[row] != numbers[first]:
-            other = f"{numbers[first]:g} in line {columns.table.lines[first]}"
+            other = f"{numbers[first]:g} in line {columns.lines[first]}"
             message = f"{numbers[row]:g} is another command for {what} than {other}; give one command"
             raise columns.error(message, row, name)
 

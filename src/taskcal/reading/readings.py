@@ -3,7 +3,6 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import compress
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -29,10 +28,8 @@ from taskcal.reading.columns import (
     stated_units,
 )
 from taskcal.robot.robot import Robot
-from taskcal.tables.column_groups import LEAVE_OUT, UNIT_LENGTH
-from taskcal.tables.forms import TableForm, lay_out_file
-from taskcal.tables.layout import Laid
-from taskcal.tables.table import Table, pack_numbered, with_columns
+from taskcal.tables.forms import TableForm, read_table
+from taskcal.tables.table import LEAVE_OUT, UNIT_LENGTH, Table
 from taskcal.tables.text import footer_note, is_statistic
 
 # Joint positions in a table of measurements.
@@ -371,7 +368,7 @@ class _Directed:
     range: int
 
 
-def with_positions(laid: Laid) -> Laid:
+def with_positions(table: Table) -> Table:
     """The table with columns ``x y z`` in place of angles and ranges; what was taken is noted.
 
     x points along azimuth zero and z upwards. An azimuth turns counter-clockwise seen from above; ``Hz`` clockwise.
@@ -379,16 +376,16 @@ def with_positions(laid: Laid) -> Laid:
     Raises:
         FileError: the unit of an angle is not stated, or whether it is counted from the horizontal.
     """
-    if not any(laid.table.header):
-        return laid
-    parted = [split_unit(name) for name in laid.table.header]
+    if not any(table.header):
+        return table
+    parted = [split_unit(name) for name in table.header]
     if any(text in ("x", "x coordinate", "x koordinate") or text.endswith(" x") for text, _ in parted):
-        return laid
-    directed = _directed(laid.table, [text for text, _ in parted])
+        return table
+    directed = _directed(table, [text for text, _ in parted])
     for columns in directed:
-        units = [parted[k][1] or UNITS.get(laid.units[k]) for k in (columns.azimuth, columns.polar, columns.range)]
-        laid = _replaced(laid, columns, units)
-    return laid
+        units = [parted[k][1] or UNITS.get(table.units[k]) for k in (columns.azimuth, columns.polar, columns.range)]
+        table = _replaced(table, columns, units)
+    return table
 
 
 def _directed(table: Table, texts: Sequence[str]) -> list[_Directed]:
@@ -434,10 +431,10 @@ def _directed(table: Table, texts: Sequence[str]) -> list[_Directed]:
     return out
 
 
-def _replaced(laid: Laid, columns: _Directed, units: Sequence[str | None]) -> Laid:
+def _replaced(table: Table, columns: _Directed, units: Sequence[str | None]) -> Table:
     """The table with one target's position in place of its angles and range."""
-    table, header = laid.table, laid.table.header
-    angle = stated_units(laid.preamble).angle
+    header = table.header
+    angle = stated_units(table.preamble).angle
     scales: list[float] = []
     for k, unit in zip((columns.azimuth, columns.polar), units[:2], strict=True):
         unit = unit or angle
@@ -456,19 +453,18 @@ def _replaced(laid: Laid, columns: _Directed, units: Sequence[str | None]) -> La
         zip((columns.azimuth, columns.polar, columns.range), (f"{prefix}{a}{unit}" for a in "xyz"), strict=True)
     )
     axis = {k: i for i, k in enumerate(names)}
-    rows = with_columns(table.rows, {k: map(_text, points[:, i]) for k, i in axis.items()})
+    rows = table.cells.with_columns({k: [_text(x) for x in points[:, i]] for k, i in axis.items()})
     note = (
         f"{', '.join(header[k] for k in names)} are read as an azimuth that turns "
         f"{'clockwise' if columns.clockwise else 'counter-clockwise'} seen from above, an angle from the "
         f"{'zenith' if columns.from_zenith else 'horizontal'} and a range"
     )
-    replaced = replace(table, header=tuple(names.get(k, name) for k, name in enumerate(header)), rows=rows)
     return replace(
-        laid,
-        table=replaced,
-        units=tuple("" if k in names else under for k, under in enumerate(laid.units)),
-        notes=(*laid.notes, note),
-    )
+        table,
+        header=tuple(names.get(k, name) for k, name in enumerate(header)),
+        rows=rows,
+        units=tuple("" if k in names else under for k, under in enumerate(table.units)),
+    ).noted(note)
 
 
 def _cartesian(
@@ -490,23 +486,20 @@ def _text(value: float) -> str:
 # Rows that sum others up, which spreadsheets and instruments write below their tables.
 
 
-def without_summaries(laid: Laid, meanings: Sequence[Meaning | None]) -> Laid:
+def without_summaries(table: Table, meanings: Sequence[Meaning | None]) -> Table:
     """The table without rows whose id is the name of a statistic, such as ``Mean``; a note says which.
 
     Args:
-        laid: the table.
+        table: whose rows they are.
         meanings: of its columns.
     """
-    table = laid.table
     named = [k for k, meaning in enumerate(meanings) if meaning is not None and meaning.kind == "id"]
     summing = {row: cells[k] for row, cells in enumerate(table.rows) for k in named if is_statistic(cells[k])}
     if not summing:
-        return laid
-    kept = [row not in summing for row in range(len(table))]
-    listed = footer_note([table.lines[row] for row in summing], [(text,) for text in summing.values()])
-    rows, lines = pack_numbered(compress(zip(table.lines, table.rows, strict=True), kept))
-    rest = replace(table, rows=rows, lines=lines)
-    return replace(laid, table=rest, notes=(*laid.notes, f"rows that sum others up are left out: {listed}"))
+        return table
+    listed = footer_note([int(table.lines[row]) for row in summing], [(text,) for text in summing.values()])
+    rest = table.take(np.array([row not in summing for row in range(len(table))]))
+    return rest.noted(f"rows that sum others up are left out: {listed}")
 
 
 # What instruments and programs write in place of a point that they did not see.
@@ -563,7 +556,7 @@ def without_lost(table: Table, columns: Sequence[str]) -> tuple[Table, tuple[str
     for cells in by_axis:
         for row in lost:
             cells[row] = ""
-    rows = with_columns(table.rows, dict(zip(axes, by_axis, strict=True)))
+    rows = table.cells.with_columns(dict(zip(axes, by_axis, strict=True)))
     words = ", ".join(f"'{shown(word, 20)}'" for word in dict.fromkeys(lost.values()))
     lines = ", ".join(str(table.lines[row]) for row in list(lost)[:5]) + (", …" if len(lost) > 5 else "")
     return replace(table, rows=rows), (f"{words} for {columns[0]} … is taken for a lost beam (line {lines})",)
@@ -797,7 +790,7 @@ _NEAR = 0.1
 """Distance of two blocks over the scatter of one, at most, where they are the same points in one frame. A convention."""
 
 
-def name_columns(laid: Laid, robot: Robot) -> Laid:
+def name_columns(table: Table, robot: Robot) -> Table:
     """The table with names: as it has them, or an id, the robot's joints and a position, as many of these as it has columns.
 
     A first column of whole numbers or words is the id where the rest has a reading. Several columns of words are the collection,
@@ -807,17 +800,16 @@ def name_columns(laid: Laid, robot: Robot) -> Laid:
     Raises:
         FileError: it names no columns, and they can be read in no way, or in several.
     """
-    if any(laid.table.header):
-        return laid
-    laid = _without_numbering(laid)
-    table = laid.table
+    if any(table.header):
+        return table
+    table = _without_numbering(table)
     width, joints, position = len(table.header), list(robot.joint_names), ["x", "y", "z"]
     readings = {len(joints): joints, 3: position, len(joints) + 3: [*joints, *position]}
-    leading, numbers = _words_and_numbers(laid)
+    leading, numbers = _words_and_numbers(table)
     names = _names_of_words([[row[k] for row in table.rows] for k in range(leading)])
     counts = numbers > 0 and all(_COUNT.fullmatch(row[leading]) for row in table.rows)
     options: list[list[str]] = []
-    if counts and numbers - 1 in readings and len(names) < len(_NAMES) and not (names and _whole(laid, leading)):
+    if counts and numbers - 1 in readings and len(names) < len(_NAMES) and not (names and _whole(table, leading)):
         options.append([*_with_count(names), *readings[numbers - 1]])
     if numbers in readings and not (options and counts):
         options.append([*names, *readings[numbers]])
@@ -826,7 +818,7 @@ def name_columns(laid: Laid, robot: Robot) -> Laid:
         and not options
         and not counts
         and numbers > 3
-        and not _may_begin_with_joints(laid, robot, leading, numbers)
+        and not _may_begin_with_joints(table, robot, leading, numbers)
     ):
         options.append([*names, *position, *["-"] * (numbers - 3)])
     if len(options) != 1 or (names and "id" not in options[0]):
@@ -837,44 +829,42 @@ def name_columns(laid: Laid, robot: Robot) -> Laid:
         )
         raise FileError(table.path, message)
     named = [*options[0], *["-"] * (width - len(options[0]))]
-    _refuse_two_blocks(laid, named, leading, numbers)
+    _refuse_two_blocks(table, named, leading, numbers)
     header = tuple(name if name != "-" else f"column {k}" for k, name in enumerate(named, start=1))
     note = f"the file names no columns; they are read as {' '.join(named)} (--columns states others)"
-    return replace(laid, table=replace(table, header=header), notes=(*laid.notes, note))
+    return replace(table, header=header).noted(note)
 
 
-def _may_begin_with_joints(laid: Laid, robot: Robot, first: int, count: int) -> bool:
+def _may_begin_with_joints(table: Table, robot: Robot, first: int, count: int) -> bool:
     """Whether joints and a position may come first of more numbers: within the robot's limits, in degrees or radians."""
     width = len(robot.joints)
     if count <= width + 3:
         return False
-    rows = [row[first : first + width] for row in laid.table.rows]
+    rows = [row[first : first + width] for row in table.rows]
     q = np.array([[float(cell) for cell in row] for row in rows if all(map(_UNNAMED_NUMBER.fullmatch, row))])
     return len(q) > 0 and not robot.outside_limits(q * np.where(robot.prismatic, LENGTHS["mm"], ANGLES["deg"]))
 
 
-def _without_numbering(laid: Laid) -> Laid:
+def _without_numbering(table: Table) -> Table:
     """Without a first row that only numbers the columns, as programs write that know no names."""
-    table = laid.table
     width = len(table.header)
     numbering = [tuple(str(k + first) for k in range(width)) for first in (0, 1)]
     if width < 3 or len(table) < 2 or table.rows[0] not in numbering:
-        return laid
+        return table
     note = f"line {table.lines[0]} numbers the columns, and is left out"
-    rest = replace(table, rows=table.rows[1:], lines=table.lines[1:])
-    return replace(laid, table=rest, notes=(*laid.notes, note))
+    return table.take(slice(1, None)).noted(note)
 
 
-def _words_and_numbers(laid: Laid) -> tuple[int, int]:
+def _words_and_numbers(table: Table) -> tuple[int, int]:
     """How many columns of words come first, counts between them included, and how many of numbers follow them.
 
     A first column with a word in it is one of words, any other where most of its cells are.
     """
-    rows = laid.table.rows
+    rows = table.rows
     sample = rows[:_SAMPLED]
     words = [
         2 * sum(not (_UNNAMED_NUMBER.fullmatch(row[k]) or is_lost(row[k])) for row in sample) > len(sample)
-        for k in range(len(laid.table.header))
+        for k in range(len(table.header))
     ]
     words[0] = not all(_UNNAMED_NUMBER.fullmatch(row[0]) for row in rows)
     leading = words.index(False) if False in words else len(words)
@@ -900,18 +890,17 @@ def _with_count(names: Sequence[str]) -> list[str]:
     return [*(name if name == "-" else next(outer) for name in names), "id"]
 
 
-def _whole(laid: Laid, first: int) -> bool:
+def _whole(table: Table, first: int) -> bool:
     """Whether three columns behind one hold whole numbers only, so that any of the four may be a count."""
-    return all(_COUNT.fullmatch(cell) for row in laid.table.rows[:_SAMPLED] for cell in row[first + 1 : first + 4])
+    return all(_COUNT.fullmatch(cell) for row in table.rows[:_SAMPLED] for cell in row[first + 1 : first + 4])
 
 
-def _refuse_two_blocks(laid: Laid, named: Sequence[str], first: int, count: int) -> None:
+def _refuse_two_blocks(table: Table, named: Sequence[str], first: int, count: int) -> None:
     """See that only one block of three columns can be the measured position.
 
     Raises:
         FileError: two can.
     """
-    table = laid.table
     step = max(1, len(table) // _COMPARED)
     rows = [row[first : first + min(count, _COMPARED_COLUMNS)] for row in table.rows[::step]]
     values = np.array([[float(cell) for cell in row] for row in rows if all(map(_UNNAMED_NUMBER.fullmatch, row))])
@@ -1077,15 +1066,14 @@ def read_readings(
     Raises:
         FileError: with all that is wrong in it, the first twenty faults.
     """
-    laid = with_positions(name_columns(lay_out_file(path, form), robot))
-    known = meanings(laid.table.header, laid.units, robot.joint_names, _numbered_parts(laid.table))
-    laid = without_summaries(laid, known)
-    table = laid.table
+    table = with_positions(name_columns(read_table(path, form), robot))
+    known = meanings(table.header, table.units, robot.joint_names, _numbered_parts(table))
+    table = without_summaries(table, known)
     faults = Faults()
-    for fault in laid.faults:
+    for fault in table.faults:
         with faults.collecting():
             raise fault
-    _refuse_two_units(laid, faults)
+    _refuse_two_units(table, faults)
     joints: JointColumns | None = None
     with faults.collecting():
         joints = joint_columns(table, known, robot)
@@ -1119,7 +1107,7 @@ def read_readings(
     observed = _observed(table, known)
     if joints is None and not any(np.isfinite(points).any() for points in targets.points.values()):
         _refuse_nothing_measured(table, observed, robot)
-    left = _left_out(laid, known)
+    left = _left_out(table, known)
     return Readings(
         path=table.path,
         ids=ids,
@@ -1142,9 +1130,9 @@ def read_readings(
         move=move,
         targets_by_row=targets_by_row,
         observed=observed,
-        preamble=laid.preamble,
+        preamble=table.preamble,
         left_lengths=left.lengths,
-        notes=(*left.numbers, *laid.notes, *targets.notes, *turned.notes, *left.notes),
+        notes=(*left.numbers, *table.notes, *targets.notes, *turned.notes, *left.notes),
     )
 
 
@@ -1186,13 +1174,13 @@ def _observed(table: Table, known: Sequence[Meaning | None]) -> ObservedColumns 
     )
 
 
-def _refuse_two_units(laid: Laid, faults: Faults) -> None:
+def _refuse_two_units(table: Table, faults: Faults) -> None:
     """Note columns whose names state one unit and the row of units another."""
-    for name, under in zip(laid.table.header, laid.units, strict=True):
+    for name, under in zip(table.header, table.units, strict=True):
         if units := contradiction(name, under):
             message = f"the name states {units[0]}, the row of units {units[1]}; mend one of them"
             with faults.collecting():
-                raise laid.table.header_error(message, name)
+                raise table.header_error(message, name)
 
 
 def _posed(targets: TargetColumns, rows: int) -> dict[str, Bool[np.ndarray, " rows"]]:
@@ -1356,12 +1344,11 @@ class _Left(NamedTuple):
     """Those of lengths that might be what was measured."""
 
 
-def _left_out(laid: Laid, known: Sequence[Meaning | None]) -> _Left:
-    table = laid.table
+def _left_out(table: Table, known: Sequence[Meaning | None]) -> _Left:
     unused = _unused(known)
     left = [
         (name, split_unit(name)[1] or UNITS.get(under))
-        for k, (name, under, meaning) in enumerate(zip(table.header, laid.units, known, strict=True))
+        for k, (name, under, meaning) in enumerate(zip(table.header, table.units, known, strict=True))
         if (meaning is None or meaning.kind == "nominal" or k in unused) and not re.fullmatch(r"column \d+|-", name)
     ]
     if not left:

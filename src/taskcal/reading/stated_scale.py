@@ -8,7 +8,7 @@ import numpy as np
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FileError, shown
 from taskcal.observations.socket import CALLIPER, SocketDistance, Sockets
-from taskcal.tables.forms import lay_out_file
+from taskcal.tables.forms import read_table
 from taskcal.tables.table import Table
 
 SMALLEST = 1e-4
@@ -55,7 +55,7 @@ def read_distances(path: str | Path, sockets: tuple[str, ...]) -> tuple[SocketDi
         FileError: the file cannot be read, names a socket that is not there, or states a distance twice.
     """
     path = Path(path)
-    table = lay_out_file(path, None).table
+    table = read_table(path)
     a, b = table.texts("socket_a"), table.texts("socket_b")
     distance = table.numbers("distance_mm") * 1e-3
     uncertainty = table.numbers("u_mm", empty=True) * 1e-3 if "u_mm" in table else np.full(len(table), CALLIPER)

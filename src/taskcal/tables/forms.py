@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from taskcal.arguments import repeated
 from taskcal.errors import FaultyFile, FileError, shown
 from taskcal.io.text_file import read_bytes
 from taskcal.plugins import load_plugins
-from taskcal.tables.layout import Laid, lay_out
+from taskcal.tables.layout import lay_out
 from taskcal.tables.motion_capture import is_motion_capture, parse_motion_capture
 from taskcal.tables.parquet import is_parquet, read_parquet
 from taskcal.tables.table import Sheet, Table, refuse_wide
@@ -229,7 +228,7 @@ def _form_of(kind: type[FileForm[T]], path: Path, content: T) -> FileForm[T] | N
     return found[0] if found else None
 
 
-def lay_out_file(path: str | Path, form: TableForm | None = None) -> Laid:
+def read_table(path: str | Path, form: TableForm | None = None) -> Table:
     """The table of a file, with what stands around it.
 
     Text in UTF-8, UTF-16 or Windows-1252 in columns parted by commas, semicolons, tabs, bars or blanks, with decimal
@@ -280,32 +279,21 @@ def parse_sheet(path: Path, text: str, form: TableForm | None = None) -> Sheet:
 
 
 def read_csv(path: str | Path, form: TableForm | None = None) -> Table:
-    """Read a table whose header names its columns.
+    """Read a table whose header names its columns, each once.
 
     Raises:
         FileError: the file is missing, is not a table, names no columns, or two alike, or a line has more or fewer fields than
             the header.
     """
-    return named_table(lay_out_file(path, form))
-
-
-def named_table(laid: Laid) -> Table:
-    """The table, where its names are all there and differ.
-
-    Raises:
-        FileError: they do not, or a line has more or fewer fields than there are names.
-    """
-    table = laid.table
+    table = read_table(path, form)
     if not any(table.header):
         raise FileError(table.path, "names no columns; its first line must name them", line=1)
-    if any(laid.units):
-        units = " ".join(filter(None, laid.units))
+    if any(table.units):
+        units = " ".join(filter(None, table.units))
         raise FileError(table.path, f"has a row of units ({shown(units)}); state them in the names, as in x_mm")
-    if twice := repeated(table.header):
-        message = f"two columns are named '{shown(min(twice))}'; column names must differ"
-        raise FileError(table.path, message, line=table.header_line)
-    if len(laid.faults) == 1:
-        raise laid.faults[0]
-    if laid.faults:
-        raise FaultyFile(laid.faults)
+    table.refuse_repeated()
+    if len(table.faults) == 1:
+        raise table.faults[0]
+    if table.faults:
+        raise FaultyFile(table.faults)
     return table

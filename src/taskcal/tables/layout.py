@@ -2,14 +2,15 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
-from itertools import compress, islice
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
 
 from taskcal.errors import MAX_MET, FileError, shown
-from taskcal.tables.table import MAX_COLUMNS, Sheet, Table, pack_numbered, too_wide
-from taskcal.tables.text import MOST_REMARKS, footer_note, is_footer, separator_of, split_line
+from taskcal.tables.table import MAX_COLUMNS, Cells, Row, Sheet, Table, too_wide
+from taskcal.tables.text import MAX_REMARKS, footer_note, is_footer, separator_of, split_line
 
 # Column names over two rows: groups, as of a reflector or of what was asked and what was measured, above the names
 # in them.
@@ -28,12 +29,10 @@ _BRACKETED = re.compile(r".*[\[(]\s*([^\[\]()]{1,12}?)\s*[\])]")
 
 def without_rules(sheet: Sheet) -> Sheet:
     """A sheet without lines drawn between its rows, and without rows that say the kinds of values."""
-    drawn = [bool(row) and all(not cell or _RULE.fullmatch(cell) for cell in row) for row in sheet.rows]
-    if not any(drawn):
+    drawn = np.array([bool(row) and all(not cell or _RULE.fullmatch(cell) for cell in row) for row in sheet.rows], bool)
+    if not drawn.any():
         return sheet
-    kept = [not rule for rule in drawn]
-    rows, lines = pack_numbered(compress(zip(sheet.lines, sheet.rows, strict=True), kept))
-    return replace(sheet, rows=rows, lines=lines)
+    return replace(sheet, rows=Cells.of(sheet.rows)[~drawn], lines=np.asarray(sheet.lines)[~drawn])
 
 
 def group_units(above: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
@@ -103,23 +102,7 @@ _LISTED = re.compile(
 _BRACKETS = re.compile(r"[\[({<].*[\])}>]$", re.DOTALL)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Laid:
-    """A table, with what stands around it."""
-
-    table: Table
-    """Column names and rows; names are empty where the file has none."""
-    units: tuple[str, ...]
-    """From a row of units: one for each column, empty where it states none."""
-    preamble: tuple[str, ...]
-    """Lines before the column names and comments, as text."""
-    faults: tuple[FileError, ...]
-    """Lines with more or fewer cells than there are columns; the table is without them."""
-    notes: tuple[str, ...]
-    """What was decided on the way."""
-
-
-def lay_out(sheet: Sheet, names: Sequence[str] | None = None) -> Laid:
+def lay_out(sheet: Sheet, names: Sequence[str] | None = None) -> Table:
     """Find the names of the columns, their units, and the rows below.
 
     The rows begin at the first one that is mostly numbers and as wide as most that are. The names are the nearest row
@@ -132,8 +115,9 @@ def lay_out(sheet: Sheet, names: Sequence[str] | None = None) -> Laid:
     Raises:
         FileError: there is nothing in it, too many columns, or the given names are too many or too few.
     """
-    path, sheet = sheet.path, without_rules(sheet)
-    if not sheet.rows:
+    path = sheet.path
+    sheet = without_rules(replace(sheet, rows=Cells.of(sheet.rows), lines=np.asarray(sheet.lines, dtype=np.int64)))
+    if not len(sheet.rows):
         raise FileError(path, "is empty; its first line must name the columns")
     width, first = _first_row_of_numbers(sheet.rows)
     if width > MAX_COLUMNS:
@@ -156,9 +140,8 @@ def lay_out(sheet: Sheet, names: Sequence[str] | None = None) -> Laid:
     if header_row and header_row - 1 in above:
         units = units or group_units(sheet.rows[header_row - 1], header)
         header = joined_names(sheet.rows[header_row - 1], header) or header
-    sheet = replace(sheet, notes=(*sheet.notes, *_numbers_above(sheet, header_row)))
-    preamble = (*(" ".join(filter(None, row)) for row in sheet.rows[:header_row]), *sheet.comments)
-    return _laid(sheet, header, begin, units, sheet.lines[header_row], preamble)
+    sheet = sheet.noted(*_numbers_above(sheet, header_row))
+    return _table(sheet, header, begin, units, header_row)
 
 
 def _numbers_above(sheet: Sheet, before: int) -> tuple[str, ...]:
@@ -220,75 +203,66 @@ def bare_unit(text: str) -> str:
     return (text[1:-1].strip() if _BRACKETS.match(text) else text).casefold()
 
 
-def _named(sheet: Sheet, names: Sequence[str], first: int) -> Laid:
-    width = len(sheet.rows[min(first, len(sheet.rows) - 1)])
+def _named(sheet: Sheet, names: Sequence[str], first: int) -> Table:
+    sample = min(first, len(sheet.rows) - 1)
+    width = len(sheet.rows[sample])
     if len(names) != width:
         message = f"has {width} columns, and {len(names)} names were given for them: {shown(' '.join(names))}"
-        raise FileError(sheet.path, message, line=sheet.lines[min(first, len(sheet.lines) - 1)])
-    preamble = (*(" ".join(filter(None, row)) for row in sheet.rows[:first]), *sheet.comments)
-    return _laid(sheet, tuple(names), first, (), None, preamble)
+        raise FileError(sheet.path, message, line=int(sheet.lines[sample]))
+    return _table(sheet, tuple(names), first)
 
 
-def _only_names(sheet: Sheet) -> Laid:
+def _only_names(sheet: Sheet) -> Table:
     """A file whose rows hold no numbers: its first row names the columns, as far as anything does."""
-    header = sheet.rows[0]
-    return _laid(sheet, header, 1, (), sheet.lines[0], sheet.comments)
+    return _table(sheet, sheet.rows[0], 1, header_row=0)
 
 
-def _from_comments(sheet: Sheet, first: int, width: int) -> Laid:
+def _from_comments(sheet: Sheet, first: int, width: int) -> Table:
     """Names from the last comment with as many words as columns, or none."""
-    preamble = (*(" ".join(filter(None, row)) for row in sheet.rows[:first]), *sheet.comments)
     for comment in reversed((*sheet.comments[:_COMMENTS], *sheet.comments[_COMMENTS:][-_COMMENTS:])):
         for listed in filter(None, (comment, _LISTED.sub("", comment, count=1))):
             words = split_line(listed, separator_of([listed]))
             if len(words) == width and _is_text(words) and not _is_statement(words, width):
-                return _laid(sheet, words, first, (), None, preamble)
-    return _laid(sheet, ("",) * width, first, (), None, preamble)
+                return _table(sheet, words, first)
+    return _table(sheet, ("",) * width, first)
 
 
-def _laid(
-    sheet: Sheet,
-    header: tuple[str, ...],
-    begin: int,
-    units: tuple[str, ...],
-    header_line: int | None,
-    preamble: tuple[str, ...],
-) -> Laid:
+def _table(sheet: Sheet, header: Row, begin: int, units: Sequence[str] = (), header_row: int | None = None) -> Table:
+    """The rows of a sheet from one on, under their names.
+
+    Args:
+        sheet: whose rows they are.
+        header: names of the columns.
+        begin: first of the rows.
+        units: from a row of units.
+        header_row: in which the names stand; None where they are in no row.
+    """
+    above = sheet.rows[: begin if header_row is None else header_row]
+    preamble = (*(" ".join(filter(None, row)) for row in above), *sheet.comments)
+    header_line = None if header_row is None else int(sheet.lines[header_row])
     sheet = _without_footer(sheet, begin, len(header))
     rows, lines, second = _first_table(sheet, header, begin)
     if any(header) and not header[-1]:
         # every line ends with a separator
-        filled = max(1, _filled(header), *map(_filled, rows))
-        header = header[:filled]
-    count, fitted = len(rows), partial(_fitted, width=len(header), padded=not sheet.separator)
-    wrong: list[tuple[int, tuple[str, ...]]] = []
-
-    def sound() -> Iterator[tuple[int, tuple[str, ...]]]:
-        for line, row in zip(lines, map(fitted, rows), strict=True):
-            if len(row) == len(header):
-                yield line, row
-            elif len(wrong) < MAX_MET:
-                wrong.append((line, row))
-
-    rows, lines = pack_numbered(sound())
-    table = Table(
+        header = header[: max(1, _filled(header), *map(_filled, rows))]
+    width, wrong = len(header), list[FileError]()
+    fitted = rows if (rows.widths == width).all() else Cells.of(_fitted(row, width, sheet.separator) for row in rows)
+    sound = fitted.widths == width
+    if len(rows) > 2 and 2 * sound.sum() < len(rows):
+        raise _no_table(sheet, width, int(sound.sum()))
+    if not sound.all():
+        wrong = [_wrong_width(sheet, header, int(lines[k]), fitted[int(k)]) for k in np.flatnonzero(~sound)[:MAX_MET]]
+        fitted, lines = fitted[sound], lines[sound]
+    stated = (next((row[k] for row in (units, sheet.units) if k < len(row) and row[k]), "") for k in range(width))
+    return Table(
         path=sheet.path,
         header=tuple(name or (f"column {k}" if any(header) else "") for k, name in enumerate(header, start=1)),
-        rows=rows,
+        rows=fitted,
         lines=lines,
         header_line=header_line,
-    )
-    if count > 2 and 2 * len(table) < count:
-        raise _no_table(sheet, len(header), len(table))
-    units = tuple(
-        next((row[k] for row in (units, sheet.units) if k < len(row) and row[k]), "") for k in range(len(header))
-    )
-    faults = tuple(_wrong_width(sheet, header, *line) for line in wrong)
-    return Laid(
-        table=table,
-        units=tuple(map(bare_unit, units)),
+        units=tuple(map(bare_unit, stated)),
         preamble=preamble,
-        faults=(*faults, *second),
+        faults=(*wrong, *second),
         notes=sheet.notes,
     )
 
@@ -296,27 +270,27 @@ def _laid(
 def _without_footer(sheet: Sheet, begin: int, width: int) -> Sheet:
     """A sheet without rows below the table that sum it up or remark on it; a note says which."""
     end = len(sheet.rows)
-    while width > 2 and end > max(begin + 1, len(sheet.rows) - MOST_REMARKS) and is_footer(sheet.rows[end - 1]):
+    while width > 2 and end > max(begin + 1, len(sheet.rows) - MAX_REMARKS) and is_footer(sheet.rows[end - 1]):
         end -= 1
     if end == len(sheet.rows):
         return sheet
-    note = f"rows below the table are left out: {footer_note(sheet.lines[end:], sheet.rows[end:])}"
-    return replace(sheet, rows=sheet.rows[:end], lines=sheet.lines[:end], notes=(*sheet.notes, note))
+    note = f"rows below the table are left out: {footer_note(np.asarray(sheet.lines)[end:].tolist(), sheet.rows[end:])}"
+    return replace(sheet, rows=sheet.rows[:end], lines=sheet.lines[:end]).noted(note)
 
 
-def _first_table(
-    sheet: Sheet, header: tuple[str, ...], begin: int
-) -> tuple[Sequence[tuple[str, ...]], Sequence[int], tuple[FileError, ...]]:
+def _first_table(sheet: Sheet, header: Row, begin: int) -> tuple[Cells, np.ndarray, tuple[FileError, ...]]:
     """The rows before another row of names, their lines, and a fault where that begins a second table.
 
     Names that stand again, as at the head of each printed page, are left out.
     """
-    below = islice(zip(sheet.lines, sheet.rows, strict=True), begin, None)
-    rows, lines = pack_numbered((line, row) for line, row in below if row != header)
+    rows, lines = Cells.of(sheet.rows)[begin:], np.asarray(sheet.lines)[begin:]
+    others = np.array([row != header for row in rows], dtype=bool)
+    if not others.all():
+        rows, lines = rows[others], lines[others]
     for k, (before, row, after) in enumerate(zip(rows, islice(rows, 1, None), islice(rows, 2, None), strict=False), 1):
         if _names_anew(before, row, after):
             message = f"names columns again ('{shown(' '.join(row), 40)}'): a second table begins here; give each a file of its own"
-            return rows[:k], lines[:k], (FileError(sheet.path, message, line=lines[k]),)
+            return rows[:k], lines[:k], (FileError(sheet.path, message, line=int(lines[k])),)
     return rows, lines, ()
 
 
@@ -333,15 +307,15 @@ def _filled(row: Sequence[str]) -> int:
     return next((k for k in range(len(row), 0, -1) if row[k - 1]), 0)
 
 
-def _fitted(row: tuple[str, ...], width: int, *, padded: bool) -> tuple[str, ...]:
-    """A row without the empty cells behind the last column, and in a workbook with those that it leaves out."""
+def _fitted(row: Row, width: int, separator: str) -> Row:
+    """A row without the empty cells beyond the last column, and in a workbook with those that it leaves out."""
     if len(row) > width and not any(row[width:]):
         return row[:width]
-    return row + ("",) * (width - len(row)) if padded and len(row) < width else row
+    return row + ("",) * (width - len(row)) if not separator and len(row) < width else row
 
 
 def _no_table(sheet: Sheet, width: int, sound: int) -> FileError:
-    """Text that happens to have some lines of numbers."""
+    """What is said of text that happens to have some lines of numbers."""
     lines = [" ".join(row) for row in sheet.rows[:10]]
     at = next((k for k, line in enumerate(lines) if _LABEL.match(line)), None)
     kind, line = ("text", lines[0]) if at is None else ("labelled text", lines[at])

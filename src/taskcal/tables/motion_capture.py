@@ -3,11 +3,11 @@
 Source: OptiTrack's documentation of Motive's CSV export.
 """
 
-from itertools import chain, islice
+from itertools import chain
 from pathlib import Path
 
 from taskcal.errors import FileError, shown
-from taskcal.tables.table import Sheet, pack_numbered
+from taskcal.tables.table import Cells, Sheet
 from taskcal.tables.text import quoted_rows
 
 _UNITS = {"millimeters": "mm", "centimeters": "cm", "meters": "m"}
@@ -24,7 +24,7 @@ def parse_motion_capture(path: Path, text: str) -> Sheet:
     Raises:
         FileError: rotations are not quaternions, the unit is not stated, or the rows of names are not as they should be.
     """
-    rows, lines = pack_numbered((line, tuple(row)) for line, row in quoted_rows(path, text, ","))
+    rows, lines = Cells.numbered((line, tuple(row)) for line, row in quoted_rows(path, text, ","))
     settings = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
     unit = _UNITS.get(settings.get("Length Units", "").casefold())
     if unit is None:
@@ -38,9 +38,9 @@ def parse_motion_capture(path: Path, text: str) -> Sheet:
         raise FileError(path, "begins as an export of Motive, but lacks its rows of types, names and axes", line=1)
     axes, kinds = rows[axes_at], rows[axes_at - 1]
     header = tuple(_column(k, heads, kinds, axes, unit) for k in range(len(axes)))
-    below = islice(zip(lines, rows, strict=True), axes_at + 1, None)
+    below = zip(lines[axes_at + 1 :], rows[axes_at + 1 :], strict=True)
     body = ((line, tuple(cell.strip() for cell in row)) for line, row in below if any(row))
-    rows, lines = pack_numbered(chain([(lines[axes_at], header)], body))
+    rows, lines = Cells.numbered(chain([(lines[axes_at], header)], body))
     return Sheet(path=path, rows=rows, lines=lines, separator=",")
 
 

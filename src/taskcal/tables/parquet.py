@@ -11,7 +11,7 @@ from typing import Any
 
 from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.io.text_file import open_ordinary
-from taskcal.tables.table import CELLS, MAX_COLUMNS, ROWS, Sheet, pack, too_wide
+from taskcal.tables.table import CELLS_AT_ONCE, MAX_COLUMNS, Cells, Sheet, too_wide
 
 MARK = b"PAR1"
 """Begins and ends each of them."""
@@ -61,11 +61,11 @@ def read_parquet(path: Path, content: bytes) -> Sheet:
         for name, column in zip(names, columns, strict=True):
             _refuse_long(path, name, column)
         header = tuple(str(name).strip() for name in names)
-        # no more texts of their own at once than are packed together
-        at_once = max(ROWS, CELLS // max(1, len(columns)))
+        # no more texts of their own at once than an array takes in
+        at_once = max(64, CELLS_AT_ONCE // max(1, len(columns)))
         firsts = range(0, max(map(len, columns), default=0), at_once)
         parts = ([_texts(column.slice(first, at_once)) for column in columns] for first in firsts)
-        rows = pack(chain([header], chain.from_iterable(zip(*part, strict=True) for part in parts)))
+        rows = Cells.of(chain([header], chain.from_iterable(zip(*part, strict=True) for part in parts)))
     return Sheet(path=path, rows=rows, lines=range(1, len(rows) + 1))
 
 

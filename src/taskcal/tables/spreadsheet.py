@@ -9,7 +9,7 @@ from typing import Any
 
 from robot_programs.core.zip_file import ZipKind, open_zip
 from taskcal.errors import FileError, UnknownName, shown
-from taskcal.tables.table import Sheet, pack_numbered
+from taskcal.tables.table import Cells, Sheet
 
 WORKBOOK = ZipKind(
     name="workbook", remedy="save it again, or as CSV",
@@ -58,13 +58,13 @@ def read_workbook(path: Path, content: bytes, name: str | None = None) -> Sheet:
         names = [sheet.title for sheet in book.worksheets]
         if name is not None and name not in names:
             raise UnknownName("sheet", name, names, f"in {path}")
-        filled = [(title, *pack_numbered(_rows(path, book[title]))) for title in ([name] if name else names)]
+        filled = [(title, *Cells.numbered(_rows(path, book[title]))) for title in ([name] if name else names)]
     except (FileError, UnknownName):
         raise
     except Exception as error:
         # openpyxl raises what a damaged part happens to lead to: a KeyError, a TypeError, a parser's own error …
         raise FileError(path, f"is a damaged workbook ({shown(error)}); save it again, or as CSV") from error
-    with_cells = [sheet for sheet in filled if sheet[1]]
+    with_cells = [sheet for sheet in filled if len(sheet[1])]
     if not with_cells:
         raise FileError(path, "is a workbook without cells")
     title, rows, lines = max(with_cells, key=lambda sheet: sum(map(_holds_numbers, sheet[1])))

@@ -1,231 +1,223 @@
-"""A table of cells whose errors name file, line, column and value, whatever form of file it comes from."""
+"""Cells of a file as a frame of strings, and the numbers in them; errors name file, line, column and value."""
 
 import math
 import re
 from array import array
-from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import accumulate, chain, islice
+from itertools import islice
 from pathlib import Path
-from typing import overload
+from typing import Any, Protocol, overload, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
+from taskcal.arguments import repeated
 from taskcal.errors import Faults, FileError, shown
-
-# Rows of cells that take little more memory than their text.
-#
-# A text of its own takes sixty bytes beside its letters, and a cell of a table has six letters. So the cells of
-# some hundred rows are kept as one text for each column, and parted again when they are asked for.
 
 Row = tuple[str, ...]
 
-CELLS, ROWS, MOST_CELLS = 30_000, 64, 1_000_000
-"""Of a block: so many cells, but no fewer rows, as each column of a block costs as much as a cell outside of one; at most the last,
-where rows are very long."""
+TEXT = np.dtypes.StringDType()
+"""Sixteen bytes a cell: texts of up to 15 letters lie in the array itself, where Python takes 60 bytes for each."""
 
-_MARK = "\x1f"
-"""Stands between cells where it is in none of them."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Even:
-    """Rows of one length: the cells of each column behind one another."""
-
-    columns: tuple[str, ...]
-    mark: str
-
-    def __iter__(self) -> Iterator[Row]:
-        return zip(*(column.split(self.mark) for column in self.columns), strict=True)
-
-    def column(self, k: int) -> list[str]:
-        return self.columns[k].split(self.mark)
+CELLS_AT_ONCE = 30_000
+"""Cells that are Python texts at once, on the way into an array and out of it."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Uneven:
-    """Rows of several lengths: all cells behind one another."""
+class Cells(Sequence[Row]):
+    """Rows of cells, which may differ in length, in one array of strings."""
 
-    cells: str
-    mark: str
-    widths: Sequence[int]
+    def __init__(self, cells: np.ndarray, widths: np.ndarray):
+        self.cells = cells
+        """All cells, row after row."""
+        self.widths = widths
+        """Number of cells of each row."""
+        self.ends = np.cumsum(widths)
+        self.begins = self.ends - widths
 
-    def __iter__(self) -> Iterator[Row]:
-        cells = iter(self.cells.split(self.mark))
-        return (tuple(islice(cells, width)) for width in self.widths)
+    @classmethod
+    def of(cls, rows: Iterable[Sequence[str]]) -> "Cells":
+        """The cells of rows that are given one after another."""
+        if isinstance(rows, cls):
+            return rows
+        widths, parts, block = array("q"), [np.array([], dtype=TEXT)], list[str]()
+        for row in rows:
+            widths.append(len(row))
+            block.extend(row)
+            if len(block) >= CELLS_AT_ONCE:
+                parts.append(np.array(block, dtype=TEXT))
+                block = []
+        parts.append(np.array(block, dtype=TEXT))
+        return cls(np.concatenate(parts), np.array(widths, dtype=np.int64))
 
-    def column(self, k: int) -> list[str]:
-        return [row[k] for row in self]
+    @classmethod
+    def numbered(cls, rows: Iterable[tuple[int, Sequence[str]]]) -> tuple["Cells", np.ndarray]:
+        """The cells of rows, each given with the number of its line, and these numbers."""
+        lines = array("q")
 
+        def cells() -> Iterator[Sequence[str]]:
+            for line, row in rows:
+                lines.append(line)
+                yield row
 
-class PackedRows(Sequence[Row]):
-    """Rows in blocks; made by `pack`."""
-
-    def __init__(self, blocks: Sequence[_Even | _Uneven], counts: Sequence[int]):
-        self._blocks = tuple(blocks)
-        self._ends = tuple(accumulate(counts))
+        return cls.of(cells()), np.array(lines, dtype=np.int64)
 
     def __len__(self) -> int:
-        return self._ends[-1]
+        return len(self.ends)
 
     def __iter__(self) -> Iterator[Row]:
-        return chain.from_iterable(self._blocks)
+        step = max(1, CELLS_AT_ONCE * len(self) // max(1, len(self.cells)))
+        for first in range(0, len(self), step):
+            begin, ends = int(self.begins[first]), self.ends[first : first + step].tolist()
+            texts = self.cells[begin : ends[-1]].tolist()
+            start = 0
+            for end in ends:
+                yield tuple(texts[start : end - begin])
+                start = end - begin
 
     @overload
     def __getitem__(self, index: int) -> Row: ...
     @overload
-    def __getitem__(self, index: slice) -> Sequence[Row]: ...
-    def __getitem__(self, index: int | slice) -> Row | Sequence[Row]:
-        if isinstance(index, slice):
-            begin, end, step = index.indices(len(self))
-            assert step == 1, "rows are taken as they follow one another"
-            return pack(islice(self._from(begin), max(end - begin, 0)))
-        at = index + len(self) if index < 0 else index
-        if not 0 <= at < len(self):
-            raise IndexError(index)
-        return next(self._from(at))
+    def __getitem__(self, index: slice | np.ndarray) -> "Cells": ...
+    def __getitem__(self, index: int | slice | np.ndarray) -> "Row | Cells":
+        if isinstance(index, slice | np.ndarray):
+            begins, widths = self.begins[index], self.widths[index]
+            at = np.repeat(begins - np.cumsum(widths) + widths, widths) + np.arange(widths.sum())
+            return Cells(self.cells[at], widths)
+        return tuple(self.cells[self.begins[index] : self.ends[index]].tolist())
 
-    def _from(self, begin: int) -> Iterator[Row]:
-        """The rows from one on."""
-        k = bisect_right(self._ends, begin)
-        before = self._ends[k - 1] if k else 0
-        return islice(chain.from_iterable(self._blocks[k:]), begin - before, None)
+    def column(self, k: int) -> np.ndarray:
+        """The cells of a column that all rows have."""
+        return self.cells[self.begins + k]
 
-    def column(self, k: int) -> Iterator[list[str]]:
-        """The cells of a column, some hundred at a time."""
-        return (block.column(k) for block in self._blocks)
+    def with_columns(self, columns: Mapping[int, Sequence[str]]) -> "Cells":
+        """Rows with other cells in some columns that all rows have."""
+        cells = self.cells.copy()
+        for k, texts in columns.items():
+            cells[self.begins + k] = np.array(texts, dtype=TEXT)
+        return Cells(cells, self.widths)
 
-    def with_columns(self, columns: Mapping[int, Iterable[str]]) -> "PackedRows":
-        """Rows of one length with other cells in some columns."""
-        cells = {k: iter(column) for k, column in columns.items()}
-        blocks: list[_Even | _Uneven] = []
-        counts = [end - begin for begin, end in zip((0, *self._ends), self._ends, strict=False)]
-        for block, count in zip(self._blocks, counts, strict=True):
-            assert isinstance(block, _Even), "rows of one length are packed so"
-            put = {k: list(islice(column, count)) for k, column in cells.items()}
-            if all(block.mark not in cell for column in put.values() for cell in column):
-                texts = tuple(block.mark.join(put[k]) if k in put else text for k, text in enumerate(block.columns))
-                blocks.append(_Even(texts, block.mark))
-            else:
-                blocks.append(_packed([_replaced(row, put, i) for i, row in enumerate(block)]))
-        return PackedRows(blocks, counts)
+    def texts(self, at: Bool[np.ndarray, " cells"]) -> Iterator[str]:
+        """Some of the cells, some thousand at a time."""
+        where = np.flatnonzero(at)
+        for first in range(0, len(where), CELLS_AT_ONCE):
+            yield from self.cells[where[first : first + CELLS_AT_ONCE]].tolist()
 
+    def mapped(self, function: Callable[[str], str], at: Bool[np.ndarray, " cells"]) -> "Cells":
+        """Rows with some of the cells replaced by what a function makes of them."""
+        cells, where = self.cells.copy(), np.flatnonzero(at)
+        for first in range(0, len(where), CELLS_AT_ONCE):
+            some = where[first : first + CELLS_AT_ONCE]
+            cells[some] = np.array([function(text) for text in self.cells[some].tolist()], dtype=TEXT)
+        return Cells(cells, self.widths)
 
-def pack(rows: Iterable[Row]) -> Sequence[Row]:
-    """Rows in little memory; the rows themselves in a tuple where they are few."""
-    blocks: list[_Even | _Uneven] = []
-    counts: list[int] = []
-    block: list[Row] = []
-    cells = 0
-    for row in rows:
-        block.append(row)
-        cells += len(row)
-        if cells >= CELLS and (len(block) >= ROWS or cells >= MOST_CELLS):
-            blocks.append(_packed(block))
-            counts.append(len(block))
-            block, cells = [], 0
-    if not blocks:
-        return tuple(block)
-    if block:
-        blocks.append(_packed(block))
-        counts.append(len(block))
-    return PackedRows(blocks, counts)
-
-
-def _packed(rows: list[Row]) -> _Even | _Uneven:
-    widths = array("L", map(len, rows))
-    if widths[0] and widths.count(widths[0]) == len(widths):
-        columns = list(zip(*rows, strict=True))
-        mark = _MARK
-        texts = tuple(mark.join(column) for column in columns)
-        if sum(text.count(mark) for text in texts) != len(columns) * (len(rows) - 1):
-            mark = _mark_beside(texts)
-            texts = tuple(mark.join(column) for column in columns)
-        return _Even(texts, mark)
-    cells = list(chain.from_iterable(rows))
-    text = _MARK.join(cells)
-    if text.count(_MARK) == len(cells) - 1 or not cells:
-        return _Uneven(text, _MARK, widths)
-    mark = _mark_beside((text,))
-    return _Uneven(mark.join(cells), mark, widths)
-
-
-def _mark_beside(texts: Iterable[str]) -> str:
-    """A character that no text has."""
-    taken = set[str]().union(*texts)
-    return next(mark for mark in map(chr, range(len(taken) + 1)) if mark not in taken)
-
-
-def _replaced(row: Row, columns: Mapping[int, Sequence[str]], at: int) -> Row:
-    return tuple(columns[k][at] if k in columns else cell for k, cell in enumerate(row))
-
-
-def column_of(rows: Sequence[Row], k: int) -> Iterator[list[str]]:
-    """The cells of a column of rows that all have it, many at a time."""
-    return rows.column(k) if isinstance(rows, PackedRows) else iter(([row[k] for row in rows],))
-
-
-def with_columns(rows: Sequence[Row], columns: Mapping[int, Iterable[str]]) -> Sequence[Row]:
-    """Rows of one length with other cells in some columns, one for each row."""
-    if isinstance(rows, PackedRows):
-        return rows.with_columns(columns)
-    put = {k: tuple(column) for k, column in columns.items()}
-    return tuple(_replaced(row, put, at) for at, row in enumerate(rows))
-
-
-def pack_numbered(numbered: Iterable[tuple[int, Row]]) -> tuple[Sequence[Row], Sequence[int]]:
-    """Rows, each behind the number of its line, and these numbers, in little memory."""
-    lines = array("q")
-
-    def rows() -> Iterator[Row]:
-        for line, row in numbered:
-            lines.append(line)
-            yield row
-
-    packed = pack(rows())
-    return packed, lines if isinstance(packed, PackedRows) else tuple(lines)
+    def holding(self, marks: str) -> Bool[np.ndarray, " cells"]:
+        """Which cells have one of some characters."""
+        return np.any([np.strings.find(self.cells, mark) >= 0 for mark in marks], axis=0)
 
 
 LARGEST = 1e6
 """Of any number in a table: 1 km in millimetres, or 2800 turns in degrees."""
 
-_NUMBER = re.compile(r"[+-]?(\d+(?:\.\d*)?|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 """Python also reads 1_000 and the digits of other scripts, which no instrument writes."""
 
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf(inity)?)", re.IGNORECASE)
 
+POSITION = ("x_mm", "y_mm", "z_mm")
+QUATERNION = ("qx", "qy", "qz", "qw")
+
+JOINT_UNITS = {"deg": np.pi / 180, "rad": 1.0, "mm": 1e-3, "m": 1.0}
+"""What a joint's number is multiplied by for radians or metres."""
+
+UNIT_LENGTH = 1e-3
+"""How far the length of a quaternion or a direction may be from one: files round to a few digits."""
+
+LEAVE_OUT = "give a number, or leave out the row"
+
+
+@runtime_checkable
+class Jointed(Protocol):
+    """Whose joints columns name: a robot."""
+
+    @property
+    def name(self) -> str:
+        """The robot's name."""
+        ...
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in order."""
+        ...
+
+    @property
+    def prismatic(self) -> tuple[bool, ...]:
+        """Which joints slide."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Cells as text, with the line of the file each row stands in."""
+    """Cells as text under the names of their columns, with the line of the file each row stands in.
+
+    Columns are asked for as the file writes them or in small letters; errors name them as the file does.
+    """
 
     path: Path
     header: tuple[str, ...]
-    rows: Sequence[tuple[str, ...]]
-    lines: Sequence[int]
+    rows: Sequence[Row]
+    lines: Sequence[int] | np.ndarray
     header_line: int | None = 1
     """Where the names stand; None where the file has none."""
+    units: tuple[str, ...] = ()
+    """Units from a row of their own: one for each column, empty where it states none."""
+    preamble: tuple[str, ...] = ()
+    """Lines before the column names and comments, as text."""
+    faults: tuple[FileError, ...] = ()
+    """Lines with more or fewer cells than there are columns; the rows are without them."""
+    notes: tuple[str, ...] = ()
+    """What was decided on the way."""
+    _used: set[str] = field(default_factory=set[str], init=False, repr=False)
+    """Columns that were asked for, as the file writes them."""
 
     def __len__(self) -> int:
         return len(self.rows)
 
     @cached_property
+    def cells(self) -> Cells:
+        """The rows as a frame; all are as long as the header."""
+        return Cells.of(self.rows)
+
+    @cached_property
     def _index(self) -> dict[str, int]:
-        return {name: i for i, name in enumerate(self.header)}
+        lowered = {name.lower(): i for i, name in enumerate(self.header)}
+        return {**lowered, **{name: i for i, name in enumerate(self.header)}}
 
     def __contains__(self, column: str) -> bool:
-        return column in self._index
+        return column in self._index or column.lower() in self._index
+
+    def spelled(self, column: str) -> str:
+        """A column's name as the file writes it, where it has it."""
+        k = self._index.get(column, self._index.get(column.lower()))
+        return column if k is None else self.header[k]
 
     def error(self, message: str, row: int | None = None, column: str | None = None) -> FileError:
         """An error that points at a cell, a line, or the file."""
-        return FileError(self.path, message, line=None if row is None else self.lines[row], column=column)
+        line = None if row is None else int(self.lines[row])
+        return FileError(self.path, message, line=line, column=column and self.spelled(column))
 
     def header_error(self, message: str, column: str | None = None) -> FileError:
         """An error that points at the names of the columns."""
-        return FileError(self.path, message, line=self.header_line, column=column)
+        return FileError(self.path, message, line=self.header_line, column=column and self.spelled(column))
+
+    def noted(self, *notes: str) -> "Table":
+        """The table with more notes."""
+        return replace(self, notes=(*self.notes, *notes))
+
+    def take(self, rows: slice | np.ndarray) -> "Table":
+        """Some of the rows: a slice, a mask or numbers."""
+        return replace(self, rows=self.cells[rows], lines=np.asarray(self.lines, dtype=np.int64)[rows])
 
     def texts(self, column: str) -> list[str]:
         """The cells of a column.
@@ -233,15 +225,11 @@ class Table:
         Raises:
             FileError: there is no such column.
         """
-        return [cell for cells in self._parts(column) for cell in cells]
-
-    def _parts(self, column: str) -> Iterator[list[str]]:
-        """The cells of a column, many at a time: as texts of their own all of them take far more memory than as numbers."""
-        if column not in self._index:
-            raise FileError(
-                self.path, f"has no column '{column}'; it has {shown(', '.join(self.header))}", line=self.header_line
-            )
-        return column_of(self.rows, self._index[column])
+        if column not in self:
+            raise self.header_error(f"has no column '{column}'; it has {shown(', '.join(self.header))}")
+        name = self.spelled(column)
+        self._used.add(name)
+        return self.cells.column(self._index[name]).tolist()
 
     def numbers(
         self, column: str, *, empty: bool = False, remedy: str = "give a number", largest: float = LARGEST
@@ -251,31 +239,210 @@ class Table:
         Raises:
             FileError: there is no such column, or a cell is not a finite number, or one beyond ±`largest`.
         """
-        out = np.empty(len(self))
+        texts = self.texts(column)
+        out = np.array([float(text) if NUMBER.fullmatch(text) else math.nan for text in texts])
         faults = Faults()
-        first = 0
-        for texts in self._parts(column):
-            numbers = [float(text) if _NUMBER.fullmatch(text) else math.nan for text in texts]
-            out[first : first + len(texts)] = numbers
-            for k, (text, number) in enumerate(zip(texts, numbers, strict=True)):
-                # a cell that is no number is NaN here, which is not within any bound
-                if not abs(number) <= largest and (text or not empty):
-                    with faults.collecting():
-                        raise self.error(_trouble(text, remedy, largest), first + k, column)
-            first += len(texts)
+        # a cell that is no number is NaN here, which is not within any bound
+        for row in np.flatnonzero(~(np.abs(out) <= largest)).tolist():
+            if texts[row] or not empty:
+                with faults.collecting():
+                    raise self.error(_trouble(texts[row], remedy, largest), row, column)
         faults.raise_any()
         return out
+
+    def side_by_side(self, columns: Sequence[str], **how: Any) -> Float[np.ndarray, "rows columns"]:
+        """The numbers of several columns; `how` and errors as of `numbers`."""
+        return np.stack([self.numbers(c, **how) for c in columns], axis=1) if columns else np.empty((len(self), 0))
+
+    def together(self, columns: Sequence[str], why: str = "") -> tuple[str, ...]:
+        """Columns that only make sense together, as the file writes them; none where it has none of them.
+
+        Raises:
+            FileError: it has some of them only, for the reason `why`, or they lack their unit.
+        """
+        given = tuple(self.spelled(name) for name in columns if name in self)
+        lacking = [name for name in columns if name not in self]
+        if given and lacking:
+            raise self.header_error(f"has '{given[0]}' but no column '{lacking[0]}'{why and f'; {why}'}")
+        for name in lacking:
+            bare = name.removesuffix("_mm")
+            if bare != name and bare in self:
+                raise self.header_error(f"the unit is not stated; name the column {self.spelled(bare)}_mm", bare)
+        self._used.update(given)
+        return given
+
+    def points(self, prefix: str = "", *, empty: bool = False, remedy: str = LEAVE_OUT) -> Float[np.ndarray, "rows 3"]:
+        """``x_mm y_mm z_mm`` with a prefix, in metres; NaN for empty cells where `empty` allows them.
+
+        Raises:
+            FileError: a column is lacking, or a cell is not a number.
+        """
+        columns = [prefix + name for name in POSITION]
+        self.together(columns)
+        return self.side_by_side(columns, empty=empty, remedy=remedy) * 1e-3
+
+    def quaternions(
+        self,
+        columns: Sequence[str] = QUATERNION,
+        *,
+        needed: Bool[np.ndarray, " rows"] | None = None,
+        within: float = UNIT_LENGTH,
+        remedy: str = LEAVE_OUT,
+    ) -> Float[np.ndarray, "rows 4"]:
+        """``qx qy qz qw``, each of length one.
+
+        Args:
+            columns: that hold them, in this order.
+            needed: rows that must have one, all by default; the others may be empty, and turn nothing.
+            within: how far a length may be from one.
+            remedy: as of `numbers`.
+
+        Raises:
+            FileError: a column is lacking, a cell is empty or not a number, or a length is not one.
+        """
+        self.together(columns, "a pose needs qx qy qz qw")
+        quaternions = self.side_by_side(columns, empty=needed is not None, remedy=remedy)
+        needed = np.ones(len(self), dtype=bool) if needed is None else needed
+        self.refuse_empty(quaternions, columns, needed, "a pose needs all of qx qy qz qw")
+        self.check_lengths(quaternions, needed, columns[0], "quaternion", within)
+        quaternions[~needed] = (0.0, 0.0, 0.0, 1.0)
+        return quaternions
+
+    def refuse_empty(self, values: np.ndarray, columns: Sequence[str], needed: np.ndarray, why: str) -> None:
+        """Raise a `FileError` where a needed row lacks the number of a column."""
+        for row, k in np.argwhere(np.isnan(values) & needed[:, None]).tolist():
+            raise self.error(f"the cell is empty while the position is there; {why}", row, columns[k])
+
+    def check_lengths(
+        self,
+        vectors: Float[np.ndarray, "rows k"],
+        needed: Bool[np.ndarray, " rows"],
+        column: str,
+        what: str,
+        within: float = UNIT_LENGTH,
+    ) -> None:
+        """See that the needed ones of some vectors have length one.
+
+        Raises:
+            FileError: one has not; it points at the column.
+        """
+        lengths = np.linalg.norm(vectors, axis=1)
+        for row in np.flatnonzero(needed & (np.abs(lengths - 1.0) > within)):
+            hint = " (is qw last?)" if what == "quaternion" else ""
+            raise self.error(f"the {what} has length {lengths[row]:.4f}; it must be 1{hint}", int(row), column)
+
+    def joints(self, robot: Jointed) -> Float[np.ndarray, "rows joints"]:
+        """Joint positions, radians or metres, in columns such as ``J1_deg``, ``q1_rad`` or ``rail_mm``.
+
+        Raises:
+            FileError: a joint has no column, or two, its unit is not stated, or there is a joint too many.
+        """
+        columns: list[str] = []
+        for number, (joint, units) in enumerate(zip(robot.joint_names, _joint_units(robot), strict=True), start=1):
+            column = self._joint_column(joint, number, units)
+            if column is None:
+                bare = [self.spelled(s) for s in _spellings(joint, number) if s in self]
+                if bare:
+                    wanted = " or ".join(f"{bare[0]}_{unit}" for unit in units)
+                    raise self.header_error(f"the unit is not stated; name the column {wanted}", bare[0])
+                raise self.header_error(no_joint(robot, number - 1))
+            columns.append(column)
+        count = len(columns)
+        surplus = [name for name in self.header if re.match(rf"[jq]{count + 1}_(deg|rad)$", name.lower())]
+        if surplus:
+            raise self.header_error(f"'{surplus[0]}' {joint_too_many(robot)}")
+        return self.side_by_side(columns, remedy=LEAVE_OUT) * joint_scale(columns)
+
+    def joint_columns(
+        self, robot: Jointed, endings: Sequence[Sequence[str]] | None = None, why: str = ""
+    ) -> tuple[str, ...]:
+        """A column for each joint, as the file writes them; none where it has none of them.
+
+        Args:
+            robot: whose joints they are.
+            endings: what may follow each joint's name; the units of its position by default.
+            why: what to say where some joints have a column and others do not.
+
+        Raises:
+            FileError: only some joints have a column, or one has two.
+        """
+        endings = _joint_units(robot) if endings is None else endings
+        names = robot.joint_names
+        columns = [self._joint_column(*one) for one in zip(names, range(1, len(names) + 1), endings, strict=True)]
+        given = tuple(column for column in columns if column is not None)
+        if given and None in columns:
+            j = columns.index(None)
+            lacking = f"{names[j]}_{endings[j][0]}"
+            raise self.header_error(f"has '{given[0]}' but no column '{lacking}'{why or f' of {robot.name}'}")
+        self._used.update(given)
+        return given
+
+    def _joint_column(self, joint: str, number: int, endings: Sequence[str]) -> str | None:
+        candidates = (f"{spelling}_{ending}" for spelling in _spellings(joint, number) for ending in endings)
+        found = [self.spelled(column) for column in candidates if column in self]
+        if len(found) > 1:
+            raise self.header_error(f"joint {joint} is given twice, by '{found[0]}' and '{found[1]}'; keep one")
+        return found[0] if found else None
+
+    def is_used(self, column: str) -> bool:
+        """Whether a column was asked for."""
+        return self.spelled(column) in self._used
+
+    def refuse_unused(self, known: str) -> None:
+        """See that every column was used; `known` says which there may be.
+
+        Raises:
+            FileError: one was not.
+        """
+        unused = [name for name in self.header if name not in self._used]
+        if unused:
+            named = shown(", ".join(map(repr, unused)))
+            raise self.header_error(f"unknown column{'s' if len(unused) > 1 else ''} {named}; {known}")
+
+    def refuse_repeated(self) -> None:
+        """Raise a `FileError` where two columns have one name, whatever the letter case."""
+        if twice := repeated(self.header):
+            raise self.header_error(f"two columns are named '{shown(min(twice))}'; column names must differ")
+        if twice := repeated(name.lower() for name in self.header):
+            raise self.header_error(f"two columns are named '{shown(min(twice))}' but for letter case; keep one")
 
 
 def _trouble(text: str, remedy: str, largest: float) -> str:
     """What is wrong with a cell that is no number within a bound."""
     if not text:
         return f"the cell is empty; {remedy}"
-    if _NUMBER.fullmatch(text):
+    if NUMBER.fullmatch(text):
         return f"'{shown(text)}' is beyond ±{largest:g}; check the cell and its unit"
     if _NOT_FINITE.fullmatch(text):
         return f"'{shown(text)}' is not a finite number; {remedy}"
     return f"'{shown(text)}' is not a number; give a number such as 12.5"
+
+
+def no_joint(robot: Jointed, j: int) -> str:
+    """What is said of a table without a column for a joint."""
+    units, joint = _joint_units(robot)[j], robot.joint_names[j]
+    return (
+        f"has no column for joint {joint} of {robot.name}; it needs one for each of "
+        f"{', '.join(robot.joint_names)}, such as {joint}_{units[0]} or q{j + 1}_{units[1]}"
+    )
+
+
+def joint_too_many(robot: Jointed) -> str:
+    """What is said of a column for a joint beyond the last."""
+    return f"is a joint that {robot.name} does not have; it has {len(robot.joint_names)}: is it the right robot?"
+
+
+def joint_scale(columns: Sequence[str]) -> Float[np.ndarray, " columns"]:
+    """What the numbers in columns of joints are multiplied by for radians or metres, by the unit at the end of their names."""
+    return np.array([JOINT_UNITS[column.lower().rpartition("_")[2]] for column in columns])
+
+
+def _joint_units(robot: Jointed) -> list[tuple[str, str]]:
+    return [("mm", "m") if slides else ("deg", "rad") for slides in robot.prismatic]
+
+
+def _spellings(joint: str, number: int) -> list[str]:
+    return list(dict.fromkeys(spelling.lower() for spelling in (joint, f"J{number}", f"q{number}")))
 
 
 # Rows of cells as a file has them, before anyone says what they mean.
@@ -286,18 +453,22 @@ class Sheet:
     """Cells as text, row by row; rows may differ in length."""
 
     path: Path
-    rows: Sequence[tuple[str, ...]]
+    rows: Sequence[Row]
     """Cells without surrounding blanks, numbers with a decimal point; rows without a cell are left out."""
-    lines: Sequence[int]
+    lines: Sequence[int] | np.ndarray
     """The line of the file each row ends in, or its number in a workbook, from 1."""
     separator: str = ""
     """What parts the cells; nothing in a workbook, whose rows end with their last filled cell."""
     comments: tuple[str, ...] = ()
     """Lines that a mark such as # or // makes comments, without the mark."""
     units: tuple[str, ...] = ()
-    """That stood behind the numbers of each column, empty where none did; none beyond the last that had one."""
+    """Units that stood behind the numbers of each column, empty where none did; none beyond the last that had one."""
     notes: tuple[str, ...] = ()
     """What was decided on the way, for whoever reads the result."""
+
+    def noted(self, *notes: str) -> "Sheet":
+        """The sheet with more notes."""
+        return replace(self, notes=(*self.notes, *notes))
 
 
 # How many columns a table may have, seen before its lines are parted into cells: of one line there may be millions.
@@ -315,7 +486,7 @@ _WORD = re.compile(r"\S+")
 
 def too_wide(path: Path, line: int) -> FileError:
     """What is said of a line that no table has."""
-    return FileError(path, f"has more than {MAX_COLUMNS} columns; is it a table?", line=line)
+    return FileError(path, f"has more than {MAX_COLUMNS} columns; is it a table?", line=int(line))
 
 
 def refuse_wide(path: Path, text: str) -> None:
@@ -332,12 +503,9 @@ def refuse_wide(path: Path, text: str) -> None:
             end = text.find("\n", begin)
             end = len(text) if end < 0 else end
             marks = max(text.count(mark, begin, end) for mark in _MARKS)
-            if marks > MAX_MARKS or _words(text, begin, end) > MAX_COLUMNS:
+            # no more words are counted than are needed
+            words = sum(1 for _ in islice(_WORD.finditer(text, begin, end), MAX_COLUMNS + 1))
+            if marks > MAX_MARKS or words > MAX_COLUMNS:
                 raise too_wide(path, number)
         number += text.count("\n", begin, end + 1)
         begin = end + 1
-
-
-def _words(text: str, begin: int, end: int) -> int:
-    """Between blanks; no more are counted than are needed."""
-    return sum(1 for _ in islice(_WORD.finditer(text, begin, end), MAX_COLUMNS + 1))

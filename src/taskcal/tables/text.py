@@ -6,12 +6,13 @@ from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import chain, islice
-from operator import eq
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from taskcal.errors import FileError, shown
-from taskcal.tables.table import MAX_MARKS, Sheet, pack, pack_numbered, too_wide
+from taskcal.tables.table import MAX_MARKS, NUMBER, TEXT, Cells, Sheet, too_wide
 
 # Whether a comma in a number is its decimal mark or parts its thousands.
 
@@ -60,7 +61,7 @@ def find_decimal_mark(path: Path, cells: Iterable[tuple[int, str]]) -> DecimalMa
             f"'{shown(comma[1])}' in line {comma[0]} has a decimal comma, '{shown(point[1])}' in line {point[0]} a decimal "
             "point; write all with one of them"
         )
-        raise FileError(path, message, line=line)
+        raise FileError(path, message, line=int(line))
     if comma:
         return ","
     if unsure and not point:
@@ -69,7 +70,7 @@ def find_decimal_mark(path: Path, cells: Iterable[tuple[int, str]]) -> DecimalMa
             f"'{shown(cell)}' may be {shown(cell.replace(',', '.'))} or {shown(cell.replace(',', ''))}, and no other number "
             "tells which; state the decimal mark, comma or point"
         )
-        raise FileError(path, message, line=line)
+        raise FileError(path, message, line=int(line))
     return "."
 
 
@@ -156,8 +157,9 @@ _MEASURED = re.compile(
     re.ASCII | re.IGNORECASE,
 )
 
-_MOST = 0.8
-"""Share of a column's cells with digits first that have one unit, where it is the column's."""
+MIN_UNIT_SHARE = 0.8
+"""Share of a column's cells with digits first, at least, that have one unit, where it is the column's. A convention: some cells
+hold remarks."""
 
 _BEGINS_A_NUMBER = re.compile(r"[+-]?[.,]?\d", re.ASCII)
 
@@ -167,28 +169,29 @@ def with_units_apart(sheet: Sheet) -> Sheet:
 
     Cells of that column in another unit stay as they are, and are no numbers.
     """
-    last = sheet.rows[-min(len(sheet.rows), 20) :]
-    columns = {k for row in last for k, cell in enumerate(row) if _MEASURED.fullmatch(cell)}
-    units = {k: unit for k in columns if (unit := _common_unit(sheet, k))}
+    cells = Cells.of(sheet.rows)
+    columns = {k for row in cells[-20:] for k, cell in enumerate(row) if _MEASURED.fullmatch(cell)}
+    texts, units = cells.cells.copy(), dict[int, str]()
+    for k in sorted(columns):
+        at = (cells.begins + k)[cells.widths > k]
+        column: list[str] = cells.cells[at].tolist()
+        matches = [_MEASURED.fullmatch(cell) for cell in column]
+        found = Counter(
+            match and match[2].casefold()
+            for match, cell in zip(matches, column, strict=True)
+            if match or _BEGINS_A_NUMBER.match(cell)
+        )
+        unit = max(filter(None, found), key=found.__getitem__)
+        if found[unit] >= MIN_UNIT_SHARE * found.total():
+            units[k] = unit
+            texts[at] = np.array(
+                [m[1] if m and m[2].casefold() == unit else cell for m, cell in zip(matches, column, strict=True)],
+                dtype=TEXT,
+            )
     if not units:
         return sheet
-    rows = pack(
-        tuple(_number(cell, units[k]) if k in units else cell for k, cell in enumerate(row)) for row in sheet.rows
-    )
-    return replace(sheet, rows=rows, units=tuple(units.get(k, "") for k in range(max(units) + 1)))
-
-
-def _common_unit(sheet: Sheet, column: int) -> str:
-    """The unit that most cells of a column have; empty where there is none."""
-    cells = (row[column] for row in sheet.rows if len(row) > column and _BEGINS_A_NUMBER.match(row[column]))
-    units = Counter(match and match[2].casefold() for match in map(_MEASURED.fullmatch, cells))
-    common = max(filter(None, units), key=units.__getitem__)
-    return common if units[common] >= _MOST * units.total() else ""
-
-
-def _number(cell: str, unit: str) -> str:
-    match = _MEASURED.fullmatch(cell)
-    return match[1] if match and match[2].casefold() == unit else cell
+    stated = tuple(units.get(k, "") for k in range(max(units) + 1))
+    return replace(sheet, rows=Cells(texts, cells.widths), units=stated)
 
 
 _SEPARATOR_LINE = re.compile(r"\Asep=(.)[ \t]*(?=\n)", re.IGNORECASE)
@@ -196,7 +199,7 @@ _SEPARATOR_LINE = re.compile(r"\Asep=(.)[ \t]*(?=\n)", re.IGNORECASE)
 
 _COMMENT = re.compile(r"\s*(?:#|//|%|;;|!)(.*)")
 
-_NUMBER = re.compile(r"[+-]?(?:\d+(?:[\d.,]*\d|\.)?|[.,]\d+)(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+_ANY_NUMBER = re.compile(r"[+-]?(?:\d+(?:[\d.,]*\d|\.)?|[.,]\d+)(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 """A number with any decimal mark, to tell one way of parting lines from another; a comma behind it parts."""
 
 _SAMPLED = 120
@@ -234,15 +237,15 @@ def parse_delimited(path: Path, text: str, decimal: DecimalMark | None = None) -
     comments = tuple(comment for _, comment in chain(first_comments, commented))
     separator = stated[1] if stated and stated[1] in _SEPARATORS else separator_of(lines_of(text))
     first, grouped = 1 if stated else 0, separator != BLANKS and " " in text
-    rows, lines = pack_numbered(
+    rows, lines = Cells.numbered(
         (number + first, tuple(map(without_blanks, cells)) if grouped else cells)
         for number, cells in _cells(path, text, separator)
         if any(cells)
     )
     sheet = Sheet(path=path, rows=rows, lines=lines, separator=separator, comments=comments)
-    if not rows:
+    if not len(rows):
         return sheet
-    sheet = with_units_apart(replace(sheet, notes=_commented(first_comments, separator, len(rows[-1]), first)))
+    sheet = with_units_apart(sheet.noted(*_commented(first_comments, separator, int(rows.widths[-1]), first)))
     # of a large file each form of its rows takes as much memory as its text
     del rows
     if separator == ",":
@@ -256,7 +259,7 @@ def _commented(comments: Sequence[tuple[int, str]], separator: str, width: int, 
     lines = [
         number + first
         for number, comment in comments
-        if len(row := split_line(comment, separator)) == width and sum(map(bool, map(_NUMBER.fullmatch, row))) > 2
+        if len(row := split_line(comment, separator)) == width and sum(map(bool, map(_ANY_NUMBER.fullmatch, row))) > 2
     ]
     if not lines:
         return ()
@@ -270,20 +273,17 @@ def with_decimal_points(sheet: Sheet, decimal: DecimalMark | None = None) -> She
     Raises:
         FileError: the decimal mark is not stated and cannot be told.
     """
-    if not any("," in cell for row in sheet.rows for cell in row):
+    cells = Cells.of(sheet.rows)
+    if not cells.holding(",").any():
         return sheet
-    marked = (
-        (line, cell)
-        for line, row in zip(sheet.lines, sheet.rows, strict=True)
-        for cell in row
-        if "," in cell or "." in cell
-    )
-    mark = find_decimal_mark(sheet.path, marked) if decimal is None else decimal
-    rows = pack(tuple(with_point(cell, mark) for cell in row) for row in sheet.rows)
-    if all(map(eq, rows, sheet.rows)):
+    at = cells.holding(",.")
+    lines = np.repeat(sheet.lines, cells.widths)[at]
+    mark = find_decimal_mark(sheet.path, zip(lines, cells.texts(at), strict=True)) if decimal is None else decimal
+    pointed = cells.mapped(lambda cell: with_point(cell, mark), at)
+    if np.array_equal(pointed.cells, cells.cells):
         return sheet
     note = "numbers are read with decimal commas" if mark == "," else "commas in numbers are read as parting thousands"
-    return replace(sheet, rows=rows, notes=(*sheet.notes, note))
+    return replace(sheet, rows=pointed).noted(note)
 
 
 def separator_of(lines: Iterable[str]) -> str:
@@ -310,7 +310,7 @@ def _fit(lines: Sequence[str], separator: str) -> tuple[float, int]:
         return 0.0, 0
     usual, times = max(counts.items(), key=lambda item: (item[1], item[0]))
     cells = [cell for row in rows if len(row) == usual for cell in row]
-    numeric = sum(_NUMBER.fullmatch(cell) is not None for cell in cells)
+    numeric = sum(_ANY_NUMBER.fullmatch(cell) is not None for cell in cells)
     return round((numeric + 0.01 * len(cells)) / len(cells) * times / len(rows), 6), usual
 
 
@@ -381,8 +381,6 @@ _STATISTIC = re.compile(
 )
 """Names of statistics, in English and German."""
 
-_FOOTER_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
-
 _REMARK = re.compile(
     r"\W{2,}.*|<.*|\W*(?:end|eof|ende|fin|stop)\b.*|[^\W\d_][^:=]{0,40}[:=].*"
     r"|(?:total|sum|count|number|summe|anzahl|created|exported|generated|page|seite|remark|note|bemerkung)\b.*",
@@ -390,7 +388,7 @@ _REMARK = re.compile(
 )
 """A single text that names no row: a line, an end, ``Operator: NN``, a count."""
 
-MOST_REMARKS = 20
+MAX_REMARKS = 20
 """Rows below a table that are looked at."""
 
 
@@ -403,12 +401,12 @@ def is_statistic(text: str) -> bool:
 def is_footer(row: Sequence[str]) -> bool:
     """Whether a row below a table sums it up by name, or is a remark alone."""
     filled = [cell for cell in row if cell]
-    if not filled or _FOOTER_NUMBER.fullmatch(filled[0]):
+    if not filled or NUMBER.fullmatch(filled[0]):
         return False
     return is_statistic(filled[0]) or (len(filled) == 1 and _REMARK.fullmatch(filled[0]) is not None)
 
 
-def footer_note(lines: Sequence[int], rows: Sequence[Sequence[str]]) -> str:
+def footer_note(lines: Iterable[int], rows: Sequence[Sequence[str]]) -> str:
     """What is said of rows that are left out, by the first text in each."""
     firsts = [next(filter(None, row)) for row in rows]
     listed = ", ".join(f"{shown(text, 40)} (line {line})" for text, line in list(zip(firsts, lines, strict=True))[:5])
@@ -471,9 +469,9 @@ def parse_labelled_values(path: Path, text: str) -> Sheet:
             elif line.strip():
                 strays.append((number, line.strip()))
 
-    rows, lines = pack_numbered(numbered())
+    rows, lines = Cells.numbered(numbered())
     if not sectioned:
-        rows = pack(row[1:] for row in rows)
+        rows = Cells.of(row[1:] for row in rows)
     notes: list[str] = []
     for found, said in (
         (strays, f"{len(strays)} line{'s' if len(strays) > 1 else ''} without {', '.join(usual[:3])} … are left out"),
@@ -484,7 +482,7 @@ def parse_labelled_values(path: Path, text: str) -> Sheet:
     return Sheet(
         path=path,
         rows=rows,
-        lines=(lines[1], *lines[1:]),
+        lines=np.concatenate([lines[1:2], lines[1:]]),
         separator="=",
         comments=tuple(line for _, line in strays[:_LABELLED_SAMPLE]),
         notes=tuple(notes),

@@ -7,7 +7,7 @@ from pydantic import model_validator
 from taskcal.geometry import se3
 from taskcal.geometry.euler import ANGLES, AngleForm, from_angles
 from taskcal.io.toml_file import Direction, Finite, Quaternion, Section
-from taskcal.tables.column_groups import QUATERNION, ColumnGroups
+from taskcal.tables.table import QUATERNION, Table
 
 Triple = tuple[Finite, Finite, Finite]
 
@@ -73,12 +73,12 @@ KNOWN = "x_mm y_mm z_mm with qx qy qz qw, roll_deg pitch_deg yaw_deg, a_deg b_de
 """Columns of a table of poses."""
 
 
-def has_poses(columns: ColumnGroups) -> bool:
+def has_poses(columns: Table) -> bool:
     """Whether a table has an orientation for its points."""
     return any(name in columns for names in _ways().values() for name in names)
 
 
-def read_tool_poses(columns: ColumnGroups) -> Float[np.ndarray, "n 4 4"]:
+def read_tool_poses(columns: Table) -> Float[np.ndarray, "n 4 4"]:
     """The poses of a table's rows, metres; a direction of the tool's z axis leaves the turn about it at any value.
 
     Raises:
@@ -88,7 +88,7 @@ def read_tool_poses(columns: ColumnGroups) -> Float[np.ndarray, "n 4 4"]:
     ways = {way: names for way, names in _ways().items() if any(name in columns for name in names)}
     if len(ways) != 1:
         said = "says no orientation" if not ways else f"says the orientation twice, {' and '.join(ways)}"
-        raise columns.refusal(f"{said}; a table of poses has the columns {KNOWN}")
+        raise columns.header_error(f"{said}; a table of poses has the columns {KNOWN}")
     ((way, names),) = ways.items()
     if way == "quaternion":
         return se3.pose(se3.from_quaternion(columns.quaternions(within=QUATERNION_LENGTH)), p)

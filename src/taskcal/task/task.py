@@ -16,7 +16,6 @@ from taskcal.io.toml_file import Direction, Finite, HalfTurn, Positive, Section,
 from taskcal.kinematics.inverse import find_posture, follow, solve_near
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
-from taskcal.tables.column_groups import ColumnGroups
 from taskcal.tables.forms import read_csv
 from taskcal.task.orientation import DirectedSection, TurnSection, read_tool_poses, towards
 from taskcal.task.workspace import Orientation, Workspace
@@ -303,7 +302,7 @@ class TaskFile(Section):
 
 def _read_poses(path: Path) -> tuple[Float[np.ndarray, "n 4 4"], Float[np.ndarray, " n"]]:
     """Poses of a CSV with x_mm y_mm z_mm, an orientation and, optionally, weight."""
-    columns = ColumnGroups(read_csv(path))
+    columns = read_csv(path)
     T = read_tool_poses(columns)
     if not len(columns):
         raise columns.error("has no poses below its header")

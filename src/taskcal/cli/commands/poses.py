@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from taskcal.identification.calibration import Calibration
     from taskcal.robot.error_model import ErrorModel
-    from taskcal.tables.column_groups import ColumnGroups
+    from taskcal.tables.table import Table
 
 MOST_SHOWN = 30
 """Rows that a terminal shows; a file holds all."""
@@ -58,11 +58,10 @@ def command(
 ) -> None:
     """Compute tool poses from joint values, or joint values from tool poses."""
     outputs = check_outputs("poses", [("--output", output)], [table, of.robot, of.calibration], force=out.force)
-    from taskcal.tables.column_groups import ColumnGroups
     from taskcal.tables.forms import read_csv
 
     model, calibration = of.load()
-    columns = ColumnGroups(read_csv(table))
+    columns = read_csv(table)
     ids = columns.texts("id") if "id" in columns else [str(row) for row in range(len(columns))]
     if not len(columns):
         raise columns.error("has no rows below its header")
@@ -97,7 +96,7 @@ def _cell(value: float) -> str:
 
 
 def _poses_at(
-    columns: "ColumnGroups", model: "ErrorModel", calibration: "Calibration | None", angles: Angles
+    columns: "Table", model: "ErrorModel", calibration: "Calibration | None", angles: Angles
 ) -> tuple[list[str], list[list[float]]]:
     """Poses at joints, and with a calibration how they differ."""
     import numpy as np
@@ -105,7 +104,7 @@ def _poses_at(
     from taskcal.correction.tool_poses import locate_tool
 
     q = columns.joints(model.robot)
-    left = [name for name in columns.table.header if not columns.is_used(name) and name.lower() != "id"]
+    left = [name for name in columns.header if not columns.is_used(name) and name.lower() != "id"]
     if left:
         info(f"not needed and left alone: {', '.join(left)}")
     outside = model.robot.outside_limits(q)
@@ -142,7 +141,7 @@ def _pose_cells(prefix: str, T: "np.ndarray", angles: Angles) -> tuple[list[str]
 
 
 def _joints_for(
-    columns: "ColumnGroups", model: "ErrorModel", calibration: "Calibration | None"
+    columns: "Table", model: "ErrorModel", calibration: "Calibration | None"
 ) -> tuple[list[str], list[list[float]]]:
     """Joints for poses: nominal, and with a calibration those of the calibrated robot."""
     import numpy as np
@@ -158,7 +157,7 @@ def _joints_for(
     joints = find_joints(model if calibration is None else calibration, T, seed)
     if not joints.reached.any():
         raise ReachError(
-            f"{robot.name} reaches none of the {len(T)} poses of {columns.table.path} inside its limits; are they of its tool, "
+            f"{robot.name} reaches none of the {len(T)} poses of {columns.path} inside its limits; are they of its tool, "
             "in its base, in millimetres?"
         )
     for row in np.flatnonzero(~joints.reached)[:3]:

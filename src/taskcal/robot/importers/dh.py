@@ -14,7 +14,6 @@ from taskcal.errors import FileError, TaskcalError, UnknownName, shown
 from taskcal.robot.importers.base import RobotImporter
 from taskcal.robot.robot import Robot
 from taskcal.robot.robot_file import MOST_JOINTS, robot_from
-from taskcal.tables.column_groups import ColumnGroups
 from taskcal.tables.forms import read_csv
 from taskcal.tables.table import Table
 
@@ -46,7 +45,7 @@ MAX_SMALL_TWIST = 0.7
 """A design's smallest twist in radians (40°); in degrees, one between this and 2π is no design's and too much for a defect."""
 
 
-def check_units(columns: ColumnGroups) -> None:
+def check_units(columns: Table) -> None:
     """Refuse lengths and angles that no industrial robot has.
 
     Lengths are in metres where all of them together make no robot. Angles are in radians where none exceeds a turn in
@@ -61,7 +60,7 @@ def check_units(columns: ColumnGroups) -> None:
         _angles(columns, LIMITS)
 
 
-def _lengths(columns: ColumnGroups) -> None:
+def _lengths(columns: Table) -> None:
     values = columns.side_by_side(LENGTHS)
     row, k = _largest(values)
     longest = abs(values[row, k])
@@ -82,7 +81,7 @@ def _lengths(columns: ColumnGroups) -> None:
         )
 
 
-def _angles(columns: ColumnGroups, names: Sequence[str]) -> None:
+def _angles(columns: Table, names: Sequence[str]) -> None:
     values = columns.side_by_side(names)
     row, k = _largest(values)
     if names == ANGLES and abs(values[row, k]) > 360.0:
@@ -321,7 +320,7 @@ def describe_dh_table(
         )
         raise FileError(rows.path, message, line=1)
     table, told = in_own_terms(rows, units)
-    columns = ColumnGroups(table)
+    columns = table
     joint_names = columns.texts("joint")
     numbers = {column: columns.numbers(column) for column in _NUMBERS}
     given = {column: columns.texts(column) for column in _OPTIONAL if column in columns}
@@ -329,7 +328,7 @@ def describe_dh_table(
     if not len(columns):
         raise columns.error("has no joints; give a line for each")
     if ("lower_deg" in columns) != ("upper_deg" in columns):
-        raise columns.refusal("gives one limit only; lower_deg and upper_deg go together")
+        raise columns.header_error("gives one limit only; lower_deg and upper_deg go together")
     check_units(columns)
     limits = columns.side_by_side(LIMITS) if "lower_deg" in columns else None
     joints: list[dict[str, Any]] = []
@@ -345,7 +344,7 @@ def describe_dh_table(
         if limits is not None:
             joint["limits_deg"] = limits[i].tolist()
         joints.append(joint)
-    path = columns.table.path
+    path = columns.path
     described = {"name": name or path.stem, "source": [f"imported from {path.name}", *told], "joint": joints}
     try:
         robot_from(described)
