@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from taskcal.errors import FileError
-from taskcal.tables.layout import lay_out
+from taskcal.tables.forms import lay_out
 from taskcal.tables.text import parse_delimited
 
 

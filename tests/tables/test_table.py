@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from taskcal.errors import FaultyFile, FileError
 from taskcal.tables import table as table_module
-from taskcal.tables.forms import parse_sheet
-from taskcal.tables.layout import lay_out
+from taskcal.tables.forms import lay_out, parse_sheet
 from taskcal.tables.table import CELLS_AT_ONCE, JOINT_UNITS, LARGEST, Cells, Table
 
 ARM = SimpleNamespace(name="arm", joint_names=("base", "J2", "rail"), prismatic=(False, False, True))
