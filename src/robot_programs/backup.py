@@ -10,9 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 
 from robot_programs.core.errors import FileError, shown
-from robot_programs.core.files import PART, ZIP, beside, read_bytes, remove_strays
+from robot_programs.core.files import PART, ZIP, OpenZip, ZipKind, beside, open_zip, read_bytes, remove_strays
 from robot_programs.core.source import Backup, Source
-from robot_programs.core.zip_file import OpenZip, ZipKind, open_zip
 from robot_programs.languages import LANGUAGES, Language
 
 # What is taken for a backup: a folder, or a zip file.

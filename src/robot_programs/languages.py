@@ -112,13 +112,13 @@ def _read_csv(sources: tuple[Source, ...], given: Surroundings) -> Program:
 
 
 def _compose_rapid(to: Composition) -> Source:
-    from robot_programs.rapid.compose import compose_rapid
+    from robot_programs.rapid.rewrite import compose_rapid
 
     return compose_rapid(to.name, to.robot, to.moves, q=to.q, notes=to.notes, wait_s=to.wait_s, speed=to.speed)
 
 
 def _compose_krl(to: Composition) -> Source:
-    from robot_programs.krl.compose import compose_krl
+    from robot_programs.krl.rewrite import compose_krl
 
     percent = to.joint_speed_percent
     return compose_krl(
@@ -134,7 +134,7 @@ def _compose_tp(to: Composition) -> Source:
 
 
 def _compose_csv(to: Composition) -> Source:
-    from robot_programs.csv_path.rewrite import compose_csv_path
+    from robot_programs.csv_path.read import compose_csv_path
 
     return compose_csv_path(to.name, to.robot, to.moves, notes=to.notes)
 

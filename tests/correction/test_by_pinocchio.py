@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from robot_programs.core.program import Frame, Move, Target
 from robot_programs.core.source import Place, Source
 from robot_programs.languages import Composition, language_of
-from robot_programs.rapid.targets import Configuration as RapidConfiguration
+from robot_programs.rapid.resolve import Configuration as RapidConfiguration
 from robot_programs.reading import parse_program
 from taskcal.correction.cell import Cell, ExternalAxis
 from taskcal.correction.controller import simulate_controller

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robot_programs.core.program import Frame
-from robot_programs.rapid.targets import Configuration
+from robot_programs.rapid.resolve import Configuration
 from taskcal.correction.controller import simulate_controller
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_postures

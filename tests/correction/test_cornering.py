@@ -7,8 +7,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from robot_programs.core.program import Frame, Zone
-from robot_programs.rapid.compose import compose_rapid
 from robot_programs.rapid.read import read_rapid
+from robot_programs.rapid.rewrite import compose_rapid
 from taskcal.correction.controller import CORNER_LOST, joint_motion, simulate_controller
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds

@@ -10,7 +10,7 @@ from robot_programs.core.program import Frame
 from robot_programs.core.source import Source
 from robot_programs.krl.read import read_krl
 from robot_programs.rapid.read import read_rapid
-from robot_programs.rapid.targets import Configuration
+from robot_programs.rapid.resolve import Configuration
 from robot_programs.reading import read_program
 from taskcal.correction.cell import Cell, ExternalAxis, Measured, mount
 from taskcal.correction.correct import correct

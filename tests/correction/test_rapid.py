@@ -8,9 +8,9 @@ import pytest
 
 from robot_programs.core.program import Frame
 from robot_programs.core.source import Source
-from robot_programs.rapid.compose import compose_rapid
 from robot_programs.rapid.read import read_rapid
-from robot_programs.rapid.targets import Configuration
+from robot_programs.rapid.resolve import Configuration
+from robot_programs.rapid.rewrite import compose_rapid
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds
 from taskcal.geometry import se3

@@ -10,7 +10,7 @@ from robot_programs.core.source import Source
 from robot_programs.krl.data import pose_values
 from robot_programs.krl.read import read_krl
 from robot_programs.rapid.read import read_rapid
-from robot_programs.rapid.targets import Configuration
+from robot_programs.rapid.resolve import Configuration
 from robot_programs.tp.read import read_tp
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds

@@ -16,12 +16,9 @@ MANY_ALIKE = {"taskcal.cli.commands": "one file for each command", "taskcal.stud
 """Folders that may show more, and whose files need no second importer."""
 ONE_IMPORTER = {
     "a step of its own in the way of a file, or of a fit": {
-        "robot_programs.apt.resolve",
-        "robot_programs.krl.flow",
-        "robot_programs.rapid.flow",
-        "taskcal.correction.subdivision",
-        "robot_programs.tp.resolve",
         "robot_programs.apt.rewrite",
+        "robot_programs.krl.resolve",
+        "taskcal.correction.subdivision",
         "taskcal.diagnosis.course",
         "taskcal.identification.chunked_fit",
         "taskcal.identification.group_search",
@@ -36,9 +33,7 @@ ONE_IMPORTER = {
     "one of many alike, which a table names": {
         "robot_programs.apt.read",
         "robot_programs.csv_path.read",
-        "robot_programs.krl.compose",
         "robot_programs.krl.read",
-        "robot_programs.rapid.compose",
         "robot_programs.tp.read",
         "taskcal.robot.importers.ur",
         "taskcal.tables.motion_capture",

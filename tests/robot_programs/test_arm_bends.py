@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from robot_programs.core.arm_bends import arm_bends
+from robot_programs.core.robot import arm_bends
 from taskcal.geometry import se3
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel

@@ -1,16 +1,658 @@
-"""Reading tool paths and joint paths in CSV."""
+"""Paths in CSV: their columns, motions and numbers, read and rewritten."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import csv
+import io
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
+from jaxtyping import Bool, Float
 
-from robot_programs.core.errors import FileError
-from robot_programs.core.program import Diagnostic, Frame, Move, Program, Target, Waypoint
+from robot_programs.core import se3
+from robot_programs.core.errors import Faults, FileError, InputError, shown
+from robot_programs.core.program import Diagnostic, Frame, Move, MoveKind, Program, Target, Waypoint, with_axis
 from robot_programs.core.robot import Robot
-from robot_programs.core.source import Edit, Source
-from robot_programs.csv_path.rewrite import Written, rewrite
-from robot_programs.csv_path.table import PathTable, read_path_table
+from robot_programs.core.source import Edit, Place, Source, numeral, renumbered
+
+# The cells of a table in CSV, as text and where they stand, so that single ones can be rewritten.
+
+MAX_COLUMNS = 20_000
+"""A spreadsheet holds 16 384."""
+
+LARGEST = 1e6
+"""Of any number: 1 km in millimetres, or 2800 turns in degrees."""
+
+_SEPARATOR_LINE = re.compile(r"\Asep=.[ \t]*(?=\r?\n)", re.IGNORECASE)
+"""What a spreadsheet writes first to say how it separates."""
+
+_LINE = re.compile(r"[^\r\n]+")
+
+_NUMBER = re.compile(r"[+-]?(\d+(?:\.\d*)?|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+"""Python also reads 1_000 and the digits of other scripts, which nobody writes."""
+
+_NOT_FINITE = re.compile(r"[+-]?(nan|inf(inity)?)", re.IGNORECASE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A row of a table in its text."""
+
+    line: int
+    """In which it ends, counted from 1."""
+    start: int
+    """First character of its line."""
+    end: int
+    """Behind the last character of its line, before the line end."""
+    next: int
+    """First character of the line that follows."""
+    cells: tuple[tuple[int, int], ...]
+    """First character of each cell, and behind its last one, without quotes and blanks around it."""
+    texts: tuple[str, ...]
+    """Of the cells."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Table:
+    """Rows below one that names the columns."""
+
+    source: Source
+    header: tuple[str, ...]
+    header_line: int
+    delimiter: str
+    rows: tuple[Row, ...]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def names(self) -> dict[str, str]:
+        """Columns as the file writes them, by their small letters."""
+        return {name.lower(): name for name in self.header}
+
+    def error(self, message: str, row: int, column: str | None = None) -> FileError:
+        """An error that points at a cell or a line."""
+        return FileError(self.source.path, message, line=self.rows[row].line, column=column)
+
+    def refusal(self, message: str, column: str | None = None) -> FileError:
+        """An error that points at the header."""
+        return FileError(self.source.path, message, line=self.header_line, column=column)
+
+    def numbers(self, columns: Sequence[str]) -> Float[np.ndarray, "rows columns"]:
+        """The numbers of columns; NaN for empty cells.
+
+        Raises:
+            FileError: a cell is not a finite number, or one beyond ±`LARGEST`.
+        """
+        out = np.full((len(self), len(columns)), np.nan)
+        for k, column in enumerate(columns):
+            at, faults = self.header.index(column), Faults()
+            for number, row in enumerate(self.rows):
+                if row.texts[at]:
+                    with faults.collecting():
+                        out[number, k] = self._number(row.texts[at], number, column)
+            faults.raise_any()
+        return out
+
+    def _number(self, text: str, row: int, column: str) -> float:
+        number = float(text) if _NUMBER.fullmatch(text) else math.nan
+        if abs(number) <= LARGEST:
+            return number
+        if not math.isnan(number):
+            message = f"'{shown(text)}' is beyond ±{LARGEST:g}; check the cell and its unit"
+        elif _NOT_FINITE.fullmatch(text):
+            message = f"'{shown(text)}' is not a finite number; give a number"
+        else:
+            message = f"'{shown(text)}' is not a number; give a number such as 12.5"
+        raise self.error(message, row, column)
+
+    def together(self, columns: Sequence[str]) -> tuple[str, ...]:
+        """Columns that only make sense together, as the file writes them; none where it has none of them.
+
+        Raises:
+            FileError: it has some of them only, or they lack their unit.
+        """
+        names = self.names
+        given = tuple(names[name] for name in columns if name in names)
+        lacking = [name for name in columns if name not in names]
+        if given and lacking:
+            raise self.refusal(f"has '{given[0]}' but no column '{lacking[0]}'")
+        for name in lacking:
+            bare = name.removesuffix("_mm")
+            if bare != name and bare in names:
+                raise self.refusal(f"the unit is not stated; name the column {names[bare]}_mm", names[bare])
+        return given
+
+
+def parse_table(source: Source) -> Table:
+    """The table that a file's text holds, taken as it is written.
+
+    Raises:
+        FileError: there is nothing in it, two columns have one name, or there are too many; a line has more or fewer fields than
+            the header.
+    """
+    text = source.text.removeprefix("\ufeff")
+    delimiter = _delimiter_of(text)
+    rows = [row for row in _scan(source, delimiter) if _counts(row)]
+    if not rows:
+        raise FileError(source.path, "is empty; its first line must name the columns")
+    first, *rows = rows
+    # every line may end with a separator
+    width = len(first.texts) if first.texts[-1] else max(_filled(row) for row in (first, *rows))
+    names = first.texts[:width]
+    table = Table(
+        source=source,
+        header=tuple(name or f"column {k}" for k, name in enumerate(names, start=1)),
+        header_line=first.line,
+        delimiter=delimiter,
+        rows=tuple(rows),
+    )
+    _check_names(table)
+    faults = Faults()
+    for number, row in enumerate(rows):
+        if len(row.texts) < width or _filled(row) > width:
+            hint = "; is it written with decimal commas?" if delimiter == "," and len(row.texts) > width else ""
+            with faults.collecting():
+                raise table.error(f"the line has {len(row.texts)} fields, the header {width}{hint}", number)
+    faults.raise_any()
+    return table
+
+
+def _check_names(table: Table) -> None:
+    lowered = [name.lower() for name in table.header]
+    for names, but in ((table.header, "; column names must differ"), (lowered, " but for letter case; keep one")):
+        if twice := {name for name in names if names.count(name) > 1} if len(set(names)) < len(names) else None:
+            raise table.refusal(f"two columns are named '{shown(min(twice))}'{but}")
+
+
+def _check_quotes(table: Table) -> None:
+    """See that quotes stand around whole cells only, so that a cell's text is what it means.
+
+    Raises:
+        FileError: one does not, or does not end.
+    """
+    source = table.source
+    for row in table.rows:
+        text = source.text[row.start : row.end]
+        if '"' not in text:
+            continue
+        try:
+            meant = next(csv.reader(io.StringIO(text, newline=""), delimiter=table.delimiter))
+        except csv.Error:
+            meant = []
+        if [cell.strip() for cell in meant] != list(row.texts):
+            raise FileError(source.path, "has quotes inside cells; write numbers and names without them")
+        if text.count('"') % 2:
+            message = "has a quote that does not end; write the cell without it"
+            raise FileError(source.path, message, line=source.line(row.start))
+
+
+def _delimiter_of(text: str) -> str:
+    """What separates the cells, by the header."""
+    # one after another: of a large file all lines take far more memory than its text
+    lines = (line[0] for line in _LINE.finditer(_SEPARATOR_LINE.sub("", text, count=1)))
+    header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+    return max(",;\t", key=header.count)
+
+
+def _counts(row: Row) -> bool:
+    """Whether a row belongs to the table: it is neither blank, nor a comment, nor the line that names the separator."""
+    named = row.start <= 1 and row.texts[0].lower().startswith("sep=")
+    return any(row.texts) and not row.texts[0].startswith("#") and not named
+
+
+def _filled(row: Row) -> int:
+    """How many cells a row has up to its last filled one."""
+    return next((k for k in range(len(row.texts), 0, -1) if row.texts[k - 1]), 0)
+
+
+def _scan(source: Source, delimiter: str) -> Iterator[Row]:
+    text = source.text
+    position = 1 if text.startswith("\ufeff") else 0
+    while position < len(text):
+        start, cells = position, list[tuple[int, int]]()
+        while True:
+            cell, position = _cell(text, position, delimiter)
+            cells.append(cell)
+            if len(cells) > MAX_COLUMNS:
+                message = f"has more than {MAX_COLUMNS} columns; is it a table?"
+                raise FileError(source.path, message, line=source.line(start))
+            if position < len(text) and text[position] == delimiter:
+                position += 1
+            else:
+                break
+        end = position
+        position += 2 if text.startswith("\r\n", position) else 1
+        if text[end:position] == "\r" and position < len(text):
+            message = "has a carriage return alone; end lines with line feeds"
+            raise FileError(source.path, message, line=source.line(end))
+        yield Row(
+            line=source.line(min(end, len(text) - 1)),
+            start=start,
+            end=end,
+            next=min(position, len(text)),
+            cells=tuple(cells),
+            texts=tuple(text[a:b] for a, b in cells),
+        )
+
+
+def _cell(text: str, position: int, delimiter: str) -> tuple[tuple[int, int], int]:
+    """A cell from its first character on, and the position behind it."""
+    if text.startswith('"', position):
+        start = end = position + 1
+        while end < len(text) and text[end] != '"':
+            end += 1
+        position = end + 1
+        while position < len(text) and text[position] not in (delimiter, "\r", "\n"):
+            position += 1
+    else:
+        start = position
+        while position < len(text) and text[position] not in (delimiter, "\r", "\n"):
+            position += 1
+        end = position
+    while start < end and text[start].isspace():
+        start += 1
+    while start < end and text[end - 1].isspace():
+        end -= 1
+    return (start, end), min(position, len(text))
+
+
+# What the columns of a path in CSV mean.
+
+POSITION = ("x_mm", "y_mm", "z_mm")
+QUATERNION = ("qx", "qy", "qz", "qw")
+AXIS = ("i", "j", "k")
+WORDS = ("id", "name", "move", "speed_mm_s", "stop", "tool", "frame")
+
+JOINT_UNITS = {"deg": np.pi / 180, "rad": 1.0, "mm": 1e-3, "m": 1.0}
+"""What a joint's number is multiplied by for radians or metres."""
+
+UNIT_LENGTH = 1e-3
+"""How far the length of a quaternion or a direction may be from one: files round to a few digits."""
+
+_NUMBERED = re.compile(r"[jq](\d+)_(deg|rad|mm|m)$")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Columns:
+    """Which columns a path has; names as the file writes them."""
+
+    position: tuple[str, ...]
+    """x, y, z; empty where the path has joint positions only."""
+    rotation: tuple[str, ...]
+    """Four of a quaternion, or three of the tool's axis."""
+    joints: tuple[str, ...]
+    """In the robot's order; empty where there are none."""
+    joint_scale: tuple[float, ...]
+    """What a joint's number is multiplied by for radians or metres."""
+    words: Mapping[str, str]
+    """The others: names in the file by their meaning."""
+
+    @property
+    def only_axis(self) -> bool:
+        """The rotation about the tool's axis is left open."""
+        return len(self.rotation) == 3
+
+    @property
+    def pose(self) -> tuple[str, ...]:
+        """Those of a pose."""
+        return self.position + self.rotation
+
+
+def columns_of(table: Table, robot: Robot | None) -> Columns:
+    """The columns of a path.
+
+    Raises:
+        FileError: one is not known, is lacking, or its unit is not stated; two mean the same.
+    """
+    joints = _numbered_joints(table) if robot is None else _joints_of(table, robot)
+    position, quaternion, axis = (table.together(names) for names in (POSITION, QUATERNION, AXIS))
+    words = {word: column for word in WORDS for column in table.together([word])}
+    used = {*joints, *position, *quaternion, *axis, *words.values()}
+    unknown = [name for name in table.header if name not in used]
+    if unknown:
+        named = shown(", ".join(map(repr, unknown)))
+        raise table.refusal(
+            f"unknown column{'s' if len(unknown) > 1 else ''} {named}; a path has {' '.join(POSITION)} with {' '.join(QUATERNION)} "
+            f"or the tool axis {' '.join(AXIS)}, or joints such as J1_deg, and optionally {', '.join(WORDS)}"
+        )
+    if quaternion and axis:
+        raise table.refusal("has both a quaternion and a tool axis; keep one of them")
+    if position and not (quaternion or axis):
+        raise table.refusal("has positions without the tool's orientation; add qx qy qz qw, or the tool axis i j k")
+    if (quaternion or axis) and not position:
+        raise table.refusal("has orientations without positions; add x_mm y_mm z_mm")
+    if not position and not joints:
+        raise table.refusal("has neither positions x_mm y_mm z_mm nor joints such as J1_deg")
+    return Columns(
+        position=position,
+        rotation=quaternion or axis,
+        joints=joints,
+        joint_scale=tuple(JOINT_UNITS[joint.lower().rpartition("_")[2]] for joint in joints),
+        words=words,
+    )
+
+
+def _joints_of(table: Table, robot: Robot) -> tuple[str, ...]:
+    """A column for each of the robot's joints; none where the table has none of them.
+
+    Raises:
+        FileError: only some joints have a column, or one has two.
+    """
+    names, columns, lacking = table.names, list[str](), list[str]()
+    for number, (joint, slides) in enumerate(zip(robot.joint_names, robot.prismatic, strict=True), start=1):
+        units = ("mm", "m") if slides else ("deg", "rad")
+        spellings = dict.fromkeys(spelling.lower() for spelling in (joint, f"J{number}", f"q{number}"))
+        candidates = [f"{spelling}_{unit}" for spelling in spellings for unit in units]
+        found = [names[column] for column in candidates if column in names]
+        if len(found) > 1:
+            raise table.refusal(f"joint {joint} is given twice, by '{found[0]}' and '{found[1]}'; keep one")
+        columns += found
+        lacking += [] if found else [f"{joint}_{units[0]}"]
+    if columns and lacking:
+        raise table.refusal(f"has '{columns[0]}' but no column '{lacking[0]}' of {robot.name}")
+    return tuple(columns)
+
+
+def _numbered_joints(table: Table) -> tuple[str, ...]:
+    """The joints' columns in the order of their numbers, where no robot is known."""
+    numbered = {int(match[1]): name for lower, name in table.names.items() if (match := _NUMBERED.match(lower))}
+    lacking = [i for i in range(1, max(numbered, default=0) + 1) if i not in numbered]
+    if lacking:
+        raise table.refusal(f"has no column for joint {lacking[0]}, such as J{lacking[0]}_deg")
+    return tuple(numbered[i] for i in sorted(numbered))
+
+
+# What the rows of a path mean.
+
+_MOVES: dict[str, MoveKind] = {"joint": "joint", "linear": "linear", "circular": "circular", "via": "circular"}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PathTable:
+    """A table with its place in the text and what was read from it, a row each."""
+
+    source: Source
+    table: Table
+    columns: Columns
+    T: Float[np.ndarray, "rows 4 4"]
+    """Poses of the tool in the part's frame, metres; NaN where a row has none."""
+    q: Float[np.ndarray, "rows joints"]
+    """Radians or metres; NaN where a row has none."""
+    speed: Float[np.ndarray, " rows"]
+    """Metres per second; NaN where a row has none."""
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """Where they stand."""
+        return self.table.rows
+
+    def error(self, message: str, row: int, column: str | None = None) -> FileError:
+        """An error that points at a cell or a line."""
+        return self.table.error(message, row, column)
+
+    def place(self, row: int) -> Place:
+        """Where a row stands."""
+        return Place(path=self.source.path, line=self.rows[row].line)
+
+    def cell(self, row: int, column: str) -> tuple[int, int]:
+        """First character of a cell, and behind its last one."""
+        return self.rows[row].cells[self.table.header.index(column)]
+
+    def word(self, row: int, meaning: str) -> str:
+        """A cell that holds a word; empty where the column is lacking."""
+        name = self.columns.words.get(meaning)
+        return "" if name is None else self.rows[row].texts[self.table.header.index(name)]
+
+    def kind(self, row: int) -> MoveKind:
+        """The motion of which a row holds the end, or the point on the way."""
+        word = self.word(row, "move").lower()
+        if np.isnan(self.T[row]).any():
+            if word not in ("", "axes", "joint"):
+                raise self.error(f"'{word}' needs a pose; joint positions are approached by axes", row, "move")
+            return "axes"
+        if word and word not in _MOVES:
+            raise self.error(f"'{word}' is not a motion to a pose; write {', '.join(_MOVES)}", row, "move")
+        return _MOVES.get(word, "linear")
+
+    def is_via(self, row: int) -> bool:
+        """Whether a row holds the point on the way of an arc."""
+        return self.kind(row) == "circular" and self.word(row, "move").lower() == "via"
+
+
+def read_path_table(source: Source, robot: Robot | None) -> PathTable:
+    """Read the rows of a path.
+
+    Raises:
+        FileError: it cannot be read as a path.
+    """
+    table = parse_table(source)
+    columns = columns_of(table, robot)
+    pose, joints = table.numbers(columns.pose), table.numbers(columns.joints)
+    for row in range(len(table)):
+        _check_complete(table, columns, row, np.isnan(pose[row]), np.isnan(joints[row]))
+    T = np.full((len(table), 4, 4), np.nan)
+    posed = np.asarray(~np.isnan(pose).any(axis=1))
+    if columns.pose and posed.any():
+        rotation = pose[:, 3:]
+        _check_lengths(table, columns, rotation, posed)
+        R = with_axis(rotation[posed]) if columns.only_axis else se3.from_quaternion(rotation[posed])
+        T[posed] = se3.pose(R, pose[posed, :3] * 1e-3)
+    _check_quotes(table)
+    return PathTable(
+        source=source,
+        table=table,
+        columns=columns,
+        T=T,
+        q=joints * np.array(columns.joint_scale),
+        speed=_speeds(table, columns),
+    )
+
+
+def _check_complete(table: Table, columns: Columns, row: int, pose: np.ndarray, joints: np.ndarray) -> None:
+    """See that a row has a pose or joint positions, and all of it."""
+    given = [name for name, blank in ((columns.pose, pose), (columns.joints, joints)) if name and not blank.all()]
+    if not given:
+        raise table.error("the row has no target; give a pose or joint positions, or leave out the row", row)
+    if len(given) > 1:
+        raise table.error("the row has a pose and joint positions; leave one of them empty", row)
+    blank = pose if given[0] == columns.pose else joints
+    if blank.any():
+        raise table.error(
+            "the cell is empty while its others are not; give a number", row, given[0][int(blank.argmax())]
+        )
+
+
+def _check_lengths(
+    table: Table, columns: Columns, vectors: Float[np.ndarray, "rows k"], needed: Bool[np.ndarray, " rows"]
+) -> None:
+    """See that quaternions, or axes of the tool, have length one.
+
+    Raises:
+        FileError: one has not.
+    """
+    what, hint = ("tool axis", "") if columns.only_axis else ("quaternion", " (is qw last?)")
+    lengths = np.linalg.norm(vectors, axis=1)
+    for row in np.flatnonzero(needed & (np.abs(lengths - 1.0) > UNIT_LENGTH)):
+        raise table.error(
+            f"the {what} has length {lengths[row]:.4f}; it must be 1{hint}", int(row), columns.rotation[0]
+        )
+
+
+def _speeds(table: Table, columns: Columns) -> Float[np.ndarray, " rows"]:
+    name = columns.words.get("speed_mm_s")
+    if name is None:
+        return np.full(len(table), np.nan)
+    values = table.numbers([name])[:, 0]
+    for row in np.flatnonzero(values <= 0):
+        message = f"{values[row]:g} is not a speed; give one above zero, or leave the cell empty"
+        raise table.error(message, int(row), name)
+    return values * 1e-3
+
+
+# Rewriting motions of a path in CSV: their cells, and rows where one motion becomes several.
+
+
+MM, DEGREES, UNITS = 6, 9, 10
+"""Decimals written of lengths, of angles, and of quaternions and directions."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Written:
+    """The rows of a motion."""
+
+    row: int
+    """Of its end."""
+    via: int | None
+    """Of the via point, of an arc."""
+
+
+def rewrite(path_table: PathTable, written: Written, path: Sequence[Waypoint]) -> list[Edit]:
+    """Edits that give one motion its waypoints: a row for each, and one more for the via point of an arc."""
+    first = written.row if written.via is None else written.via
+    ahead = "".join(
+        _copied(path_table, row, edits)
+        for waypoint in path[:-1]
+        for row, edits in _rows_for(path_table, written, waypoint)
+    )
+    start = path_table.rows[first].start
+    out = [Edit(start=start, end=start, text=ahead)] if ahead else []
+    if written.via is not None and path[-1].via is None:
+        out.append(Edit(start=start, end=path_table.rows[first].next, text=""))
+    return out + [edit for _, edits in _rows_for(path_table, written, path[-1]) for edit in edits]
+
+
+def _copied(path_table: PathTable, row: int, edits: Sequence[Edit]) -> str:
+    """A row's line with some of its cells edited."""
+    start, end = path_table.rows[row].start, path_table.rows[row].end
+    line = replace(path_table.source, text=path_table.source.text[start:end])
+    moved = [replace(edit, start=edit.start - start, end=edit.end - start) for edit in edits]
+    return line.edited(moved).text + path_table.source.newline
+
+
+def _rows_for(path_table: PathTable, written: Written, waypoint: Waypoint) -> list[tuple[int, list[Edit]]]:
+    """The rows that hold a waypoint, with the edits of their cells."""
+    if waypoint.via is None:
+        return [(written.row, _edits(path_table, written.row, waypoint, waypoint.kind))]
+    if written.via is None:
+        raise _lacking(path_table, written.row, "an arc needs a row for the via point")
+    return [
+        (written.via, _edits(path_table, written.via, waypoint.via, "via")),
+        (written.row, _edits(path_table, written.row, waypoint, "circular")),
+    ]
+
+
+def _edits(path_table: PathTable, row: int, waypoint: Waypoint, word: str) -> list[Edit]:
+    """Edits of a row's cells that are to hold a waypoint."""
+    columns = path_table.columns
+    values: dict[str, tuple[float, float, int]] = {}
+    if word == "axes":
+        if np.isnan(path_table.q[row]).any() or not columns.joints:
+            raise _lacking(path_table, row, "the row holds a pose, not joint positions")
+        for j, (name, scale) in enumerate(zip(columns.joints, columns.joint_scale, strict=True)):
+            decimals = MM if name.lower().endswith("_mm") else DEGREES
+            values[name] = path_table.q[row, j] / scale, waypoint.q[j] / scale, decimals
+    else:
+        if waypoint.T is None or np.isnan(path_table.T[row]).any():
+            raise _lacking(path_table, row, "the row holds joint positions, not a pose")
+        was, now = path_table.T[row], waypoint.T
+        values |= {name: (was[a, 3] * 1e3, now[a, 3] * 1e3, MM) for a, name in enumerate(columns.position)}
+        before, after = (_axis(was), _axis(now)) if columns.only_axis else _alike(path_table, row, now)
+        values |= {name: (before[a], after[a], UNITS) for a, name in enumerate(columns.rotation)}
+    out = [_edit(path_table, row, name, was, now, decimals) for name, (was, now, decimals) in values.items()]
+    if word == _word(path_table, row):
+        return out
+    if "move" not in columns.words:
+        raise _lacking(path_table, row, f"without a column 'move' a motion cannot become '{word}'")
+    start, end = path_table.cell(row, columns.words["move"])
+    return [*out, Edit(start=start, end=end, text=word)]
+
+
+def _word(path_table: PathTable, row: int) -> str:
+    """What a row's column 'move' says, or means where it is empty."""
+    return path_table.word(row, "move").lower() if path_table.kind(row) == "circular" else path_table.kind(row)
+
+
+def _axis(T: np.ndarray) -> np.ndarray:
+    return -T[:3, 2]
+
+
+def _alike(path_table: PathTable, row: int, T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The quaternion in the file, of unit length, and that of a pose with its sign."""
+    cells = [path_table.rows[row].texts[path_table.table.header.index(name)] for name in path_table.columns.rotation]
+    was = np.array([float(cell) for cell in cells])
+    now = se3.to_quaternion(T[:3, :3])
+    return was / np.linalg.norm(was), now if now @ was >= 0 else -now
+
+
+def _edit(path_table: PathTable, row: int, column: str, was: float, now: float, decimals: int) -> Edit:
+    start, end = path_table.cell(row, column)
+    return Edit(start=start, end=end, text=renumbered(path_table.source.text[start:end], was, now, decimals))
+
+
+def _lacking(path_table: PathTable, row: int, message: str) -> InputError:
+    return InputError(f"{path_table.place(row)}: {message}; write the program in another language")
+
+
+# A new path in CSV of given motions.
+
+
+def compose_csv_path(name: str, robot: Robot, moves: Sequence[Move], *, notes: Sequence[str] = ()) -> Source:
+    """A path of its own, ``name.csv``, a row for each motion and for the via point of each arc.
+
+    Args:
+        name: of the file.
+        robot: the robot.
+        moves: its motions, all with one tool and in one part's frame, which the file does not say.
+        notes: names of targets that have none.
+
+    Raises:
+        InputError: there are several tools or frames.
+    """
+    for k, move in enumerate(moves):
+        if (
+            not (_alike_moves(move.tool.T, moves[0].tool.T) and _alike_moves(move.part.T, moves[0].part.T))
+            or move.part_in_hand
+        ):
+            raise InputError(f"motion {k} has another tool or frame than the first; a path in CSV has one of each")
+    posed = any(move.end.T is not None for move in moves)
+    jointed = not posed or any(move.end.q is not None for move in moves)
+    units = ["mm" if slides else "deg" for slides in robot.prismatic]
+    joints = [f"{joint}_{unit}" for joint, unit in zip(robot.joint_names, units, strict=True)] if jointed else []
+    pose = [*POSITION, *QUATERNION] if posed else []
+    rows: list[list[str]] = []
+    for k, move in enumerate(moves):
+        targets = [(move.end, move.kind)] if move.via is None else [(move.via, "via"), (move.end, move.kind)]
+        for target, word in targets:
+            note = target.name or (notes[k] if notes else "")
+            speed = "" if move.speed is None else numeral(move.speed * 1e3, MM)
+            cells = _pose(target, len(pose)) + _joints(target, robot, len(joints))
+            rows.append([note, word, *cells, speed, "yes" if move.stops else "no"])
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([["name", "move", *pose, *joints, "speed_mm_s", "stop"], *rows])
+    return Source(path=Path(f"{name}.csv"), text=text.getvalue(), encoding="utf-8")
+
+
+def _alike_moves(a: np.ndarray, b: np.ndarray) -> bool:
+    return np.allclose(a, b, rtol=0.0, atol=1e-9)
+
+
+def _pose(target: Target, columns: int) -> list[str]:
+    if target.T is None or not columns:
+        return [""] * columns
+    position = [numeral(float(v), MM) for v in target.T[:3, 3] * 1e3]
+    return position + [numeral(float(v), UNITS) for v in se3.to_quaternion(target.T[:3, :3])]
+
+
+def _joints(target: Target, robot: Robot, columns: int) -> list[str]:
+    if target.q is None or not columns:
+        return [""] * columns
+    shown = np.where(robot.prismatic, target.q * 1e3, np.degrees(target.q))
+    decimals = np.where(robot.prismatic, MM, DEGREES)
+    return [numeral(float(v), int(d)) for v, d in zip(shown, decimals, strict=True)]
+
 
 # What the rows of a path table mean: motions, with their tools and frames.
 

@@ -1,35 +1,488 @@
 """Reading KRL programs: from the routines that nothing calls through all that they call."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
+from robot_programs.core import flow
 from robot_programs.core.errors import FileError, InputError
-from robot_programs.core.flow import MIN_LINES
+from robot_programs.core.flow import MIN_LINES, Body, Counts, Group, Loop, Node, lines_in
 from robot_programs.core.program import Diagnostic, Frame, Program, Unresolved, Visit, Waypoint
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Source
 from robot_programs.krl.data import Data, File, Text
-from robot_programs.krl.flow import Flow
-from robot_programs.krl.frames import Frames
-from robot_programs.krl.parse import parse, tree_of
-from robot_programs.krl.resolve import Findings
+from robot_programs.krl.frames import NOWHERE, Frames, State
+from robot_programs.krl.parse import LOOPS, Condition, Tree, handed_in_motion, handed_over, parse, tree_of, whole_call
+from robot_programs.krl.resolve import Findings, Resolver
 from robot_programs.krl.rewrite import Sharing, Site, in_data_list, rewrite, visits_of
 from robot_programs.krl.routines import (
+    Actions,
     Routine,
     actions_of,
+    altered_by,
     altering,
     callers_of,
     calls_of,
     changing,
     declared_in,
+    keys_changed_by,
     matters,
+    only_computes,
     read_names,
     resuming,
     roots_of,
     routines_of,
     unasked,
 )
-from robot_programs.krl.syntax import Begin, lines_of_words
+from robot_programs.krl.syntax import Assignment, Begin, Beside, Call, Control, Motion, Statement, Word, lines_of_words
+from robot_programs.krl.values import (
+    HERE,
+    AbstractValue,
+    Adjustable,
+    Lost,
+    Names,
+    Value,
+    Variables,
+    after_assignment,
+    bound,
+    element_assigned,
+    evaluated,
+    forgotten,
+    given_by,
+    number_of,
+    without_own,
+    without_places,
+)
+
+# One pass through the lines of a KRL routine, and through the routines that it calls.
+
+
+MAX_IDLE_CALLS = 40
+"""So often a routine without motions is followed, as those for messages are; behind further calls, what it changes is not known."""
+
+MAX_IDLE_LINES = 1000
+"""Lines of all turns of a loop without motions that is gone through turn by turn."""
+
+
+@dataclass(eq=False, kw_only=True)
+class Flow(flow.Flow[State, Routine]):
+    """The routines of a program, and how far they have been followed."""
+
+    findings: Findings
+    routines: Mapping[str, Sequence[Routine]]
+    trees: Mapping[Routine, Tree]
+    frames: Callable[[Routine], Frames]
+    alters: Mapping[str, frozenset[str]]
+    """By name of a routine: what of tool, base and the like it alters."""
+    changes: Mapping[str, frozenset[str]]
+    """By name of a routine: keys of the variables it changes."""
+    by_value: Mapping[str, tuple[bool, ...]]
+    actions: Actions
+    """What may run beside the lines."""
+    resuming: frozenset[str]
+    """Routines behind whose calls an interrupt may resume that left what they call."""
+    idle_calls: dict[str, int] = field(default_factory=dict[str, int])
+    """By name of a routine that neither moves nor sets tool, base and the like: how often it was followed."""
+    elements: dict[Text, set[str] | None] = field(default_factory=dict[Text, set[str] | None])
+    """By assignment to an element by a computed index: which elements it sets; None where that is not known."""
+
+    def body(self, routine: Routine) -> Body:
+        """The lines of a routine; see `flow.Flow.body`."""
+        return self.trees[routine].body
+
+    def name(self, routine: Routine) -> str:
+        """Name of a routine."""
+        return routine.name
+
+    def walk(self, routine: Routine, inside: tuple[Routine, ...]) -> "_Walk":
+        """A pass through a routine; see `flow.Flow.walk`."""
+        odd = self.trees[routine].odd
+        if odd is not None and not self.scouting:
+            text = f"{odd.keyword} does not match the blocks of {routine.name}; what holds behind it is not known"
+            self.findings.diagnose(routine.file, odd.start, text)
+        return _Walk(flow=self, routine=routine, inside=inside, tree=self.trees[routine], frames=self.frames(routine))
+
+    def anything(self, why: str) -> State:
+        """Where anything may hold, and any action may have been started."""
+        return replace(State.unset().forgotten(why), armed=self.actions.all)
+
+    def start(self, routine: Routine) -> State:
+        """What holds where a program begins."""
+        return State.unset()
+
+    def found_all(self, routine: Routine) -> bool:
+        """Whether all motions of a routine were found."""
+        motions = {(routine.file.number, line.start) for line in routine.lines if isinstance(line, Motion)}
+        return motions <= self.findings.seen
+
+    def idle(self, name: str) -> bool:
+        """Whether a call is not followed because the routine moves nothing and was followed often."""
+        if self.alters[name]:
+            return False
+        self.idle_calls[name] = self.idle_calls.get(name, 0) + 1
+        return self.idle_calls[name] > MAX_IDLE_CALLS
+
+    def forget(self, name: str, state: State) -> State:
+        """What holds behind a routine that is not followed."""
+        if name not in self.routines:
+            return state
+        self.anywhere.update(self.routines[name])
+        return self.lost_by(name, state)
+
+    def lost_by(self, name: str, state: State) -> State:
+        """Where a routine may have left anything that it changes."""
+        variables = forgotten(state.variables, self.changes[name])
+        armed = state.armed | self.actions.by_routine.get(name, frozenset())
+        return replace(state.forgotten(f"{name} sets it", self.alters[name]), variables=variables, armed=armed)
+
+    def armed_by(self, routine: Routine, lines: Sequence[Statement]) -> frozenset[Text]:
+        """What some lines of a routine may start."""
+        started, by_routine = self.actions.started, self.actions.by_routine
+        return frozenset[Text]().union(
+            *(started.get((routine.file.number, line.start), frozenset()) for line in lines),
+            *(by_routine.get(name, frozenset()) for line in lines for name in calls_of(line)),
+        )
+
+
+# What calls of KRL routines are given, and what they give back.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """A call of a routine."""
+
+    name: str
+    """In capitals."""
+    words: tuple[tuple[Word, ...], ...]
+    """What each parameter is given."""
+    handed: tuple[str, ...]
+    """Variables that it may change, because they are not given by value."""
+
+
+def function_called(
+    words: Sequence[Word], routines: Container[str], by_value: Mapping[str, tuple[bool, ...]]
+) -> Arguments | None:
+    """The function of the program whose value is all of an expression; None where it is anything else."""
+    called = whole_call(words)
+    if called is None or called.name not in routines:
+        return None
+    return Arguments(name=called.name, words=called.arguments, handed=handed_over(called, by_value))
+
+
+def behind_call(
+    call: Arguments, routine: Routine, variables: Variables, names: Names, changed: Container[str]
+) -> Variables:
+    """Variables of the caller behind a call: those that it handed over as a whole hold what the parameters held at the end.
+
+    Args:
+        call: the call.
+        routine: what is called.
+        variables: behind its last line.
+        names: of the caller.
+        changed: keys of variables that the routine changes under their own names.
+    """
+    back = forgotten(without_own(variables, routine.prefix), map(names.key, call.handed))
+    for parameter, words in zip(routine.parameters, call.words, strict=False):
+        if len(words) != 1 or call.handed.count(words[0].upper) != 1:
+            continue
+        key, value = names.key(words[0].upper), variables.get(f"{routine.prefix}{parameter}")
+        if value is None or key in changed or key in names.volatile or (isinstance(value, str) and value in HERE):
+            continue
+        plain = value.value if isinstance(value, Adjustable) else value
+        if isinstance(plain, float) and not plain.is_integer() and words[0].upper in names.whole_numbers:
+            continue
+        back = {**back, key: value}
+    return back
+
+
+@dataclass(eq=False, kw_only=True)
+class _Walk(flow.Walk[State, Routine]):
+    """One pass through a routine."""
+
+    flow: Flow  # pyright: ignore[reportIncompatibleVariableOverride]
+    tree: Tree
+    frames: Frames
+    in_spline: bool = False
+    trigger: bool = False
+    """A TRIGGER waits for the next motion."""
+
+    @property
+    def nowhere(self) -> State:
+        """Where control does not come."""
+        return NOWHERE
+
+    def through(self, entry: State) -> tuple[State, AbstractValue | None]:
+        """What holds behind the routine, its own variables included, and what it returns."""
+        state, value = super().through(entry)
+        local = state.armed & self.flow.actions.local.get(self.routine.name, frozenset())
+        return replace(state, armed=state.armed - local) if local else state, value
+
+    def between(self, state: State) -> State:
+        """What holds where started actions may have run."""
+        return self.flow.actions.weakened(state)
+
+    def behind(self, state: State) -> State:
+        """What holds behind the last line of a block, where started actions may have run."""
+        return self.flow.actions.weakened(state)
+
+    # Conditions, and loops that count.
+
+    def asked(self, line: Statement, state: State) -> State:
+        """What holds behind functions in the expressions of a line."""
+        for name in calls_of(line):
+            state = self.flow.forget(name, state)
+        return self._forgotten(line.changed, state) if isinstance(line, Control) else state
+
+    def truth(self, condition: Condition, state: State) -> bool | None:
+        """Whether a condition holds; None where the text does not tell."""
+        value = self._value(condition.words, state)
+        if condition.cases is None:
+            return value if isinstance(value, bool) else None
+        cases = [self._value(words, state) for words in condition.cases]
+        if value is None or any(type(case) is not type(value) for case in cases):
+            return None
+        return value in cases
+
+    def reads_data(self, condition: Condition) -> bool:
+        """Whether a condition names anything."""
+        return any(word.kind == "name" for word in condition.words)
+
+    def widened(self, state: State, nodes: Sequence[Node], why: str) -> State:
+        """Where some lines may have changed all that they change."""
+        lines = tuple(lines_in(nodes))
+        sets = frozenset[str]().union(*(altered_by(line, self.flow.alters) for line in lines))
+        keys = frozenset[str]().union(*map(self._keys_changed_by, lines))
+        variables = {key: Lost(reason=f"{key.rpartition(':')[2]} is not the same in every turn") for key in keys}
+        state = replace(
+            state,
+            variables={**without_places(forgotten(state.variables, keys)), **variables},
+            armed=state.armed | self.flow.armed_by(self.routine, lines),
+        )
+        return state.forgotten(why, sets | {"motion"})
+
+    def counts(self, loop: Loop, state: State) -> Counts | None:
+        """How a FOR counts; None where the text does not tell, or no counter is named."""
+        words, names = loop.line.words, self.frames.names
+        upper = [word.upper for word in words]
+        if len(words) < 5 or upper[1] != "=" or "TO" not in upper or names.key(upper[0]) in names.volatile:
+            return None
+        to = upper.index("TO")
+        by = upper.index("STEP") if "STEP" in upper else len(words)
+        known = replace(self.frames.known(state), deciding=True)
+        try:
+            first, last = number_of(words[2:to], known), number_of(words[to + 1 : by], known)
+            step = number_of(words[by + 1 :], known) if by < len(words) else 1.0
+        except Unresolved:
+            return None
+        whole = first.is_integer() and last.is_integer() and step.is_integer()
+        return Counts(first=first, last=last, step=step) if whole and step else None
+
+    def counting(self, loop: Loop, state: State, count: float | None) -> State:
+        """Where the counter of a FOR has a value; None for any."""
+        if loop.kind != "counted":
+            return state
+        if count is None:
+            return replace(state, variables=forgotten(state.variables, self._keys_changed_by(loop.line)))
+        return replace(state, variables={**state.variables, self._counter(loop): count})
+
+    def counted(self, loop: Loop, state: State, count: float) -> float | None:
+        """What the counter holds at the end of a turn: the turn may set it, too."""
+        now = state.variables.get(self._counter(loop))
+        return now if isinstance(now, float) else None
+
+    def by_turns(self, loop: Loop, turns: int) -> bool:
+        """Whether a loop moves, or is short, as one that computes points is."""
+        if turns * loop.size <= MAX_IDLE_LINES:
+            return True
+        return any("motion" in altered_by(line, self.flow.alters) for line in lines_in(loop.body))
+
+    def _counter(self, loop: Loop) -> str:
+        return self.frames.names.key(loop.line.words[0].upper)
+
+    def _value(self, words: Sequence[Word], state: State) -> Value | None:
+        """The value of an expression by which ways are chosen; None where the text does not tell, or all are gone through."""
+        if self.flow.all_ways:
+            return None
+        try:
+            return evaluated(words, replace(self.frames.known(state), deciding=True))
+        except Unresolved:
+            return None
+
+    def _keys_changed_by(self, line: Statement) -> frozenset[str]:
+        return keys_changed_by(line, self.frames.names, self.flow.by_value, self.flow.changes)
+
+    def _forgotten(self, variables: Sequence[str], state: State) -> State:
+        """Where some variables, by their names in the routine, may hold anything."""
+        if not variables:
+            return state
+        keys = map(self.frames.names.key, variables)
+        return replace(state, variables=forgotten(state.variables, keys))
+
+    # Lines.
+
+    def within(self, group: Group, state: State) -> State:
+        """What holds behind a SPLINE block."""
+        self.in_spline = True
+        state = self.block(group.body, replace(state, last=None))
+        self.in_spline = False
+        return state
+
+    def returned(self, line: Control, state: State) -> AbstractValue | None:
+        """What a RETURN gives back."""
+        return given_by(line.words, self.frames.known(state)) if line.keyword == "RETURN" and line.words else None
+
+    def step(self, line: Statement, state: State) -> State:
+        """What holds behind a line."""
+        match line:
+            case Motion():
+                return self._motion(line, state)
+            case Assignment():
+                return self._assignment(line, state)
+            case Call():
+                return self._call(line, state)
+            case Beside():
+                return self._beside(line, state)
+            case Control() if self.tree.odd is None and line.keyword in LOOPS:  # without any line of consequence
+                state = self.asked(line, state)
+                return replace(state, variables=forgotten(state.variables, self._keys_changed_by(line)))
+            case Control():
+                return self.flow.anything(f"the blocks of {self.routine.name} do not match")
+            case _:
+                return state
+
+    def _beside(self, line: Beside, state: State) -> State:
+        actions, text = self.flow.actions, (self.routine.file.number, line.start)
+        if not self.flow.scouting:
+            self.trigger = self.trigger or line.keyword == "TRIGGER"
+            for said in actions.missing.get(text, ()):
+                self.flow.findings.diagnose(self.routine.file, line.start, said)
+        started, ended = actions.started.get(text, frozenset()), actions.ended.get(text, frozenset())
+        return replace(state, armed=(state.armed - ended) | started)
+
+    def _assignment(self, line: Assignment, state: State) -> State:
+        returned = None
+        called = function_called(line.words, self.flow.routines, self.flow.by_value)
+        if called is None:
+            state = self._forgotten(line.changed, self.asked(line, state))
+        else:
+            state, returned = self._followed(called, state)
+            if returned is None:
+                returned = Lost(reason=f"what {called.name} returns is known only at run time")
+            if not state.reached:
+                return NOWHERE
+        known = self.frames.known(state)
+        if line.index is not None and not self.flow.scouting and line.variable not in self.frames.names.own:
+            self._note_element(line, element_assigned(known, line))
+        # what is set to the robot's place as a whole is that place, wherever it is
+        if line.component or len(line.words) > 1:
+            resolver = Resolver(findings=self.flow.findings, routine=self.routine, frames=self.frames)
+            known = replace(known, here=resolver.position(state))
+        variables = after_assignment(known, line, returned)
+        return replace(self.frames.after_assignment(state, line, variables), variables=variables)
+
+    def _note_element(self, line: Assignment, element: str | None) -> None:
+        """Note which element an assignment sets."""
+        text = (self.routine.file.number, line.start)
+        known = self.flow.elements.setdefault(text, set())
+        if element is None or self.flow.all_ways:
+            self.flow.elements[text] = None
+        elif known is not None:
+            known.add(f"{line.variable}[{element.partition('[')[2]}")
+
+    def _call(self, line: Call, state: State) -> State:
+        if line.name == "BAS":
+            keys = keys_changed_by(line, self.frames.names, self.flow.by_value, {})
+            return self.frames.after_bas(replace(state, variables=forgotten(state.variables, keys)), line)
+        for name in calls_of(line)[1:]:
+            state = self.flow.forget(name, state)
+        arguments = Arguments(name=line.name, words=line.arguments, handed=handed_over(line, self.flow.by_value))
+        if line.name in self.flow.routines:
+            state, _ = self._followed(arguments, state)
+            return state
+        if not self.flow.scouting:
+            text = f"{line.name} is not in the files given; it is taken to leave $TOOL, $BASE and $IPO_MODE as they are"
+            self.flow.findings.diagnose(self.routine.file, line.start, text)
+        return replace(self._forgotten(arguments.handed, state), last=None)
+
+    def _followed(self, call: Arguments, state: State) -> tuple[State, AbstractValue | None]:
+        """What holds behind a call of a routine of the files, and what it returns."""
+        program, known = self.flow, self.frames.known(state)
+        left = self._forgotten(call.handed, state)
+        if program.idle(call.name):
+            return program.lost_by(call.name, left), None
+        keys = frozenset(map(self.frames.names.key, call.handed))
+
+        def entry(routine: Routine) -> State:
+            given = zip(routine.parameters, call.words, strict=False)
+            # what is handed over by reference has two names inside: only the parameter's is followed
+            return replace(state, variables=forgotten(bound(known, given, program.frames(routine).names), keys))
+
+        followed = self.follow(program.routines[call.name], entry)
+        if followed is None:
+            return program.lost_by(call.name, left), None
+        behind, value = followed
+        if self.routine.name in program.resuming:
+            left = replace(program.lost_by(call.name, left), last=None)
+            behind = self.merged([behind, left], "an interrupt may resume behind it")
+        if not behind.reached:
+            return NOWHERE, value
+        if program.all_ways:
+            return replace(behind, variables=forgotten(behind.variables, keys)), value
+        (routine,) = program.routines[call.name]
+        changed = program.changes[call.name]
+        return replace(
+            behind, variables=behind_call(call, routine, behind.variables, self.frames.names, changed)
+        ), value
+
+    def _motion(self, line: Motion, state: State) -> State:
+        findings, file = self.flow.findings, self.routine.file
+        resolver = Resolver(findings=findings, routine=self.routine, frames=self.frames)
+        if resolver.stays_there(line, state):
+            return state
+        state, returned = self._points_returned(line, state)
+        if not state.reached:
+            return NOWHERE
+        behind = replace(state, last=None, variables=without_places(state.variables))
+        if self.flow.scouting:
+            return behind
+        trigger, self.trigger = self.trigger, False
+        text = (file.number, line.start)
+        if self.flow.all_ways and text in findings.seen:
+            return behind
+        try:
+            move, site = resolver.resolve(line, state, in_spline=self.in_spline, returned=returned)
+        except Unresolved as trouble:
+            findings.fail(text, file, f"{line.keyword} stays as it is: {trouble}")
+            return behind
+        if trigger:
+            said = "a TRIGGER acts along this motion; check it if the motion is divided"
+            findings.diagnose(file, line.start, said)
+        number = findings.note(move, site, None if self.in_spline else state.last)
+        return replace(behind, last=number)
+
+    def _points_returned(self, line: Motion, state: State) -> tuple[State, dict[int, AbstractValue]]:
+        """What holds behind the program's functions in a motion, and what they return of its points, by their first character."""
+        returned: dict[int, AbstractValue] = {}
+        for operand in line.operands:
+            words = () if operand.parts else line.words_of(operand)
+            called = function_called(words, self.flow.routines, self.flow.by_value)
+            if called is not None and state.reached:
+                state, value = self._followed(called, state)
+                returned[operand.start] = self._of_function(called.name, value)
+        if len(returned) < sum(name in self.flow.routines for name in calls_of(line)):
+            state = self._forgotten(handed_in_motion(line, self.flow.by_value), self.asked(line, state))
+        return state, returned
+
+    def _of_function(self, name: str, value: AbstractValue | None) -> AbstractValue:
+        """What a function returns of a point, whose numbers may take the place of its call."""
+        if value is None:
+            return Lost(reason=f"what {name} returns is known only at run time")
+        if not all(only_computes(routine, self.flow.routines) for routine in self.flow.routines[name]):
+            return Lost(reason=f"its point comes from {name}, which does more than compute it")
+        return value
+
+
+# Reading KRL programs: from the routines that nothing calls through all that they call.
+
 
 MAX_PASSES = 30
 """As many lines as the program has, so many times, are gone through again for calls and the turns of loops; behind that, what

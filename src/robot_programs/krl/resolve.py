@@ -25,10 +25,9 @@ from robot_programs.krl.data import (
     rotation_stated,
     whole,
 )
-from robot_programs.krl.frames import NULL, Frames
+from robot_programs.krl.frames import NULL, Frames, State
 from robot_programs.krl.rewrite import ACCURATE_BIT, Site, Status, Written
 from robot_programs.krl.routines import Routine
-from robot_programs.krl.state import State
 from robot_programs.krl.syntax import RELATIVE_MOTIONS, Aggregate, Motion, Operand, Reference
 from robot_programs.krl.values import (
     HERE,

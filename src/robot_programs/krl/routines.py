@@ -6,8 +6,8 @@ from itertools import pairwise
 
 from robot_programs.core.flow import with_called
 from robot_programs.krl.data import BUILT_IN, Data, File, Text, plain_value
+from robot_programs.krl.frames import EVERYTHING, FrameVariable, State
 from robot_programs.krl.parse import handed_in_motion, handed_over
-from robot_programs.krl.state import EVERYTHING, FrameVariable, State
 from robot_programs.krl.syntax import (
     Assignment,
     Begin,

@@ -1,16 +1,36 @@
-"""From the files of a RAPID program to its motions."""
+"""From the files of a RAPID program to its motions: what holds where each begins, through calls, branches and loops."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import chain
+from dataclasses import dataclass, field, replace
+from itertools import chain, zip_longest
+from typing import NamedTuple
 
+from robot_programs.core import flow as form
 from robot_programs.core.errors import FileError
-from robot_programs.core.program import Diagnostic, Program, Visit, Waypoint
+from robot_programs.core.flow import MIN_LINES, with_called
+from robot_programs.core.program import Diagnostic, Program, Unresolved, Visit, Waypoint
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Source
-from robot_programs.rapid.changes import Use, changes, effects_of, is_late, is_strange, nested, uses
-from robot_programs.rapid.flow import Findings, follow_program
+from robot_programs.rapid.changes import (
+    ANY_ROUTINE,
+    SOFT,
+    Effects,
+    Use,
+    called,
+    calls,
+    changes,
+    effects_of,
+    is_late,
+    is_motion,
+    is_read,
+    is_strange,
+    may_call,
+    moves,
+    nested,
+    returns_values,
+    uses,
+)
 from robot_programs.rapid.names import (
     BY_NAME,
     LATE,
@@ -19,17 +39,688 @@ from robot_programs.rapid.names import (
     OFFSETTING,
     SHIFTING,
     SOFTENING,
+    STIFFENING,
     TURNING,
     Context,
     File,
+    Scope,
     Symbol,
+    Value,
     contexts,
 )
 from robot_programs.rapid.parse import parse
-from robot_programs.rapid.resolve import SUFFIX, Motion, Settings, base_frame
+from robot_programs.rapid.resolve import (
+    MOTION_FORMS,
+    ONLY_EXTERNAL,
+    SUFFIX,
+    Motion,
+    Settings,
+    TargetArgument,
+    base_frame,
+    following,
+    resolve,
+)
 from robot_programs.rapid.rewrite import Sharing, rewrite_files, visits_of
-from robot_programs.rapid.syntax import Instruction, Module, Problem, Token, TooMuch, Unparsed
-from robot_programs.rapid.values import Values
+from robot_programs.rapid.syntax import (
+    Aggregate,
+    Argument,
+    Assignment,
+    Branches,
+    Expression,
+    Instruction,
+    Label,
+    Leave,
+    Loop,
+    Module,
+    Number,
+    Operation,
+    Parameter,
+    Problem,
+    Reference,
+    Routine,
+    Statement,
+    Token,
+    TooMuch,
+    Unparsed,
+    parts,
+)
+from robot_programs.rapid.values import NOWHERE, AbstractValue, PassedArgument, State, Values
+
+# What data hold behind an assignment.
+
+
+def after_assignment(
+    assignment: Assignment, scope: Scope, state: State, values: Values, volatile: frozenset[Symbol]
+) -> State:
+    """What holds behind an assignment.
+
+    Args:
+        assignment: the statement.
+        scope: what names mean there.
+        state: what holds before it.
+        values: of data there.
+        volatile: data that may change at any time, of which nothing is kept.
+    """
+    target = assignment.target
+    try:
+        symbol = scope.find(target.name.text)
+    except Unresolved:
+        return state
+    if symbol is None:
+        return state
+    held = None if symbol in volatile else _assigned(assignment, symbol, scope, values)
+    state = state.forgotten([symbol])
+    return state if held is None else state.holding({symbol: held})
+
+
+def counting(instruction: Instruction) -> Assignment | None:
+    """The assignment that Incr, Decr, Add and Clear stand for (RAPID instructions); None where it is another instruction."""
+    nodes = [argument.value for argument in instruction.arguments if not argument.option]
+    if len(nodes) != len(instruction.arguments) or not nodes or not isinstance(target := nodes[0], Reference):
+        return None
+    at = {"start": instruction.start, "end": instruction.end}
+    match instruction.name.key, nodes[1:]:
+        case ("incr" | "decr") as key, []:
+            one = Number(**at, value=1.0)
+            value = Operation(**at, operator="+" if key == "incr" else "-", operands=(target, one))
+        case "add", [node] if node is not None:
+            value = Operation(**at, operator="+", operands=(target, node))
+        case "clear", []:
+            value = Number(**at, value=0.0)
+        case _:
+            return None
+    return Assignment(**at, target=target, value=value)
+
+
+def _assigned(assignment: Assignment, symbol: Symbol, scope: Scope, values: Values) -> AbstractValue | None:
+    """What data hold of which something is assigned; None where the text does not tell."""
+    target, node = assignment.target, assignment.value
+    try:
+        value = values.of(node, scope)
+        path, _ = values.path(target, symbol, scope)
+        if not path:
+            name = values.found(node, scope).name if isinstance(node, Reference) else ""
+            return AbstractValue(value=value, name=name, settable=values.settable(node, scope))
+        whole = Reference(start=target.start, end=target.end, name=target.name, selectors=())
+        settable = any(values.settable(part, scope) for part in (node, target, whole))
+        return AbstractValue(value=_replaced(values.of(whole, scope), path, value), settable=settable)
+    except Unresolved:
+        return None
+
+
+def _replaced(whole: Value, path: Sequence[int], value: Value) -> Value:
+    """A record or an array with another component or element."""
+    if not path:
+        return value
+    if not isinstance(whole, tuple) or path[0] >= len(whole):
+        raise Unresolved("there is no such component")
+    own = _replaced(whole[path[0]], path[1:], value)
+    return (*whole[: path[0]], own, *whole[path[0] + 1 :])
+
+
+# What a RAPID routine is given where it is called.
+
+INITIAL: dict[str, Value] = {"num": 0.0, "dnum": 0.0, "bool": False, "string": ""}
+"""What variables hold that are declared without a value (RAPID overview, variable declarations)."""
+
+
+def given(instruction: Instruction, routine: Routine) -> Iterator[tuple[Parameter, Argument]]:
+    """Parameters of a routine with the arguments of a call; those that are not given are missing."""
+    required = iter([p for p in routine.parameters if not p.optional])
+    for argument in instruction.arguments:
+        named = next((p for p in routine.parameters if p.name.key == argument.option), None)
+        parameter = named if argument.option else next(required, None)
+        if parameter is not None:
+            yield parameter, argument
+
+
+def initial_values(context: Context, volatile: frozenset[Symbol]) -> dict[Symbol, AbstractValue]:
+    """What variables of a module or a routine hold where their declarations are reached, as far as that is known."""
+    values = {symbol: initial(symbol) for symbol in context.declared if symbol not in volatile}
+    return {symbol: value for symbol, value in values.items() if value is not None}
+
+
+def initial(symbol: Symbol) -> AbstractValue | None:
+    """What a variable holds where its declaration is reached; None where that is not known, and of other data."""
+    declaration = symbol.declaration
+    if declaration is None or declaration.storage != "var":
+        return None
+    if declaration.value is not None:
+        return AbstractValue(value=0.0, declared=True)
+    return None if declaration.array or symbol.type not in INITIAL else AbstractValue(value=INITIAL[symbol.type])
+
+
+def own_symbols(context: Context) -> frozenset[Symbol]:
+    """Variables and parameters of a routine."""
+    routine = context.routine
+    parameters = () if routine is None else routine.parameters
+    return frozenset(context.declared) | {context.scope.own[p.name.key][0] for p in parameters}
+
+
+def passed_arguments(
+    instruction: Instruction, called: Context, scope: Scope, file: File, values: Values
+) -> Iterator[tuple[Symbol, AbstractValue]]:
+    """What the parameters of a routine hold where it is called, as far as the text tells.
+
+    Args:
+        instruction: the call.
+        called: the routine.
+        scope: where the call stands.
+        file: the same.
+        values: of data there.
+    """
+    if called.routine is None:
+        return
+    for parameter, argument in given(instruction, called.routine):
+        symbol = called.scope.own[parameter.name.key][0]
+        if argument.conditional or argument.value is None:
+            continue
+        try:
+            held = _held(argument, scope, file, values)
+        except Unresolved:
+            continue
+        passed = held.passed
+        if passed is not None:
+            passed = PassedArgument(
+                argument=passed.argument, file=passed.file, origin=passed.origin, literal=passed.literal,
+                reads=passed.reads, parameters=(*passed.parameters, symbol),
+            )  # fmt: skip
+        settable = values.settable(argument.value, scope)
+        yield symbol, AbstractValue(value=held.value, passed=passed, name=held.name, settable=settable)
+
+
+def _held(argument: Argument, scope: Scope, file: File, values: Values) -> AbstractValue:
+    """What an argument gives.
+
+    Raises:
+        Unresolved: the text does not tell.
+    """
+    node = argument.value
+    assert node is not None
+    if not isinstance(node, Reference):
+        literal = node if isinstance(node, Aggregate) else None
+        passed = PassedArgument(argument=argument, file=file, origin=None, literal=literal)
+        return AbstractValue(value=values.of(node, scope), passed=passed)
+    found = values.found(node, scope)
+    if found.passed is not None:  # a parameter is passed on
+        literal = found.literal if isinstance(found.literal, Aggregate) else None
+        reads = found.passed.reads | {(file, node.start)}
+        passed = PassedArgument(
+            argument=found.passed.argument, file=found.passed.file, origin=found.origin, literal=literal, reads=reads,
+            parameters=found.passed.parameters,
+        )  # fmt: skip
+        return AbstractValue(value=found.value, passed=passed, name=found.name)
+    if found.origin is None:  # what was assigned to a variable of the caller has to be written where it is used
+        return AbstractValue(value=found.value, name=found.name)
+    passed = PassedArgument(argument=argument, file=file, origin=found.origin, literal=None)
+    return AbstractValue(value=found.value, passed=passed, name=found.name)
+
+
+# The statements of a routine in the form of the core's interpreter.
+
+
+class Line(NamedTuple):
+    """A statement, and what names mean there."""
+
+    statement: Statement
+    scope: Scope
+    counter: Symbol | None = None
+    """What a FOR counts."""
+
+
+class Condition(NamedTuple):
+    """On what it depends whether a branch is taken, or a loop goes on."""
+
+    expression: Expression | None
+    """None of a TEST, which is not decided."""
+    scope: Scope
+
+
+def lowered(block: Iterable[Statement], scope: Scope) -> form.Block:
+    """Statements in the form of the core's interpreter."""
+    return tuple(_lowered(statement, scope) for statement in block)
+
+
+def _lowered(statement: Statement, scope: Scope) -> form.Node:
+    line = Line(statement, scope)
+    match statement:
+        case Instruction() | Assignment():
+            return form.Step(line=line)
+        case Label() | Unparsed():
+            return form.Unknown(line=line)
+        case Leave():
+            return form.Leave(line=line, way="return" if statement.keyword == "return" else "stop")
+        case Branches():
+            decided = len(statement.branches) - statement.exhaustive
+            tests = len(statement.conditions) != decided
+            nodes = [None] * decided if tests else statement.conditions
+            arms = zip_longest((Condition(node, scope) for node in nodes), statement.branches)
+            return form.Branches(
+                line=line,
+                name="IF",
+                arms=tuple(form.Arm(condition=node, body=lowered(block, scope)) for node, block in arms),
+            )
+        case Loop(counter=counter):
+            if counter is None:
+                condition, body = Condition(statement.conditions[0], scope), lowered(statement.body, scope)
+                return form.Loop(line=line, name="WHILE", kind="while", condition=condition, body=body)
+            inside = scope.with_counter(counter)
+            (symbol,) = inside.own[counter.key]
+            body = lowered(statement.body, inside)
+            return form.Loop(line=Line(statement, scope, symbol), name="FOR", kind="counted", body=body)
+
+
+LEAVING = ("exitcycle", "systemstopaction")
+
+MAX_PASSES = 4
+"""As many lines as the program has, so many times, are gone through again for calls and the turns of loops; behind that, what
+routines set is taken as not known."""
+
+MAIN = "main"
+"""The routine in which a program begins, again and again."""
+
+
+@dataclass(eq=False, kw_only=True)
+class Flow(form.Flow[State, Routine]):
+    """The routines of a program, and how far they have been followed."""
+
+    everywhere: Sequence[Context]
+    contexts: Mapping[Routine, Context]
+    effects: Effects
+    declared: Values
+    """What data are declared as, which nothing assigns to."""
+    values: Values
+    """The same on the way that is gone through, where more may be changed."""
+    lent: Mapping[Routine, Mapping[Symbol, str]]
+    """Tools and work objects that may be changed on the ways through a routine."""
+    findings: "Findings | None"
+    """None where nothing is to be noted."""
+    bodies: dict[Routine, form.Body] = field(default_factory=dict[Routine, form.Body])
+
+    def body(self, routine: Routine) -> form.Body:
+        """The statements of a routine; see `form.Flow.body`."""
+        if routine not in self.bodies:
+            scope = self.contexts[routine].scope
+            self.bodies[routine] = form.Body(
+                nodes=lowered(routine.body, scope),
+                handlers=tuple(lowered(handler, scope) for handler in routine.handlers),
+                size=1 + sum(1 for _ in nested(routine.body)),
+            )
+        return self.bodies[routine]
+
+    def name(self, routine: Routine) -> str:
+        """Name of a routine."""
+        return routine.name.text
+
+    def walk(self, routine: Routine, inside: tuple[Routine, ...]) -> "_Walk":
+        """A pass through a routine; see `form.Flow.walk`."""
+        context = self.contexts[routine]
+        resumes = any(moves(handler, context.scope) for handler in routine.handlers)
+        return _Walk(flow=self, routine=routine, inside=inside, context=context, resumes=resumes)
+
+    def anything(self, why: str) -> State:
+        """Where anything may hold."""
+        return State()
+
+    def start(self, routine: Routine) -> State:
+        """What holds where a routine begins that nothing calls; in main variables may have their declared values."""
+        if self.all_ways:
+            return self.called_anywhere(routine, "")
+        self._begin(routine)
+        return self.entered(routine, _start(self, self.contexts[routine]))
+
+    def called_anywhere(self, routine: Routine, why: str) -> State:
+        """What holds where a routine begins of which it is not followed how it is called."""
+        self._begin(routine)
+        return self.entered(routine, State())
+
+    def entered(self, routine: Routine, state: State) -> State:
+        """What holds at the start of a routine: variables of its own get their declared values there."""
+        context = self.contexts[routine]
+        return state.forgotten(own_symbols(context)).holding(initial_values(context, self.effects.volatile))
+
+    def found_all(self, routine: Routine) -> bool:
+        """Whether all motions of a routine were found."""
+        scope = self.contexts[routine].scope
+        return self.findings is None or all(
+            statement in self.findings.seen or not (is_read(statement, scope) or is_motion(statement, scope))
+            for statement in nested(routine.statements)
+            if isinstance(statement, Instruction)
+        )
+
+    def _begin(self, routine: Routine) -> None:
+        own = self.lent.get(routine)
+        self.values = Values(assigned={**own, **self.declared.assigned}) if own else self.declared
+
+
+@dataclass(eq=False, kw_only=True)
+class _Walk(form.Walk[State, Routine]):
+    """One pass through a routine."""
+
+    SCOUTS = 0
+
+    flow: Flow  # pyright: ignore[reportIncompatibleVariableOverride]
+    context: Context
+    resumes: bool
+    """An error handler may move the robot and then resume anywhere."""
+
+    @property
+    def nowhere(self) -> State:
+        """Where control does not come."""
+        return NOWHERE
+
+    def between(self, state: State) -> State:
+        """What holds where an error handler may have moved the robot."""
+        return replace(state, last=None, reached=True) if self.resumes else state
+
+    def at_error(self, entry: State) -> State:
+        """What holds where an error handler begins."""
+        return replace(entry, last=None).forgotten(self.flow.effects.of_routine[self.routine])
+
+    def unknown(self, line: Line, state: State) -> State:
+        """What holds behind a label, or text that was not understood."""
+        self.flow.anywhere.update(called([line.statement], line.scope))
+        return self._lost(state)
+
+    def _lost(self, state: State) -> State:
+        """Where control may come from anywhere in the routine: what nothing ever changes still holds."""
+        changes = self.flow.effects.changes
+        parameters = {s for s in state.variables if (s.parameter_of, s.name.lower()) in changes.parameters}
+        return replace(state, last=None, reached=True).forgotten(changes.assigned.keys() | parameters | {SOFT})
+
+    # Conditions, and loops that count.
+
+    def asked(self, line: Line, state: State) -> State:
+        """What holds behind the functions in the expressions of a statement."""
+        match line.statement:
+            case Branches() | Loop():
+                expressions = line.statement.conditions
+            case Assignment():
+                expressions = (line.statement.value,)
+            case Leave() if line.statement.value is not None:
+                expressions = (line.statement.value,)
+            case _:
+                return state
+        moving = any(calls(expression, line.scope) for expression in expressions)
+        if not moving and not any(map(returns_values, expressions)):
+            return state
+        self.flow.anywhere.update(called([line.statement], line.scope))
+        state = state.forgotten(self._changed_by(line))
+        return replace(state, last=None) if moving else state
+
+    def truth(self, condition: Condition, state: State) -> bool | None:
+        """Whether a condition holds; None where the text does not tell."""
+        expression, scope = condition
+        if self.flow.all_ways or expression is None:
+            return None
+        values = self.flow.values.at(state.variables)
+        try:
+            value = None if values.settable(expression, scope) else values.of(expression, scope)
+        except Unresolved:
+            return None
+        return value if isinstance(value, bool) else None
+
+    def reads_data(self, condition: Condition) -> bool:
+        """Whether a condition names any data."""
+        return condition.expression is not None and any(isinstance(p, Reference) for p in parts(condition.expression))
+
+    def widened(self, state: State, nodes: Sequence[form.Node], why: str) -> State:
+        """Where some lines may have changed all that they change."""
+        lines: list[Line] = list(form.lines_in(nodes))
+        state = state.forgotten(frozenset[Symbol]().union(*map(self._changed_by, lines)))
+        moving = any(moves([line.statement], line.scope) for line in lines)
+        return replace(state, last=None) if moving else state
+
+    def counts(self, loop: form.Loop, state: State) -> form.Counts | None:
+        """How a FOR counts; None where the text does not tell."""
+        line: Line = loop.line
+        assert isinstance(line.statement, Loop)
+        bounds, scope = line.statement.conditions, line.scope
+        values = self.flow.values.at(state.variables)
+        try:
+            if any(values.settable(bound, scope) for bound in bounds):
+                return None
+            first, last, *step = (values.number(bound, scope) for bound in bounds)
+        except Unresolved:
+            return None
+        by = step[0] if step else (1.0 if first <= last else -1.0)
+        return form.Counts(first=first, last=last, step=by) if by else None
+
+    def counting(self, loop: form.Loop, state: State, count: float | None) -> State:
+        """Where the counter of a FOR has a value; None for any."""
+        line: Line = loop.line
+        if line.counter is None:
+            return state
+        if count is None:
+            return state.forgotten([line.counter])
+        return state.holding({line.counter: AbstractValue(value=count)})
+
+    def _changed_by(self, line: Line) -> frozenset[Symbol]:
+        return self.flow.effects.of(line.statement, line.scope, self.context.file)
+
+    # Statements.
+
+    def step(self, line: Line, state: State) -> State:
+        """What holds behind an instruction or an assignment."""
+        match line.statement:
+            case Instruction():
+                return self._instruction(line.statement, line, state)
+            case Assignment():
+                return self._assignment(line.statement, line, state)
+            case _:
+                return state
+
+    def _assignment(self, assignment: Assignment, line: Line, state: State) -> State:
+        state = self.asked(Line(assignment, line.scope), state)
+        values = self.flow.values.at(state.variables)
+        return after_assignment(assignment, line.scope, state, values, self.flow.effects.volatile)
+
+    def _instruction(self, instruction: Instruction, line: Line, state: State) -> State:
+        key, scope, effects = instruction.name.key, line.scope, self.flow.effects
+        if is_read(instruction, scope):
+            number = self._resolve(instruction, scope, state)
+            state = state.forgotten(self._changed_by(line))
+            return replace(state, last=number if MOTION_FORMS[key].ends_there else None)
+        if key in scope.routines:
+            return self._call(instruction, line, state)
+        if (counted := counting(instruction)) is not None:
+            return self._assignment(counted, line, state)
+        if key in LEAVING:
+            return NOWHERE
+        if is_late(instruction, scope):
+            self.flow.anywhere.update(self.flow.contexts)
+            return self._lost(state)
+        if key != ONLY_EXTERNAL and is_motion(instruction, scope):
+            self._resolve(instruction, scope, state)
+        moved = key == ONLY_EXTERNAL or is_motion(instruction, scope) or moves([instruction], scope)
+        self.flow.anywhere.update(called([instruction], scope))
+        state = state.forgotten(self._changed_by(line))
+        if key in (SOFTENING, STIFFENING) and SOFT not in effects.volatile:
+            state = state.holding({SOFT: AbstractValue(value=key == SOFTENING)})
+        return replace(state, last=None) if moved else state
+
+    def _resolve(self, instruction: Instruction, scope: Scope, state: State) -> int | None:
+        findings = self.flow.findings
+        if findings is None or (self.flow.all_ways and instruction in findings.seen):
+            return None
+        return findings.resolve(instruction, scope, self.context, state, self.flow.values.at(state.variables))
+
+    def _call(self, instruction: Instruction, line: Line, state: State) -> State:
+        program, file, scope = self.flow, self.context.file, line.scope
+        routines = scope.routines[instruction.name.key]
+        asked = [a.value for a in instruction.arguments if a.value is not None]
+        if any(calls(node, scope) for node in asked):
+            program.anywhere.update(r for r in called([instruction], scope) if r is not routines[0])
+        changed = program.effects.of_arguments(instruction, scope, file)
+
+        def entry(routine: Routine) -> State:
+            values = program.values.at(state.variables)
+            passed = passed_arguments(instruction, program.contexts[routine], scope, file, values)
+            return program.entered(routine, state.forgotten(changed)).holding(dict(passed))
+
+        context = program.contexts[routines[0]]
+        hidden = context.routine is not None and context.routine.local and context.module is not self.context.module
+        followed = None if hidden else self.follow(routines, entry)
+        if followed is None:
+            program.anywhere.update(routines)
+            return replace(state.forgotten(self._changed_by(line)), last=None)
+        behind, _ = followed
+        return behind.forgotten(changed | own_symbols(context))
+
+
+# The motions that were found in a RAPID program, each with all the ways that lead to it.
+
+
+@dataclass(eq=False, kw_only=True)
+class Findings(form.Findings[Instruction, Motion]):
+    """Resolves motions, and keeps what comes of it."""
+
+    settings: Settings
+    files: Sequence[File]
+    soft: dict[Instruction, File] = field(default_factory=dict[Instruction, File])
+    """Motions in which a servo may give way."""
+
+    def resolve(
+        self, instruction: Instruction, scope: Scope, context: Context, state: State, values: Values
+    ) -> int | None:
+        """Resolve a motion; says its number, or None where that could not be done."""
+        name = context.routine.name.text if context.routine else ""
+        try:
+            if not is_read(instruction, scope):
+                raise Unresolved("this motion is not read")
+            motion = resolve(instruction, scope, context.file, replace(self.settings, values=values), name)
+        except Unresolved as reason:
+            self.fail(instruction, context.file, str(reason))
+            return None
+        if self.settings.soft and (SOFT not in state.variables or state.variables[SOFT].value is True):
+            self.soft[instruction] = context.file
+        move = motion.move
+        meaning = (
+            instruction, *_meaning(motion.end), *(_meaning(motion.via) if motion.via else ()), move.tool.name,
+            move.tool.T.tobytes(), move.part.name, move.part.T.tobytes(), move.part_in_hand, move.carrier, move.speed,
+            move.turn_speed, move.stops, move.zone,
+        )  # fmt: skip
+        return self.number(instruction, motion, meaning, state.last)
+
+    def motions(self) -> list[Motion]:
+        """All that can be rewritten, in the order of the text."""
+        order = {id(file): i for i, file in enumerate(self.files)}
+        file_of = {found.text: order[id(found.motion.file)] for found in self.occurrences}
+        found = self.ordered(lambda found: not self._is_torn(found.motion), lambda text: (file_of[text], text.start))
+        # those of calls that nobody could follow count, too
+        return [
+            following(one.motion, one.follows, self.settings, one.same_text + (one.motion.instruction in self.reasons))
+            for one in found
+        ]
+
+    def _is_torn(self, motion: Motion) -> bool:
+        """Whether a motion's own text would have to change, while on other ways nobody knows where it leads."""
+        if motion.instruction not in self.reasons:
+            return False
+        return any(target.passed is None for target in (motion.end, motion.via) if target is not None)
+
+    def diagnostics(self, motions: Iterable[Motion]) -> Iterator[Diagnostic]:
+        """Why motions stay as they are, on all ways or on some."""
+        partly = {motion.instruction for motion in motions}
+        for instruction, (file, reason) in self.reasons.items():
+            where = " in some calls" if instruction in partly else ""
+            text = f"{instruction.name.text} stays as it is{where}: {reason}"
+            yield Diagnostic(place=file.source.place(instruction.start), text=text)
+        for instruction, file in self.soft.items():
+            text = (
+                f"a servo may be soft here ({self.settings.soft}): the robot gives way, and the tool is not where the program "
+                "says; corrected as if it were stiff"
+            )
+            yield Diagnostic(place=file.source.place(instruction.start), text=text)
+
+
+def _meaning(target: TargetArgument) -> tuple[object, ...]:
+    origin = None if target.origin is None else (target.origin.symbol, target.origin.path)
+    return (target.argument, origin, target.shifted, target.meant, target.external, target.read_at)
+
+
+# Where a RAPID program begins, and what holds there.
+
+
+def follow_program(everywhere: Sequence[Context], effects: Effects, values: Values, findings: Findings) -> None:
+    """Go through a program from each routine that nothing calls, and find its motions."""
+    contexts = {context.routine: context for context in everywhere if context.routine is not None}
+    size = sum(1 for routine in contexts for _ in nested(routine.statements))
+    flow = Flow(
+        everywhere=everywhere, contexts=contexts, effects=effects, declared=values, values=values, findings=findings,
+        lent=_lent(contexts, effects), left=MAX_PASSES * size + MIN_LINES,
+    )  # fmt: skip
+    routines = tuple(contexts)
+    roots = _roots(contexts)
+    flow.follow(routines, roots)
+    findings.close()
+    flow.follow_rest(routines, roots)
+
+
+def _lent(contexts: Mapping[Routine, Context], effects: Effects) -> dict[Routine, dict[Symbol, str]]:
+    """Tools and work objects that are given to routines that are not in the files, on any way that leads through a routine.
+
+    They may be changed there, and stay so when the way is gone again. A routine that nothing in the files calls is a program of
+    its own, such as one by which an operator calibrates a tool: the others start from what the files declare.
+    """
+    own = effects.changes.lent
+    if not own:
+        return {}
+    calls = {routine: may_call(routine.statements, context.scope) for routine, context in contexts.items()}
+    if any(ANY_ROUTINE in others for others in calls.values()):
+        calls[ANY_ROUTINE] = frozenset(contexts)
+    within = with_called({r: (frozenset(own.get(r, {}).items()), others) for r, others in calls.items()})
+    callers: dict[Routine, set[Routine]] = {routine: set() for routine in calls}
+    for routine, others in calls.items():
+        for other in others:
+            callers[other].add(routine)
+    given = with_called({routine: (within[routine], frozenset(ways)) for routine, ways in callers.items()})
+    return {routine: dict(sorted(lent, key=lambda one: one[1])) for routine, lent in given.items()}
+
+
+def _roots(contexts: Mapping[Routine, Context]) -> frozenset[Routine]:
+    """Routines that nothing calls, and those that are called from elsewhere as well: traps and functions."""
+    own = frozenset(
+        other
+        for routine, context in contexts.items()
+        for other in called(routine.statements, context.scope)
+        if other is not routine
+    )
+    return frozenset(r for r in contexts if r not in own or r.kind != "proc" or r.name.key == MAIN)
+
+
+def _start(flow: Flow, context: Context) -> State:
+    """What holds where a root begins: in main the declared values of variables, if it leaves them as they were.
+
+    A controller declares variables anew where the program pointer is moved to main, and keeps them where main begins again
+    behind its end.
+    """
+    routine, effects = context.routine, flow.effects
+    assert routine is not None
+    softened = any(SOFT in changed for changed in effects.of_routine.values()) and SOFT not in effects.volatile
+    stiff = {SOFT: AbstractValue(value=False)} if softened else {}
+    if routine.name.key != MAIN:
+        return State(variables=stiff)
+    fresh = {
+        symbol: value
+        for context in flow.everywhere
+        if context.routine is None
+        for symbol, value in initial_values(context, effects.volatile).items()
+    } | stiff
+    start = State(variables=fresh)
+    quiet = replace(flow, findings=None, anywhere=set[Routine]())
+    while start.variables:
+        behind, _ = quiet.through(routine, quiet.entered(routine, start))
+        if not behind.reached:
+            return start
+        again = start.joined([behind], "")
+        if len(again.variables) >= len(start.variables):
+            return start
+        start = State(variables={s: value for s, value in start.variables.items() if s in again.variables})
+    return start
+
+
+# From the files of a RAPID program to its motions.
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)

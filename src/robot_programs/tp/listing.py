@@ -10,9 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from robot_programs.core import se3
-from robot_programs.core.arm_bends import arm_bends
 from robot_programs.core.program import THROUGH_TARGET, Unresolved, Zone, angles, rotation
-from robot_programs.core.robot import Robot
+from robot_programs.core.robot import Robot, arm_bends
 from robot_programs.core.source import Edit, Source, numeral, renumbered
 
 # Stretches of a text, each from behind a mark to the next one.

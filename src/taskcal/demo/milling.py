@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core.source import Source
-from robot_programs.rapid.targets import Configuration
+from robot_programs.rapid.resolve import Configuration
 from robot_programs.rapid.values import quaternion_texts, real
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture

@@ -9,7 +9,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 
-from robot_programs.core.zip_file import ZipEntry, ZipKind, open_zip
+from robot_programs.core.files import ZipEntry, ZipKind, open_zip
 from taskcal.errors import TaskcalError, shown
 from taskcal.robot.importers.urdf_visuals import read_looks
 from taskcal.studio.project import (

@@ -7,7 +7,7 @@ from datetime import date, datetime, time
 from pathlib import Path
 from typing import Any
 
-from robot_programs.core.zip_file import ZipKind, open_zip
+from robot_programs.core.files import ZipKind, open_zip
 from taskcal.errors import FileError, UnknownName, shown
 from taskcal.tables.table import Cells, Sheet
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_programs.rapid.targets import Configuration
+from robot_programs.rapid.resolve import Configuration
 from robot_programs.reading import read_program
 from taskcal.correction.cell import Cell, Measured, write_cell
 from taskcal.demo.milling import milling_program

@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import given
 
-from robot_programs.apt.resolve import StatedFrames, stated_frame
+from robot_programs.apt.read import StatedFrames, stated_frame
 from robot_programs.apt.syntax import parse
 from taskcal.geometry import se3
 from tests.laws.robots import generators

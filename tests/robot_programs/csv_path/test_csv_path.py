@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_programs.core.program import Waypoint
 from robot_programs.core.source import Source
-from robot_programs.csv_path.table import parse_table
+from robot_programs.csv_path.read import parse_table
 from taskcal.errors import FileError, TaskcalError
 from tests.laws.robots import generators
 from tests.robot_programs.csv_path.generator import generate

@@ -6,8 +6,8 @@ from hypothesis import given
 
 from robot_programs.core.program import Frame, Move, Target
 from robot_programs.core.source import Place
-from robot_programs.krl.compose import compose_krl
 from robot_programs.krl.read import read_krl
+from robot_programs.krl.rewrite import compose_krl
 from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel

@@ -6,9 +6,9 @@ from hypothesis import given
 
 from robot_programs.core.program import Frame, Move, Target
 from robot_programs.core.source import Place
-from robot_programs.rapid.compose import LONGEST_LINE, compose_rapid
 from robot_programs.rapid.read import read_rapid
-from robot_programs.rapid.targets import Configuration
+from robot_programs.rapid.resolve import Configuration
+from robot_programs.rapid.rewrite import LONGEST_LINE, compose_rapid
 from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import load_robot
 from tests.laws.chains import rigid

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_programs.rapid.targets import Configuration
+from robot_programs.rapid.resolve import Configuration
 from taskcal.kinematics.inverse import find_postures
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel

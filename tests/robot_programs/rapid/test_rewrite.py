@@ -8,7 +8,7 @@ from hypothesis import given
 from robot_programs.core.program import Waypoint
 from robot_programs.core.source import Source
 from robot_programs.rapid.read import read_rapid
-from robot_programs.rapid.targets import Configuration
+from robot_programs.rapid.resolve import Configuration
 from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import load_robot
 from tests.laws.robots import generators

@@ -5,7 +5,7 @@ import pytest
 
 from robot_programs.core.program import Frame, Unresolved
 from robot_programs.tp.listing import read_variables
-from robot_programs.tp.resolve import Frames, world_in_base
+from robot_programs.tp.read import Frames, world_in_base
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.robot.catalogue import load_robot
