@@ -11,9 +11,9 @@ from taskcal.estimation.least_squares import fit
 from taskcal.identification.batch import fit_together
 from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
-from taskcal.identification.layout import BASE_PRIOR, TARGET_PRIOR, layout_of, problem_of
+from taskcal.identification.layout import BASE_PRIOR, TARGET_PRIOR, layout_of
 from taskcal.identification.options import FitOptions
-from taskcal.identification.problem import Problem, whitener
+from taskcal.identification.problem import Problem, problem_of, whitener
 from taskcal.identification.validation import validate
 from taskcal.kernels import walk
 from taskcal.registration.registration import register

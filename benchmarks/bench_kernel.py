@@ -7,9 +7,10 @@ import pytest
 
 from benchmarks import plain_walk
 from benchmarks.hand_written import HandWritten, MeasuredPoints, build
-from taskcal.identification.problem import FrameLayout, Problem, observe, whitener
+from taskcal import observations
+from taskcal.identification.layout import Layout
+from taskcal.identification.problem import Problem, Seen, whitener
 from taskcal.kernels.chain import ErrorFrame, Fixed
-from taskcal.kernels.normal_equations import normal_equations
 from taskcal.registration.registration import Registration
 from taskcal.virtual.cell import TRACKER_POSE, draw_defects, simulate
 
@@ -98,7 +99,7 @@ class Points:
     whitener: np.ndarray
 
     def streamed(self) -> tuple[float, np.ndarray, np.ndarray]:
-        return normal_equations(self.problem.walked(self.z), self.problem.seen, self.whitener)
+        return self.problem.rows(self.z).equations(self.whitener)
 
     def agrees(self, cost: float, g: np.ndarray, H: np.ndarray) -> None:
         """With the streamed normal equations, each element by the size of its columns."""
@@ -116,10 +117,14 @@ def points(model, joints, x):
         here = Registration(
             T_tracker_base=TRACKER_POSE, T_tool_target=np.eye(4)[None], rms=0.0, unobservable=np.zeros((3, 3))
         )
-        layout = FrameLayout(
-            model=model, kept=np.arange(len(model)), registration=here, targets=campaign.targets, pose=False
+        layout = Layout(
+            model=model,
+            kept=np.arange(len(model)),
+            registration=here,
+            targets=campaign.targets,
+            kinds=(observations.Point(),),
         )
-        problem = Problem(frames=layout, q=campaign.q, seen=observe(campaign), noise=campaign.covariances())
+        problem = Problem(layout=layout, q=campaign.q, seen=Seen.of(campaign, layout), noise=campaign.covariances())
         z = layout.start()
         z[: len(x)] = x
         return Points(problem=problem, z=z, whitener=whitener(problem.noise))

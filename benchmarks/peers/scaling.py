@@ -16,8 +16,8 @@ from threadpoolctl import threadpool_limits
 import taskcal as tc
 from benchmarks.peers.cases import REFLECTOR, chain_model
 from taskcal.campaigns.campaign import Campaign
-from taskcal.identification.layout import layout_of, problem_of
-from taskcal.identification.problem import FrameLayout, whitener
+from taskcal.identification.layout import Layout, layout_of
+from taskcal.identification.problem import problem_of, whitener
 from taskcal.registration.registration import register
 from taskcal.robot.error_model import ErrorModel
 
@@ -43,7 +43,7 @@ class Passes:
         q = self.rng.uniform(*0.25 * self.model.robot.limits.T, size=(n, len(self.model.robot.limits)))
         return tc.simulate(self.model, q, rng=self.rng, targets={"smr": REFLECTOR})[0]
 
-    def layout(self) -> FrameLayout:
+    def layout(self) -> Layout:
         """All parameters, the tracker's frame and the target, from a registration of few rows."""
         few = self.campaign(100)
         return layout_of(self.model, np.arange(len(self.model)), register(self.model, few), few, fixed=False)

@@ -71,7 +71,7 @@ def test_residuals_on_a_campaign_are_what_was_measured_less_what_is_predicted(ki
     else:
         np.testing.assert_allclose(ends[:, 0], predicted, atol=1e-15)
         # the instrument's rotations may be turned against the axes of its positions
-        seen = Rotation.from_rotvec(found.layout.turn(found.z)).as_matrix() @ predicted[:, :3, :3]
+        seen = Rotation.from_rotvec(found.layout.unknowns(found.z)[0]).as_matrix() @ predicted[:, :3, :3]
         turned = Rotation.from_rotvec(tracker[:, 0, 3:]).as_matrix() @ seen
         np.testing.assert_allclose(turned, unseen.rotations, atol=1e-12)
     for part in range(0, tracker.shape[2], 3):

@@ -8,19 +8,23 @@ from taskcal.estimation.prior import GaussianPrior, Huber, Squared
 from taskcal.identification.calibration import load_calibration
 from taskcal.identification.identify import identify
 from taskcal.identification.layout import frame_precision
-from taskcal.identification.problem import observe
-from taskcal.kernels.covariance import propagate
+from taskcal.identification.problem import Rows, Seen
 from taskcal.registration.registration import register
 from tests.identification.arms import KINDS, arm, defects
 from tests.laws.campaigns import measure
 from tests.laws.robots import industrial_positions
 
 
+def residuals(layout, campaign, z):
+    at = layout.walked(campaign.q, z)
+    return Rows(layout, z, at, Seen.of(campaign, layout)).propagate(np.zeros((len(z),) * 2))[0]
+
+
 def dense_jacobian(layout, campaign, z):
     """∂(predicted)/∂z of every block by central differences, rotations as the residual has them: (n, targets, b, z)."""
 
     def residual(z):
-        return propagate(layout.walked(campaign.q, z), observe(campaign), np.zeros((len(z),) * 2))[0]
+        return residuals(layout, campaign, z)
 
     steps = 1e-6 * np.eye(len(z))
     return np.stack([(residual(z - h) - residual(z + h)) / 2e-6 for h in steps], axis=-1)
@@ -106,7 +110,7 @@ def test_what_is_not_estimated_is_considered_as_an_independent_calculation_does(
     tracker = campaign.covariances(None)[valid]
     blocks = np.arange(len(tracker) * b).reshape(-1, b)
 
-    left = propagate(layout.walked(campaign.q, found.z), observe(campaign), np.zeros((len(found.z),) * 2))[0][valid]
+    left = residuals(layout, campaign, found.z)[valid]
     own_noise = tracker + np.diag(np.repeat(np.square(reduced.model_error), 3))
     weights = loss.weights(np.sqrt(np.einsum("ni,nij,nj->n", left, np.linalg.inv(own_noise), left) / b))
     assert isinstance(loss, Squared) or 0 < (weights < 1.0).sum() < len(weights)

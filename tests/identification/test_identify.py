@@ -8,8 +8,9 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FitError, UnknownName
 from taskcal.estimation.prior import Cauchy, Huber, Squared
 from taskcal.identification.identify import identify
-from taskcal.identification.layout import BASE_PRIOR, TARGET_PRIOR, TURN_PRIOR
+from taskcal.identification.layout import BASE_PRIOR, TARGET_PRIOR
 from taskcal.observations.base import TrackerNoise
+from taskcal.observations.pose import TURN_PRIOR
 from taskcal.registration.registration import Registration, register
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import COMPONENTS, ErrorModel

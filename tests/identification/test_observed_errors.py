@@ -6,7 +6,7 @@ from scipy.linalg import eigh
 
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
-from taskcal.identification.calibration import covariance_by_kind, load_calibration, residuals_by_kind, unknowns_of
+from taskcal.identification.calibration import covariance_on, load_calibration, residuals_on, unknowns_of
 from taskcal.identification.holdout import with_held_out
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import examine, validate
@@ -33,7 +33,7 @@ def test_the_robot_is_found_without_a_tracker_and_without_a_guess(kind):
     assert not calibration.left_out
     sized = not campaign.observations[0].tells_scale
     assert tool_error(calibration, truth, sized=sized) < 0.15 * tool_error(nominal, truth, sized=sized)
-    residual = residuals_by_kind(calibration, campaign)
+    residual = residuals_on(calibration, campaign)
     np.testing.assert_allclose(residual[campaign.valid], calibration.residuals[campaign.valid], atol=1e-12)
     np.testing.assert_array_equal(np.isnan(residual[..., 0]), ~campaign.valid)
 
@@ -180,8 +180,8 @@ def test_the_stated_covariance_is_that_of_the_errors_over_many_robots():
         model, campaign, _ = observed("socket", 100 + seed, rows=60)
         calibration = identify(model, campaign.take(np.arange(50)), gross_errors="keep")
         rest = campaign.take(np.arange(50, 60))
-        C = covariance_by_kind(calibration, rest) + rest.covariances()
-        r = residuals_by_kind(calibration, rest)
+        C = covariance_on(calibration, rest) + rest.covariances()
+        r = residuals_on(calibration, rest)
         squares.append(np.einsum("nti,ntij,ntj->nt", r, np.linalg.inv(C), r).ravel())
     assert 2.4 < np.mean(np.concatenate(squares)) < 3.8
 

@@ -10,7 +10,7 @@ import pytest
 
 from taskcal.kernels import compiled, kernel_cache, normal_equations
 from taskcal.kernels.chain import Chain
-from taskcal.kernels.observations import Observations, Points, Walked
+from taskcal.kernels.observations import Points, SeenPoints, Walked
 from taskcal.kernels.walk import Columns
 
 NOTHING = np.empty(0, dtype=np.int64)
@@ -167,7 +167,7 @@ def test_a_new_cache_is_cold_and_warm_once_a_fit_has_been_compiled(sources, monk
     kernel_cache.cache_folder.cache_clear()
     normal_equations.normal_equations(
         Walked(Chain.of([]), np.empty((1, 0)), np.empty((0, 6)), NO_COLUMNS, np.empty((1, 0)), AT_THE_END),
-        Observations(np.zeros((1, 1, 3)), None, np.ones((1, 1), dtype=bool)),
+        SeenPoints(np.zeros((1, 1, 3)), np.ones((1, 1), dtype=bool)),
         np.eye(3)[None, None],
     )
     assert kernel_cache.is_warm()

@@ -6,9 +6,8 @@ import numpy as np
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from taskcal.geometry import se3
 from taskcal.kernels.chain import Chain, ErrorFrame, Fixed, Joint, Step
-from taskcal.kernels.observations import Observations, Points, Walked
+from taskcal.kernels.observations import Points, SeenPoints, Walked
 from taskcal.kernels.walk import Columns
 from tests.laws import plain
 from tests.laws.robots import generators
@@ -95,10 +94,10 @@ class MeasuredCase:
     factor: np.ndarray
     """(n, pairs): ∂s/∂z."""
     point_slots: np.ndarray
-    """(targets, 3): entry of z, −1 where held; of a pose, for the turn of what was measured."""
+    """(targets, 3): entry of z, −1 where held."""
     offsets: np.ndarray
     """(targets, 3): held values."""
-    seen: Observations
+    seen: SeenPoints
 
     @property
     def e(self) -> np.ndarray:
@@ -121,11 +120,7 @@ class MeasuredCase:
             column=np.ascontiguousarray(self.pairs[:, 1]),
             count=len(self.z),
         )
-        held = _filled(self.point_slots, self.z, self.offsets)
-        points = Points(held, self.point_slots)
-        if self.seen.rotation is not None:
-            turn = se3.exp(held[0])
-            points = Points(self.offsets, self.point_slots, turn, se3.left_jacobian(held[0]))
+        points = Points(_filled(self.point_slots, self.z, self.offsets), self.point_slots)
         return Walked(self.case.chain, self.s, self.e, layout, self.factor, points)
 
     def residual(self, row: int, target: int, z: np.ndarray) -> np.ndarray:
@@ -135,13 +130,8 @@ class MeasuredCase:
         for k, (joint, column) in enumerate(self.pairs):
             s[joint] += self.factor[row, k] * z[column]
         T = self.case.pose(row, e, s)
-        free = _filled(self.point_slots[target], z, self.offsets[target])
-        point = free if self.seen.rotation is None else self.offsets[target]
-        r = self.seen.position[row, target] - (T[:3, :3] @ point + T[:3, 3])
-        if self.seen.rotation is None:
-            return r
-        turned = plain.rotation_of(free) @ T[:3, :3]
-        return np.concatenate([r, plain.rotation_vector(self.seen.rotation[row] @ turned.T)])
+        point = _filled(self.point_slots[target], z, self.offsets[target])
+        return self.seen.position[row, target] - (T[:3, :3] @ point + T[:3, 3])
 
     def blocks(self) -> list[tuple[int, int, np.ndarray, np.ndarray]]:
         """Row, target, residual and derivative of the prediction of every block that was seen."""
@@ -153,16 +143,14 @@ class MeasuredCase:
 
 
 @st.composite
-def measured(draw: st.DrawFn, poses: int = 4, pose: bool | None = None) -> MeasuredCase:
-    """Random chains measured as points of several targets, or as poses, with lost beams."""
+def measured(draw: st.DrawFn, poses: int = 4) -> MeasuredCase:
+    """Random chains measured as points of several targets, with lost beams."""
     case = draw(chains(poses=poses))
-    as_pose = draw(st.booleans()) if pose is None else pose
-    targets = 1 if as_pose else draw(st.integers(1, 3))
+    targets = draw(st.integers(1, 3))
     pair_count = draw(st.integers(0, 4)) if case.s.shape[1] else 0
     rng = draw(generators)
-    frames = len(case.e)
-    slots = np.where(rng.random((frames, 6)) < 0.7, 0, -1)
-    point_slots = np.where(rng.random((targets, 1 if as_pose else 3)) < 0.7, 0, -1) * np.ones((1, 3), dtype=np.int64)
+    slots = np.where(rng.random((len(case.e), 6)) < 0.7, 0, -1)
+    point_slots = np.where(rng.random((targets, 3)) < 0.7, 0, -1)
     frame_count, point_count = int((slots == 0).sum()), int((point_slots == 0).sum())
     # several joint-side pairs may share a column
     shared = int(rng.integers(1, pair_count + 1)) if pair_count else 0
@@ -174,22 +162,10 @@ def measured(draw: st.DrawFn, poses: int = 4, pose: bool | None = None) -> Measu
     if pair_count:
         pairs[:, 0] = rng.integers(case.s.shape[1], size=pair_count)
         pairs[:, 1] = np.concatenate([tail, rng.choice(tail, pair_count - shared)])
-    z = rng.normal(scale=0.3, size=len(order))
-    unseen = MeasuredCase(
-        case=case, z=z, slots=slots, pairs=pairs, factor=rng.normal(size=(poses, pair_count)), point_slots=point_slots,
-        offsets=np.zeros((targets, 3)) if as_pose else rng.normal(size=(targets, 3)),
-        seen=Observations(np.zeros((poses, targets, 3)), None, np.ones((poses, targets), dtype=bool)),
-    )  # fmt: skip
-    rotation = None
-    if as_pose:
-        predicted = np.array([case.pose(i, unseen.e, unseen.s[i])[:3, :3] for i in range(poses)])
-        angle = rng.choice([1e-6, 1e-3, 0.5, 2.5])
-        axis = rng.normal(size=(poses, 3))
-        turned = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis, axis=1, keepdims=True)).as_matrix()
-        rotation = turned @ plain.rotation_of(_filled(point_slots, z, unseen.offsets)[0]) @ predicted
+    z, factor = rng.normal(scale=0.3, size=len(order)), rng.normal(size=(poses, pair_count))
     valid = rng.random((poses, targets)) < 0.8
     position = np.where(valid[..., None], rng.normal(size=(poses, targets, 3)), np.nan)
     return MeasuredCase(
-        case=case, z=z, slots=slots, pairs=pairs, factor=unseen.factor, point_slots=point_slots, offsets=unseen.offsets,
-        seen=Observations(position, rotation, valid),
+        case=case, z=z, slots=slots, pairs=pairs, factor=factor, point_slots=point_slots,
+        offsets=rng.normal(size=(targets, 3)), seen=SeenPoints(position, valid),
     )  # fmt: skip

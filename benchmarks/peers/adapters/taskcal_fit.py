@@ -7,8 +7,8 @@ from protocol import Fitted, main
 
 import taskcal as tc
 from taskcal.estimation.least_squares import fit
-from taskcal.identification.layout import layout_of, problem_of
-from taskcal.identification.problem import whitener
+from taskcal.identification.layout import layout_of
+from taskcal.identification.problem import problem_of, whitener
 from taskcal.registration.registration import register
 
 

@@ -18,7 +18,7 @@ from taskcal.correction.path import Segments
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
-from taskcal.kernels import walk
+from taskcal.identification.problem import Rows
 from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import COMPONENTS, ErrorModel
@@ -263,9 +263,8 @@ def _target_twists(
     calibration: Calibration, measured: Measured, q: Float[np.ndarray, "n joints"], conditions: Conditions | None
 ) -> Float[np.ndarray, "n 6 z"]:
     """Of a frame that is known in the measured target's."""
-    at = calibration.layout.walked(q, calibration.z, calibration.model.prepare(q, conditions))
-    J = walk.columns(at.chain, at.s, at.e, at.layout, at.factor, angular=True)
-    target = calibration.target_poses(q)[:, 0]
+    targets = Rows.of_targets(calibration.layout, calibration.z, q, calibration.model.prepare(q, conditions))
+    J, target = targets.linearise().by_entry, calibration.target_poses(q)[:, 0]
     offset = np.zeros(3) if measured.in_target is None else measured.in_target[:3, 3]
     return se3.carry(J, target[:, :3, :3] @ offset)
 

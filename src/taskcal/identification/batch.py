@@ -22,16 +22,17 @@ from taskcal.estimation.prior import GaussianPrior, Squared
 from taskcal.geometry import se3
 from taskcal.identification.calibration import tells_nothing
 from taskcal.identification.hyperparameters import LINEAR_WITHIN, MANY, MAX_ROUNDS
-from taskcal.identification.layout import UNOBSERVABLE_PRIOR, belief_of, frame_precision
+from taskcal.identification.layout import UNOBSERVABLE_PRIOR, Layout, frame_precision, prior_of
 from taskcal.identification.options import FitOptions
-from taskcal.identification.problem import MOST_NUMBERS, FrameLayout
+from taskcal.identification.problem import MAX_CACHED_NUMBERS, Rows
 from taskcal.kernels.chunks import in_chunks
 from taskcal.kernels.closure import coordinate_room
-from taskcal.kernels.covariance import keep_room, propagate
+from taskcal.kernels.covariance import keep_room
 from taskcal.kernels.fit import CONVERGED, UNTOUCHED, Campaigns, Fits, Model, Rooms, Search, search_robots
 from taskcal.kernels.lanes import LANES
 from taskcal.kernels.observations import allocate_points
 from taskcal.kernels.products import allocate_products
+from taskcal.observations import Point
 from taskcal.observations.base import UNMEASURED, TrackerNoise
 from taskcal.registration.registration import Registration
 from taskcal.registration.together import Registrations, register_together
@@ -47,7 +48,7 @@ ROBOTS = 64
 class Estimate:
     """What a campaign says of a robot, without what only a report of it needs."""
 
-    layout: FrameLayout
+    layout: Layout
     z: Float[np.ndarray, " z"]
     """All parameters, tracker frame and target, in the order of the layout's names."""
     z_covariance: Float[np.ndarray, "z z"]
@@ -81,8 +82,7 @@ class Estimate:
 
     def predict_covariance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n targets 3 3"]:
         """Covariance of the target's true position about the predicted one, metres², as of `Calibration.predict_covariance`."""
-        at = self.layout.walked(q, self.z)
-        _, covariance = propagate(at, self.layout.nowhere(at, self.z), self.z_covariance)
+        _, covariance = Rows.of_targets(self.layout, self.z, q).propagate(self.z_covariance)
         return covariance + self.model_error[0] ** 2 * np.eye(3)
 
     def tool_in_base(
@@ -156,7 +156,7 @@ def _is_small(model: ErrorModel, campaign: Campaign) -> bool:
         check_rows(campaign)
     except CampaignError:
         return False
-    return len(campaign) <= MANY and 9 * len(campaign) * (len(model) + 9) <= MOST_NUMBERS
+    return len(campaign) <= MANY and 9 * len(campaign) * (len(model) + 9) <= MAX_CACHED_NUMBERS
 
 
 def _fit_alike(model: ErrorModel, campaigns: Sequence[Campaign], options: FitOptions) -> list[Estimate | None]:
@@ -182,21 +182,21 @@ def _noise(
     return np.stack([one.covariances(options.noise) for one in campaigns])
 
 
-def _layout(model: ErrorModel, frames: Registrations, i: int, targets: tuple[str, ...]) -> FrameLayout:
+def _layout(model: ErrorModel, frames: Registrations, i: int, targets: tuple[str, ...]) -> Layout:
     registration = Registration(
         T_tracker_base=frames.T_tracker_base[i],
         T_tool_target=se3.translation(*frames.target[i])[None],
         rms=0.0,
         unobservable=frames.unobservable[i],
     )
-    return FrameLayout(model=model, kept=np.arange(len(model)), registration=registration, targets=targets, pose=False)
+    return Layout(model=model, kept=np.arange(len(model)), registration=registration, targets=targets, kinds=(Point(),))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Fitting:
     """Everything of a compiled search over many robots."""
 
-    first: FrameLayout
+    first: Layout
     """Of the first robot; those of the others differ in their registrations."""
     frames: Registrations
     options: FitOptions
@@ -313,30 +313,29 @@ class _Fitting:
         )
 
 
-def _frame_precisions(first: FrameLayout, frames: Registrations) -> Float[np.ndarray, "robots f f"]:
+def _frame_precisions(first: Layout, frames: Registrations) -> Float[np.ndarray, "robots f f"]:
     """Of every robot, from that of the first: they differ in the directions that the poses do not tell."""
     out = np.tile(frame_precision(first), (len(frames.unobservable), 1, 1))
     out[:, 6:, 6:] += (frames.unobservable - frames.unobservable[0]) / UNOBSERVABLE_PRIOR**2
     return out
 
 
-def _model(layout: FrameLayout, options: FitOptions) -> Model:
+def _model(layout: Layout, options: FitOptions) -> Model:
     """What the robots have in common, as the compiled pass takes it."""
-    model, belief = layout.model, belief_of(layout, options.prior)
+    model, prior = layout.model, prior_of(layout, options.prior)
     # the tracker's frame is never the identity here, which a chain would leave out
     moved = replace(layout.registration, T_tracker_base=se3.translation(1.0, 1.0, 1.0))
     chain, robot = replace(layout, registration=moved).chain, model.robot
     joint_side = JointSide(joint_map=robot.joint_map, four_bar=robot.four_bar)
-    assert belief.prior is not None
+    assert prior.parameters is not None
     return Model(
         steps=chain.steps,
         drive=joint_side.drive,
         loop=joint_side.loop_numbers(np.zeros(3)),
         lengths=np.array([i for i, name in enumerate(model.names) if name in FourBarDrive.names], dtype=np.int64),
-        wanted=joint_side.wanted(np.ones(len(layout.layout.joint), dtype=bool)),
-        layout=layout.layout.arrays,
+        wanted=joint_side.wanted(np.ones(len(layout.columns.joint), dtype=bool)),
+        layout=layout.columns.arrays,
         point_columns=layout.point_columns,
-        not_turned=np.eye(3),
-        believed=np.diag(belief.prior.covariance).copy(),
-        sizes=np.concatenate([belief.sizes, np.full(9, 1e-3)]),
+        believed=np.diag(prior.parameters.covariance).copy(),
+        sizes=prior.scale,
     )

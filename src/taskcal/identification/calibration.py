@@ -4,7 +4,7 @@ import base64
 import binascii
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -20,16 +20,13 @@ from taskcal.geometry import se3
 from taskcal.geometry.se3 import array_of, of_shape, rigid
 from taskcal.identification.calibration_format import FORMAT, FORMAT_VERSION, read_envelope
 from taskcal.identification.held_out import HeldOut, LeftOut, Outlier, shared_with_neighbours
-from taskcal.identification.layout import ObservationLayout
-from taskcal.identification.problem import FrameLayout, joint_columns, observe
+from taskcal.identification.layout import Layout
+from taskcal.identification.problem import Rows, Seen, joint_columns
 from taskcal.identification.provenance import Provenance
 from taskcal.io.files import write_whole
 from taskcal.io.toml_file import Finite, NotNegative, Section, explain
 from taskcal.kernels import walk
-from taskcal.kernels.chain import Chain, ErrorFrame, Fixed
-from taskcal.kernels.covariance import propagate
-from taskcal.kernels.observations import Points
-from taskcal.observations import Observation, block_size, kind_of
+from taskcal.observations import Observation, Point, Pose, block_size, kind_of
 from taskcal.registration.registration_file import RegistrationSection, describe_registration
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Effect, LinearTerm, effect_from
@@ -140,7 +137,7 @@ def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
         "pose": calibration.layout.pose,
         "observations": _describe_observations(calibration),
         "fixed_frames": calibration.layout.fixed_frames,
-        "turned": calibration.layout.turned,
+        "turned": calibration.layout.pose and not calibration.layout.fixed_frames,
         "registration": describe_registration(calibration.layout.registration),
         "names": list(calibration.all_names),
         "estimate": calibration.z.tolist(),
@@ -180,7 +177,7 @@ def _describe_held_out(held_out: "HeldOut") -> dict[str, Any]:
 def _describe_observations(calibration: "Calibration") -> list[dict[str, Any]]:
     """How each target was observed; none where a tracker measured all."""
     layout = calibration.layout
-    if not isinstance(layout, ObservationLayout):
+    if layout.tracked:
         return []
     unknowns = layout.unknowns(calibration.z)
     return [
@@ -300,7 +297,7 @@ def list_unknowns(calibration: "Calibration") -> list[dict[str, Any]]:
     Millimetres, milliradians, or parts per million, as the keys say; directions as they are.
     """
     layout = calibration.layout
-    if not isinstance(layout, ObservationLayout):
+    if layout.tracked:
         return []
     deviation = np.sqrt(np.maximum(np.diag(calibration.z_covariance), 0.0))
     out: list[dict[str, Any]] = []
@@ -356,11 +353,10 @@ def largest_correlations(calibration: "Calibration", count: int) -> list[tuple[s
     return [(names[i[k]], names[j[k]], float(correlation[i[k], j[k]])) for k in largest]
 
 
-# What a calibration says of observations of any kind: their residuals, and how sure it is of what it predicts of
-# them.
+# What a calibration says of a campaign: its residuals, and how sure it is of what it predicts of it.
 
 
-def residuals_by_kind(
+def residuals_on(
     calibration: "Calibration",
     campaign: Campaign,
     frame: Literal["tracker", "base"] = "tracker",
@@ -372,7 +368,7 @@ def residuals_by_kind(
     Args:
         calibration: of these targets.
         campaign: observations of them.
-        frame: whose axes the first three numbers are in.
+        frame: whose axes residuals are in, of kinds that measure along axes.
         settled: let what stands (sockets, anchors …) be where this campaign says, given the calibrated robot; else only what the
             calibration does not know of it.
 
@@ -380,20 +376,26 @@ def residuals_by_kind(
         CampaignError: a target that the calibration does not know.
         ClosureError: a closed loop cannot be assembled at some pose.
     """
+    kinds = observed_kinds(calibration, campaign)
     ends = calibration.target_poses(campaign.q, campaign.conditions)[:, calibration.rows_of(campaign.targets)]
-    unknowns = unknowns_of(calibration, campaign, settled=settled)
-    b = block_size(campaign.observations)
+    b = block_size(kinds)
     out = np.full((*campaign.valid.shape, b), np.nan)
-    R = calibration.T_tracker_base[:3, :3] if frame == "base" else np.eye(3)
-    for t, (kind, unknown) in enumerate(zip(campaign.observations, unknowns, strict=True)):
+    out[campaign.valid] = 0.0
+    for t, (kind, unknown) in enumerate(zip(kinds, unknowns_of(calibration, campaign, settled=settled), strict=True)):
         seen = campaign.valid[:, t]
         residual = kind.differentiate(ends[:, t], unknown, campaign.read(t)).residual[seen]
-        out[seen, t] = 0.0
         out[np.flatnonzero(seen)[:, None], t, kind.block()] = residual
-        if kind.along_axes:
-            for first in range(0, b, 3):
-                out[seen, t, first : first + 3] = out[seen, t, first : first + 3] @ R
+    if frame == "base":
+        along = np.array([kind.along_axes for kind in kinds])
+        for first in range(0, b, 3):
+            out[:, along, first : first + 3] = out[:, along, first : first + 3] @ calibration.T_tracker_base[:3, :3]
     return out
+
+
+def observed_kinds(calibration: "Calibration", campaign: Campaign) -> tuple[Observation, ...]:
+    """How each target of a campaign was observed; of a measured pose only the point where the calibration knows no rotation."""
+    one = Pose() if campaign.rotations is not None and calibration.layout.pose else Point()
+    return campaign.observations or (one,) * len(campaign.targets)
 
 
 def unknowns_of(
@@ -406,14 +408,13 @@ def unknowns_of(
         campaign: observations of them.
         settled: take all from the campaign's rows.
     """
-    numbers = calibration.rows_of(campaign.targets)
+    numbers, layout = calibration.rows_of(campaign.targets), calibration.layout
     ends = calibration.target_poses(campaign.q, campaign.conditions)[:, numbers]
     out: list[np.ndarray] = []
-    layout = calibration.layout
-    for t, kind in enumerate(campaign.observations):
-        known = np.full(len(kind.unknowns), np.nan)
-        if isinstance(layout, ObservationLayout) and layout.kinds[numbers[t]].key == kind.key:
-            known = kind.named_like(layout.kinds[numbers[t]], layout.unknowns(calibration.z)[numbers[t]])
+    for t, kind in enumerate(observed_kinds(calibration, campaign)):
+        known, own = np.full(len(kind.unknowns), np.nan), layout.kinds[numbers[t]]
+        if own.key == kind.key:
+            known = kind.named_like(own, layout.unknowns(calibration.z)[numbers[t]])
         if not settled and np.isfinite(known).all():
             out.append(known)
             continue
@@ -423,22 +424,22 @@ def unknowns_of(
     return tuple(out)
 
 
-def covariance_by_kind(calibration: "Calibration", campaign: Campaign) -> Float[np.ndarray, "n targets b b"]:
+def covariance_on(calibration: "Calibration", campaign: Campaign) -> Float[np.ndarray, "n targets b b"]:
     """Covariance of each observation about what the calibration predicts, its own noise not included.
 
     Raises:
         ClosureError: a closed loop cannot be assembled at some pose.
     """
     layout = calibration.layout
-    assert isinstance(layout, ObservationLayout)
+    if layout.tracked:
+        return calibration.predict_covariance(campaign.q, campaign.conditions)
     kinds = tuple(
         kind.numbered_like(layout.kinds[t])
         for kind, t in zip(campaign.observations, calibration.rows_of(campaign.targets), strict=True)
     )
     at = layout.walked(campaign.q, calibration.z, calibration.model.prepare(campaign.q, campaign.conditions))
-    covariance = propagate(
-        at, layout.linearised(at, calibration.z, observe(campaign), kinds), calibration.z_covariance
-    )[1]
+    seen = replace(Seen.of(campaign, layout), kinds=kinds)
+    covariance = Rows(layout, calibration.z, at, seen).propagate(calibration.z_covariance)[1]
     for t, kind in enumerate(kinds):
         block, error = kind.block(), np.repeat(np.square(calibration.model_error), 3)
         covariance[:, t, block, block] += error[block]
@@ -476,7 +477,7 @@ def untold_covariance(
     second = calibration.z_covariance[np.ix_(own, own)] + np.outer(calibration.z[own], calibration.z[own])
     at = calibration.layout.walked(q, calibration.z, calibration.model.prepare(q, conditions))
     angular = calibration.layout.pose
-    columns = np.stack([joint_columns(at, offset, angular=angular) for offset in at.points.position], axis=1)
+    columns = np.stack([joint_columns(at, point, angular=angular) for point in at.points.position], axis=1)
     out = np.zeros((*columns.shape[:3], columns.shape[2]))
     for probe, weight in _probes(calibration, len(q), conditions or Conditions()):
         rows = np.flatnonzero(weight)
@@ -535,7 +536,7 @@ class Calibration:
     """An identified robot in its measuring frame."""
 
     model: ErrorModel
-    layout: FrameLayout
+    layout: Layout
     """How z is laid out."""
     estimated: Int[np.ndarray, " kept"]
     """Model parameters that were estimated; the others stay zero and are considered."""
@@ -692,18 +693,7 @@ class Calibration:
             CampaignError: a target that the calibration does not know.
             ClosureError: a closed loop cannot be assembled at some pose.
         """
-        if campaign.observations:
-            return residuals_by_kind(self, campaign, frame)
-        ends = self.target_poses(campaign.q, campaign.conditions)[:, self.rows_of(campaign.targets)]
-        residual = campaign.points - ends[..., :3, 3]
-        R = self.T_tracker_base[:3, :3] if frame == "base" else np.eye(3)
-        if campaign.rotations is None or not self.layout.pose:
-            return residual @ R
-        turn = np.full_like(residual, np.nan)
-        seen = campaign.valid[:, 0]
-        ends_turned = se3.exp(self.layout.turn(self.z)) @ ends[seen, 0, :3, :3]
-        turn[seen, 0] = se3.log(campaign.rotations[seen] @ np.swapaxes(ends_turned, 1, 2))
-        return np.concatenate([residual @ R, turn @ R], axis=2)
+        return residuals_on(self, campaign, frame)
 
     def rows_of(self, targets: Sequence[str]) -> list[int]:
         """Which of the calibration's targets each of some is."""
@@ -731,22 +721,14 @@ class Calibration:
             b = 3 rows for points, metres²; 6 for poses, then radians².
         """
         q = np.asarray(q, dtype=float)
-        at = self.layout.walked(q, self.z, self.model.prepare(q, conditions))
-        nowhere = self.layout.nowhere(at, self.z)
-        # how the instrument's own axes stand is nothing to the true rotations
-        told = replace(at, points=_held(at.points)) if self.layout.turned else at
-        _, covariance = propagate(told, nowhere, self.z_covariance)
+        targets = Rows.of_targets(self.layout, self.z, q, self.model.prepare(q, conditions))
+        _, covariance = targets.propagate(self.z_covariance)
         if self.model.conditioned:
             covariance = covariance + untold_covariance(self, q, conditions)
         if not model_error:
             return covariance
         if any(self.joint_error):
-            joints = replace(
-                at, layout=walk.Columns.of_joints(at.chain), factor=np.ones_like(at.s), points=_held(at.points)
-            )
-            variances = np.zeros(at.chain.joints)
-            variances[: len(self.joint_error)] = np.square(self.joint_error)
-            covariance = covariance + propagate(joints, nowhere.held(), np.diag(variances))[1]
+            covariance = covariance + targets.propagate_joints(np.square(self.joint_error))
         return covariance + np.diag(np.repeat(np.square(self.model_error), 3)[: covariance.shape[2]])
 
     def predict_tool(
@@ -795,11 +777,7 @@ class Calibration:
         """
         q = np.asarray(q, dtype=float)
         at = self.layout.walked(q, self.z, self.model.prepare(q, conditions))
-        chain, e, layout = at.chain, at.e, at.layout
-        if self.layout.pose:  # stop at the tool: leave out the steps from the tool to the measured pose
-            chain = Chain.of([Fixed(self.layout.registration.T_tracker_base), ErrorFrame(), *self.model.steps])
-            e, layout = e[:-1], replace(layout, frames=np.ascontiguousarray(layout.frames[:-1]))
-        return walk.columns(chain, at.s, e, layout, at.factor, angular=True)
+        return walk.columns(at.chain, at.s, at.e, at.layout, at.factor, angular=True)
 
     def under(self, load: Load) -> "Calibration":
         """The calibrated robot under another load; residuals and outliers stay those of the load it was measured under.
@@ -842,11 +820,6 @@ class Calibration:
     def to_json(self) -> dict[str, Any]:
         """The content of the file."""
         return describe_calibration(self)
-
-
-def _held(points: Points) -> Points:
-    """Targets none of whose coordinates is a column, and no turn of what was measured."""
-    return Points(position=points.position, columns=np.full_like(points.columns, -1))
 
 
 # How a target was observed without a tracker, as a calibration's file has it.
@@ -1055,25 +1028,23 @@ class CalibrationFile(Section):
             provenance=Provenance(**self.provenance.model_dump()),
         )
 
-    def _layout(self, model: ErrorModel) -> FrameLayout:
+    def _layout(self, model: ErrorModel) -> Layout:
         registration = self.registration.registration(len(self.targets))
-        layout = FrameLayout(
+        kinds: tuple[Observation, ...] = (Pose() if self.pose else Point(),) * len(self.targets)
+        if self.observations:
+            if len(self.observations) != len(self.targets):
+                raise TaskcalError(f"it has {len(self.observations)} observations for {len(self.targets)} targets")
+            unknowns = tuple(np.array(section.unknowns, dtype=float) for section in self.observations)
+            registration = replace(registration, unknowns=unknowns)
+            kinds = tuple(section.observation() for section in self.observations)
+        return Layout(
             model=model,
             kept=np.arange(len(model)),
             registration=registration,
             targets=tuple(self.targets),
-            pose=self.pose,
+            kinds=kinds,
             fixed_frames=self.fixed_frames,
-            turned=self.turned,
         )
-        if not self.observations:
-            return layout
-        if len(self.observations) != len(self.targets):
-            raise TaskcalError(f"it has {len(self.observations)} observations for {len(self.targets)} targets")
-        shared = {f.name: getattr(layout, f.name) for f in fields(FrameLayout)}
-        unknowns = tuple(np.array(section.unknowns, dtype=float) for section in self.observations)
-        shared["registration"] = replace(registration, unknowns=unknowns)
-        return ObservationLayout(**shared, kinds=tuple(section.observation() for section in self.observations))
 
     def _same_names(self, expected: tuple[str, ...]) -> None:
         """Estimate and covariance stand in the order of the names, so that others would give other parameters."""

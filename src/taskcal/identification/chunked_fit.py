@@ -16,9 +16,9 @@ from taskcal.estimation.matrices import invert_positive, single_threaded
 from taskcal.identification.calibration import Calibration, spread_of
 from taskcal.identification.held_out import studentise
 from taskcal.identification.identify import GROSS_SIGMAS, identify_parameters
-from taskcal.identification.layout import belief_of, problem_of
+from taskcal.identification.layout import prior_of
 from taskcal.identification.options import FitOptions
-from taskcal.identification.problem import whitener
+from taskcal.identification.problem import problem_of, whitener
 from taskcal.kernels.normal_equations import SQUARED
 from taskcal.observations.base import TrackerNoise
 from taskcal.reading.chunked import ChunkedCampaign
@@ -137,9 +137,9 @@ def _fit_all(
 ) -> tuple[Solution, Float[np.ndarray, "z z"]]:
     """The fit of all rows from that of the sample on, with its hyperparameters; and the prior's precision."""
     layout, variances = first.layout, np.square(first.model_error)
-    belief = belief_of(layout, "tolerances")
+    prior = prior_of(layout, "tolerances")
     assert first.prior_scale is not None
-    precision = belief.precision(first.prior_scale**2)
+    precision = prior.precision(first.prior_scale**2)
 
     def equations(z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         cost, g, H = 0.0, np.zeros(len(z)), np.zeros((len(z), len(z)))
@@ -149,8 +149,7 @@ def _fit_all(
             cost, g, H = cost + more[0], g + more[1], H + more[2]
         return cost, g, H
 
-    scale = np.concatenate([belief.sizes, np.full(len(precision) - len(belief.sizes), 1e-3)])
-    return fit(equations, first.z, belief.mean(layout.start()), precision, scale), precision
+    return fit(equations, first.z, prior.mean, precision, prior.scale), precision
 
 
 def _with_all(

@@ -17,7 +17,7 @@ from taskcal.errors import FitError
 from taskcal.estimation.group_variances import GroupedFit, Groups, find_sizes, reduce_rows
 from taskcal.identification.layout import frame_precision
 from taskcal.identification.options import FitOptions
-from taskcal.identification.problem import Linearisation, Problem, linearise_rows
+from taskcal.identification.problem import Linearisation, Problem, stated_rows
 from taskcal.kernels.chunks import in_chunks
 
 # What no parameter explains at a single pose: the tracker's noise, a white error of the target, and one of every
@@ -215,7 +215,7 @@ class OneModel:
         if self.geometry_factor is not None:
             own = [i for i, label in enumerate(self.labels) if label.effect == GEOMETRY]
             location[own], spread[own] = np.log(self.geometry_factor), 0.0
-        layout = self.problem.frames
+        layout = self.problem.layout
         held = np.zeros((0, 0)) if layout.fixed_frames else frame_precision(layout) * FRAME_SCALE**2
         return Groups(group=self.group, held=held, location=location, spread=spread)
 
@@ -249,7 +249,7 @@ def assemble(
         options: of the fit.
         apart: parameters that have a size of their own, with what those have in common that share it and the tolerance of each.
     """
-    model, names = problem.frames.model, problem.frames.names
+    model, names = problem.layout.model, problem.layout.names
     owner_of = {name: (name.partition(".")[0], effect) for name, effect in _effects_of(problem)}
     labels: list[Group] = []
     group = np.full(len(names), -1)
@@ -277,7 +277,7 @@ def assemble(
 
 def _effects_of(problem: Problem) -> list[tuple[str, str]]:
     """Every parameter of an effect, and the effect's name."""
-    model = problem.frames.model
+    model = problem.layout.model
     return [(name, effect.name) for effect in model.effects for name in effect.term(model.robot).names]
 
 
@@ -327,7 +327,7 @@ def fit_one_model(
         FitError: the sizes or the estimate ran away.
         ClosureError: a closed loop cannot be assembled at some pose.
     """
-    z, origin = start, one.problem.frames.start()
+    z, origin = start, one.problem.layout.start()
     sizes = one.groups.location if sizes is None else sizes
     weights = np.ones(len(one.problem.q)) if weights is None else weights
     rounds, still = 0, False
@@ -360,7 +360,7 @@ def _fit_once(
     sizes: np.ndarray,
     rounds: int,
 ) -> OneFit:
-    at = linearise_rows(one.problem, z)
+    at = one.problem.linearise(z)
     W = whiteners(errors.covariance(at, one.problem.noise))
     W = W * np.sqrt(weights[:, None] * _by_loss(at, W, one.problem, options))[:, :, None]
     A, scale = np.empty_like(at.by_entry), np.where(one.kept, one.scale, 0.0)
@@ -369,7 +369,7 @@ def _fit_once(
         np.multiply(W[rows] @ at.by_entry[rows], scale, out=A[rows])
 
     in_chunks(whiten, len(A), WHITENED_AT_ONCE)
-    moved = np.where(one.kept, (z - one.problem.frames.start()) / one.scale, 0.0)
+    moved = np.where(one.kept, (z - one.problem.layout.start()) / one.scale, 0.0)
     y = np.einsum("nij,nj->ni", W, at.residual) + A @ moved
     stated = _stated(one, z)
     rows = np.concatenate([A.reshape(-1, A.shape[2]), stated[0]]), np.concatenate([y.reshape(-1), stated[1]])
@@ -392,11 +392,9 @@ def _fit_once(
 
 def _stated(one: OneModel, z: Float[np.ndarray, " z"]) -> tuple[Float[np.ndarray, "k z"], Float[np.ndarray, " k"]]:
     """What is known beside the measurements, as rows like theirs."""
-    known = one.problem.frames.stated(z, one.problem.kinds)
-    if known is None:
-        return np.zeros((0, len(z))), np.zeros(0)
+    known = stated_rows(one.problem.layout, z, one.problem.seen.kinds)
     A = known.by_entry * one.scale
-    return A, known.residual + A @ ((z - one.problem.frames.start()) / one.scale)
+    return A, known.residual + A @ ((z - one.problem.layout.start()) / one.scale)
 
 
 def _by_loss(at: Linearisation, W: np.ndarray, problem: Problem, options: FitOptions) -> Float[np.ndarray, "n m"]:

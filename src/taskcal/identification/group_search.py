@@ -36,9 +36,9 @@ from taskcal.identification.group_model import (
     weigh,
 )
 from taskcal.identification.held_out import studentise
-from taskcal.identification.layout import layout_of, problem_of
+from taskcal.identification.layout import layout_of
 from taskcal.identification.options import FitOptions
-from taskcal.identification.problem import Problem, linearise_rows
+from taskcal.identification.problem import Problem, problem_of
 from taskcal.identification.provenance import Provenance
 from taskcal.robot.effects import SPECTRUM, Effect
 from taskcal.robot.effects.harmonics import Harmonics
@@ -64,11 +64,11 @@ def calibrate(
         rng: for the draws of the sizes.
     """
     one, errors = fitted.one, fitted.errors
-    layout, model = one.problem.frames, one.problem.frames.model
+    layout, model = one.problem.layout, one.problem.layout.model
     x, S = fitted.found.averaged(DRAWS, rng)
     S = _considered(fitted, S) * np.outer(one.scale, one.scale)
     z = layout.start() + one.scale * x
-    at = linearise_rows(one.problem, z)
+    at = one.problem.linearise(z)
     n, targets = one.problem.seen.valid.shape
     residual = at.residual.reshape(n, targets, -1).copy()
     residual[~one.problem.seen.valid] = np.nan
@@ -124,7 +124,7 @@ def log_evidence(fitted: OneFit) -> float:
 
 def _group_deviations(fitted: OneFit) -> Float[np.ndarray, " p"]:
     """Prior standard deviation of every parameter at the likeliest sizes."""
-    p = len(fitted.one.problem.frames.model)
+    p = len(fitted.one.problem.layout.model)
     sizes = np.exp(0.5 * fitted.found.evidence.log_variances)
     return fitted.one.scale[:p] * sizes[fitted.one.group[:p]]
 
@@ -147,7 +147,7 @@ def _considered(fitted: OneFit, S: Float[np.ndarray, "z z"]) -> Float[np.ndarray
 
 def _remarks(fitted: OneFit, z: Float[np.ndarray, " z"], S: Float[np.ndarray, "z z"]) -> tuple[str, ...]:
     """What is unusual about the effects' estimates."""
-    model = fitted.one.problem.frames.model
+    model = fitted.one.problem.layout.model
     deviation = np.sqrt(np.maximum(np.diag(S), 0.0))
     estimates = {name: (float(z[i]), float(deviation[i])) for i, name in enumerate(model.names) if fitted.one.kept[i]}
     return tuple(remark for effect in model.effects for remark in effect.remarks(model.robot, estimates))
@@ -409,7 +409,7 @@ def find_sharp_orders(fitted: OneFit, lowest: float) -> list[tuple[str, float]]:
         fitted: the fit.
         lowest: order from which on the search begins.
     """
-    robot, at = fitted.one.problem.frames.model.robot, fitted.at
+    robot, at = fitted.one.problem.layout.model.robot, fitted.at
     q = robot.joint_map(fitted.one.problem.q)
     # the fit was linearised where it ended
     left = np.einsum("nji,nj->ni", fitted.whitener, np.einsum("nij,nj->ni", fitted.whitener, at.residual))
@@ -448,7 +448,7 @@ def find_clear_orders(fitted: OneFit, effect: str) -> dict[str, tuple[str, float
     own = found.reduced.groups.own
     x, S = found.evidence.mean(own), np.square(found.evidence.spread).sum(axis=1)
     v = np.exp(found.evidence.log_variances)[own]
-    labels, names = [one.labels[g] for g in own], [one.problem.frames.names[i] for i in one.groups.grouped]
+    labels, names = [one.labels[g] for g in own], [one.problem.layout.names[i] for i in one.groups.grouped]
     chance = x**2 / np.maximum(v - S, 1e-6 * v)
     both: dict[str, list[int]] = {}
     for k, (label, name) in enumerate(zip(labels, names, strict=True)):
@@ -588,10 +588,10 @@ def _fit(
         model = model + effect
     problem = _problem(base, model, campaign, options)
     one = assemble(problem, options.keep, options, apart)
-    start, names = problem.frames.start(), problem.frames.names
+    start, names = problem.layout.start(), problem.layout.names
     held = dict(zip(base.all_names, base.z, strict=True))
     if before is not None:
-        held |= dict(zip(before.one.problem.frames.names, before.z, strict=True))
+        held |= dict(zip(before.one.problem.layout.names, before.z, strict=True))
     for i, name in enumerate(names):
         start[i] = held.get(name, start[i])
     errors = _first_errors(base, options, len(model.robot.joints)) if before is None else before.errors

@@ -13,9 +13,9 @@ from taskcal.estimation.evidence import Linearised
 from taskcal.estimation.least_squares import Ended, Solution, Stopping, fit
 from taskcal.estimation.matrices import factor_positive, invert_positive, pseudo_invert_scaled
 from taskcal.estimation.prior import GaussianPrior, Loss, Squared
-from taskcal.identification.layout import Belief
+from taskcal.identification.layout import Layout, PriorOfEstimate
 from taskcal.identification.options import FitOptions
-from taskcal.identification.problem import FrameLayout, Problem, whitener
+from taskcal.identification.problem import Problem, whitener
 from taskcal.observations.base import UNMEASURED
 from taskcal.robot.error_model import ErrorModel
 
@@ -89,7 +89,7 @@ class Fitted:
     """A fit with its hyperparameters and its linearisation."""
 
     problem: Problem
-    belief: Belief
+    prior: PriorOfEstimate
     loss: Loss
     hyper: Hyperparameters
     solution: Solution
@@ -108,8 +108,8 @@ class Fitted:
     @cached_property
     def _propagated(self) -> tuple[np.ndarray, np.ndarray]:
         residual, covariance = self.problem.propagate(self.solution.z, self.posterior)
-        if self.problem.keeps_rows and self.left.any():
-            residual = residual - self.problem.kept_rows(self.solution.z).moved(self.left)
+        if self.problem.caches and self.left.any():
+            residual = residual - self.problem.cached(self.solution.z).moved(self.left)
         return residual, covariance
 
     @property
@@ -145,14 +145,14 @@ class Fitted:
     @property
     def parameters(self) -> Linearised:
         """What is said of the parameters, without the blocks."""
-        k, b = len(self.belief.sizes), self.covariance.shape[-1]
-        prior = self.belief.prior or GaussianPrior.of_deviations(self.belief.sizes)
+        k, b = len(self.prior.sizes), self.covariance.shape[-1]
+        prior = self.prior.parameters or GaussianPrior.of_deviations(self.prior.sizes)
         return Linearised(
             residual=np.zeros((0, b)),
             inverse=np.zeros((0, b, b)),
             prediction_covariance=np.zeros((0, b, b)),
             information=self.solution.information,
-            precision=self.belief.precision(self.hyper.prior_factor),
+            precision=self.prior.precision(self.hyper.prior_factor),
             posterior=self.posterior,
             prior_covariance=prior.covariance,
             deviation=(self.solution.z + self.left)[:k] - prior.mean,
@@ -164,9 +164,9 @@ class Fitted:
 
         By Laplace's approximation; minus infinity without a prior.
         """
-        if self.belief.prior is None:
+        if self.prior.parameters is None:
             return -np.inf
-        precision = self.belief.precision(self.hyper.prior_factor)
+        precision = self.prior.precision(self.hyper.prior_factor)
         A = self.solution.information + precision
         objective = self.solution.objective - 0.5 * float(self.left @ A @ self.left)
         noise = -2.0 * np.log(np.einsum("...ii->...i", self.white)[self.problem.seen.valid]).sum()
@@ -176,7 +176,7 @@ class Fitted:
 
 def fit_weighed(
     problem: Problem,
-    belief: Belief,
+    prior: PriorOfEstimate,
     loss: Loss,
     hyper: Hyperparameters,
     z: Float[np.ndarray, " z"],
@@ -189,7 +189,7 @@ def fit_weighed(
 
     Args:
         problem: the campaign.
-        belief: what is believed beforehand.
+        prior: of its estimate.
         loss: of residuals.
         hyper: model error and scale of the prior.
         z: where to start.
@@ -202,30 +202,23 @@ def fit_weighed(
     """
     covariance = problem.covariance(hyper.variances)
     white = whitener(covariance)
-    precision = belief.precision(hyper.prior_factor)
-    scale = np.concatenate([belief.sizes, np.full(len(z) - len(belief.sizes), 1e-3)])
-    damping = 1e-2 if belief.prior is None else 0.0
+    precision, damping = prior.precision(hyper.prior_factor), 1e-2 if prior.parameters is None else 0.0
     equations = problem.equations(white, loss.code, loss.threshold)
-    solution = fit(equations, z, belief.mean(problem.frames.start()), precision, scale, stopping, damping, known)
-    if (
-        solution.ended is Ended.TOO_MANY_ITERATIONS
-        and stopping.iterations < SLOW.iterations
-        and belief.prior is not None
-    ):
+    solution = fit(equations, z, prior.mean, precision, prior.scale, stopping, damping, known)
+    slowly = solution.ended is Ended.TOO_MANY_ITERATIONS and stopping.iterations < SLOW.iterations
+    if slowly and prior.parameters is not None:
         before, slow = solution.iterations, replace(SLOW, decrement=max(stopping.decrement, SLOW.decrement))
-        solution = fit(
-            equations, solution.z, belief.mean(problem.frames.start()), precision, scale, slow, damping, solution
-        )
+        solution = fit(equations, solution.z, prior.mean, precision, prior.scale, slow, damping, solution)
         solution = replace(solution, iterations=before + solution.iterations)
     if not solution.converged:
-        remedy = "keep the prior, or fewer parameters" if belief.prior is None else "keep fewer parameters"
+        remedy = "keep the prior, or fewer parameters" if prior.parameters is None else "keep fewer parameters"
         raise FitError(
             f"the fit did not converge: {solution.reason} ({solution.iterations} iterations, objective {solution.objective:.6g}); "
             f"check the campaign with a robust loss (loss=Cauchy()), or {remedy}"
         )
     return Fitted(
         problem=problem,
-        belief=belief,
+        prior=prior,
         loss=loss,
         hyper=hyper,
         solution=solution,
@@ -281,35 +274,36 @@ class _Sought:
     """Whether the last step of a fit that is not converged counts to first order."""
 
     @classmethod
-    def of(cls, problem: Problem, belief: Belief, options: FitOptions) -> "_Sought":
-        final = SLOW if problem.kinds else Stopping()
-        if belief.prior is None:
+    def of(cls, problem: Problem, prior: PriorOfEstimate, options: FitOptions) -> "_Sought":
+        tracked = problem.layout.tracked
+        final = Stopping() if tracked else SLOW
+        if prior.parameters is None:
             final = Stopping(decrement=UNDAMPED_END, decrease=1e-6)
-        linear = not problem.kinds and belief.prior is not None and isinstance(options.loss, Squared)
-        within = LINEAR_WITHIN if linear and problem.keeps_rows else max(final.decrement, CLOSE)
+        linear = tracked and prior.parameters is not None and isinstance(options.loss, Squared)
+        within = LINEAR_WITHIN if linear and problem.caches else max(final.decrement, CLOSE)
         return cls(
             error=options.model_error == "estimate",
             # without a prior there is nothing to scale
-            scale=options.prior_scale == "estimate" and belief.prior is not None,
+            scale=options.prior_scale == "estimate" and prior.parameters is not None,
             loose=replace(final, decrement=within),
             final=final,
             linear=linear,
         )
 
 
-def fit_with_hyperparameters(problem: Problem, belief: Belief, options: FitOptions) -> Fitted:
+def fit_with_hyperparameters(problem: Problem, prior: PriorOfEstimate, options: FitOptions) -> Fitted:
     """Alternate between the estimate and its hyperparameters until both stand still."""
-    sought, loss = _Sought.of(problem, belief, options), options.loss
+    sought, loss = _Sought.of(problem, prior, options), options.loss
     noise = problem.noise[..., ::3, ::3].diagonal(axis1=-2, axis2=-1)[problem.seen.valid]
     tracker = np.array([np.median(own) if (own := v[v < UNMEASURED]).size else UNMEASURED for v in noise.T])
-    z, hyper = _beginning(problem, belief, options, sought)
+    z, hyper = _beginning(problem, prior, options, sought)
     searching, rounds = sought.error or sought.scale, 0
     while True:
         rounds += 1
         # the first fits need not be converged further than the hyperparameters are, nor the last before the expected scale
         loose = searching or (sought.linear and sought.scale)
         stopping, linear = (sought.loose, sought.linear) if loose else (sought.final, False)
-        fitted = fit_weighed(problem, belief, loss, hyper, z, stopping, linear=linear)
+        fitted = fit_weighed(problem, prior, loss, hyper, z, stopping, linear=linear)
         z = fitted.solution.z
         if not searching:
             fitted = replace(fitted, log_evidence=fitted.evidence(), rounds=rounds)
@@ -325,20 +319,20 @@ def fit_with_hyperparameters(problem: Problem, belief: Belief, options: FitOptio
 
 
 def _beginning(
-    problem: Problem, belief: Belief, options: FitOptions, sought: _Sought
+    problem: Problem, prior: PriorOfEstimate, options: FitOptions, sought: _Sought
 ) -> tuple[Float[np.ndarray, " z"], Hyperparameters]:
     """Where the search begins: the nominal robot; of very many rows, what some of them come to."""
     if len(problem.q) > MANY and sought.linear and (sought.error or sought.scale):
         some = np.sort(np.random.default_rng(0).choice(len(problem.q), size=SOME, replace=False))
-        fitted = fit_with_hyperparameters(problem.take(some), belief, options)
+        fitted = fit_with_hyperparameters(problem.take(some), prior, options)
         factor = fitted.hyper.prior_factor if fitted.likeliest_factor is None else fitted.likeliest_factor
         return fitted.solution.z, replace(fitted.hyper, prior_factor=factor)
-    start, groups, model_error, scale = problem.frames.start(), problem.noise.shape[-1] // 3, options.model_error, 1.0
+    start, groups, model_error, scale = problem.layout.start(), problem.noise.shape[-1] // 3, options.model_error, 1.0
     if isinstance(model_error, str):
         variances = _first_variances(problem, start, groups)
     else:
         variances = np.square(np.resize(np.atleast_1d(np.asarray(model_error, dtype=float)), groups))
-    if belief.prior is not None and not isinstance(options.prior_scale, str):
+    if prior.parameters is not None and not isinstance(options.prior_scale, str):
         scale = float(options.prior_scale)
     return start, Hyperparameters(variances=variances, prior_factor=scale**2)
 
@@ -355,7 +349,7 @@ def _expected(fitted: Fitted, stopping: Stopping) -> Fitted:
     hyper = fitted.hyper
     hyper = replace(hyper, prior_factor=evidence.expect_prior_scale(fitted.parameters, hyper.prior_factor))
     found = fitted.solution
-    again = fit_weighed(fitted.problem, fitted.belief, fitted.loss, hyper, found.z, stopping, known=found)
+    again = fit_weighed(fitted.problem, fitted.prior, fitted.loss, hyper, found.z, stopping, known=found)
     steps = found.iterations + again.solution.iterations
     return replace(
         again,
@@ -415,7 +409,7 @@ ROUNDING = 1e-9
 class Outcome:
     """What a fit says of all parameters, tracker frame and targets."""
 
-    layout: FrameLayout
+    layout: Layout
     """Of all parameters."""
     estimated: Int[np.ndarray, " kept"]
     """Model parameters that were estimated."""
@@ -432,8 +426,8 @@ class Outcome:
 def fitted_whole(fit: Fitted, problem: Problem) -> Outcome:
     """The outcome of a fit of all parameters."""
     return Outcome(
-        layout=problem.frames,
-        estimated=problem.frames.kept,
+        layout=problem.layout,
+        estimated=problem.layout.kept,
         z=fit.solution.z,
         covariance=fit.posterior,
         residual_covariance=fit.covariance - fit.prediction_covariance,
@@ -441,54 +435,51 @@ def fitted_whole(fit: Fitted, problem: Problem) -> Outcome:
     )
 
 
-def fitted_alone(fit: Fitted, problem: Problem, whole: FrameLayout) -> Outcome:
+def fitted_alone(fit: Fitted, problem: Problem, whole: Layout) -> Outcome:
     """The outcome of a fit of some parameters where nothing else is believed of the others: they are taken for zero."""
     return Outcome(
         layout=whole,
-        estimated=problem.frames.kept,
-        z=spread_out(fit.solution.z, problem.frames, whole),
-        covariance=spread_out(fit.posterior, problem.frames, whole),
+        estimated=problem.layout.kept,
+        z=spread_out(fit.solution.z, problem.layout, whole),
+        covariance=spread_out(fit.posterior, problem.layout, whole),
         residual_covariance=fit.covariance - fit.prediction_covariance,
         hyper=fit.hyper,
     )
 
 
-def consider(
-    fit: Fitted, problem: Problem, belief: Belief, whole: Problem, believed: Belief, hyper: Hyperparameters
-) -> Outcome:
+def consider(fit: Fitted, problem: Problem, whole: Problem, prior: PriorOfEstimate, hyper: Hyperparameters) -> Outcome:
     """The outcome of a fit of some parameters, the others considered.
 
     Args:
         fit: the fit.
         problem: its problem, in the layout of the parameters that it estimates.
-        belief: what it believes of them.
         whole: the same campaign in the layout of all parameters.
-        believed: what is believed of all of them.
+        prior: of all of them.
         hyper: hyperparameters of the whole model.
     """
-    k = _entries(problem.frames, whole.frames)
-    z = spread_out(fit.solution.z, problem.frames, whole.frames)
+    k = _entries(problem.layout, whole.layout)
+    z = spread_out(fit.solution.z, problem.layout, whole.layout)
     d = np.setdiff1d(np.arange(len(z)), k)
     R = whole.covariance(hyper.variances) / fit.weights[..., None, None]
     W = np.linalg.inv(fit.covariance) * fit.weights[..., None, None]
     H = whole.information(z, _root(W))
     B = whole.information(z, _root(W @ R @ W))
-    prior = believed.covariance(hyper.prior_factor)
+    Sigma = prior.covariance(hyper.prior_factor)
     F = fit.posterior
-    A = F @ belief.precision(fit.hyper.prior_factor)
+    A = F @ fit.prior.precision(fit.hyper.prior_factor)
     G = np.zeros((len(z), len(d)))
     G[k], G[d] = -F @ H[np.ix_(k, d)], np.eye(len(d))
     # each part as a square, so that rounding leaves no variance under zero
     spread = np.zeros((len(z), 2 * len(k)))
-    spread[k, : len(k)] = A @ _factor(prior[np.ix_(k, k)])
+    spread[k, : len(k)] = A @ _factor(Sigma[np.ix_(k, k)])
     spread[k, len(k) :] = F @ _factor(B[np.ix_(k, k)])
-    spread = np.concatenate([spread, G @ _factor(prior[np.ix_(d, d)])], axis=1)
+    spread = np.concatenate([spread, G @ _factor(Sigma[np.ix_(d, d)])], axis=1)
     C = spread @ spread.T
     followed = fit.prediction_covariance @ W @ R
     own = R - followed - np.swapaxes(followed, -1, -2) + whole.propagate(z, C)[1]
     return Outcome(
-        layout=whole.frames,
-        estimated=problem.frames.kept,
+        layout=whole.layout,
+        estimated=problem.layout.kept,
         z=z,
         covariance=C,
         residual_covariance=own * fit.weights[..., None, None],
@@ -496,7 +487,7 @@ def consider(
     )
 
 
-def spread_out(values: Float[np.ndarray, "..."], some: FrameLayout, whole: FrameLayout) -> Float[np.ndarray, "..."]:
+def spread_out(values: Float[np.ndarray, "..."], some: Layout, whole: Layout) -> Float[np.ndarray, "..."]:
     """A vector or a matrix of a layout's entries among those of all parameters, zero elsewhere."""
     k = _entries(some, whole)
     out = np.zeros((len(whole.names),) * values.ndim)
@@ -504,7 +495,7 @@ def spread_out(values: Float[np.ndarray, "..."], some: FrameLayout, whole: Frame
     return out
 
 
-def _entries(some: FrameLayout, whole: FrameLayout) -> Int[np.ndarray, " k"]:
+def _entries(some: Layout, whole: Layout) -> Int[np.ndarray, " k"]:
     """Where the entries of a layout stand in that of all parameters."""
     return np.concatenate([some.kept, np.arange(len(whole.kept), len(whole.names))])
 

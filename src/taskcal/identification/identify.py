@@ -11,7 +11,7 @@ from taskcal.arguments import expect_kinds
 from taskcal.campaigns.campaign import Campaign, check_rows, named_file
 from taskcal.errors import CampaignError, FitError, NothingLearntError
 from taskcal.estimation.matrices import single_threaded
-from taskcal.identification.calibration import Calibration, covariance_by_kind, spread_of, tells_nothing
+from taskcal.identification.calibration import Calibration, covariance_on, spread_of, tells_nothing
 from taskcal.identification.held_out import LeftOut, studentise
 from taskcal.identification.hyperparameters import (
     MAX_ROUNDS,
@@ -22,8 +22,9 @@ from taskcal.identification.hyperparameters import (
     fitted_alone,
     fitted_whole,
 )
-from taskcal.identification.layout import belief_of, layout_of, problem_of
+from taskcal.identification.layout import layout_of, prior_of
 from taskcal.identification.options import FitChoices, FitOptions
+from taskcal.identification.problem import problem_of
 from taskcal.identification.provenance import Provenance
 from taskcal.observations.base import TrackerNoise
 from taskcal.registration.consensus import check_plausible, check_targets, find_consensus, is_in_base, most_wrong_rows
@@ -181,16 +182,11 @@ def _judge(
         # of some rows alone a kind may lack what it refers to
         others, at = (campaign, rest) if campaign.observations else (campaign.take(rest), slice(None))
         residual = np.nan_to_num(calibration.residuals_on(others)[at])
-        predicted = covariance_by_kind if campaign.observations else _predicted_covariance
-        covariance = (predicted(calibration, others) + others.covariances(noise))[at]
+        covariance = (covariance_on(calibration, others) + others.covariances(noise))[at]
         square = np.einsum("nti,nti->nt", residual, np.linalg.solve(covariance, residual[..., None])[..., 0])
         distance[rest] = np.linalg.norm(residual[..., :3], axis=2).max(axis=1)
         length[rest] = np.sqrt(square.max(axis=1))
     return distance, length
-
-
-def _predicted_covariance(calibration: Calibration, campaign: Campaign) -> Float[np.ndarray, "n targets b b"]:
-    return calibration.predict_covariance(campaign.q, campaign.conditions)
 
 
 # Campaigns that no length is in: a robot of any size fits them, and the smallest fits best.
@@ -418,17 +414,15 @@ def _fit(
     )
     layout = layout_of(model, np.arange(len(model)), registration, campaign, fixed=chosen.frames == "fixed")
     whole = problem_of(layout, campaign, chosen.noise)
-    problem = replace(whole, frames=replace(whole.frames, kept=kept))
-    belief = belief_of(problem.frames, chosen.prior)
-    fit = fit_with_hyperparameters(problem, belief, chosen)
+    problem = replace(whole, layout=replace(whole.layout, kept=kept))
+    fit = fit_with_hyperparameters(problem, prior_of(problem.layout, chosen.prior), chosen)
     if len(kept) == len(model):
         outcome = fitted_whole(fit, problem)
     elif chosen.prior != "tolerances":
-        outcome = fitted_alone(fit, problem, whole.frames)
+        outcome = fitted_alone(fit, problem, whole.layout)
     else:
-        believed = belief_of(whole.frames, chosen.prior)
-        hyper = fit_with_hyperparameters(whole, believed, chosen).hyper
-        outcome = consider(fit, problem, belief, whole, believed, hyper)
+        prior = prior_of(whole.layout, chosen.prior)
+        outcome = consider(fit, problem, whole, prior, fit_with_hyperparameters(whole, prior, chosen).hyper)
     return FittedRows(calibration=_conclude(fit, outcome, campaign, chosen), unlearnt=_unlearnt(fit, chosen))
 
 
@@ -448,9 +442,9 @@ def _unlearnt(fit: Fitted, options: FitOptions) -> float | None:
 
     Its own posterior is judged: parameters that it does not estimate, but are considered, make others uncertain that fit well.
     """
-    if options.prior_scale != "estimate" or fit.belief.prior is None:
+    if options.prior_scale != "estimate" or fit.prior.parameters is None:
         return None
-    layout, scale, error = fit.problem.frames, fit.hyper.prior_scale, fit.hyper.model_error[0]
+    layout, scale, error = fit.problem.layout, fit.hyper.prior_scale, fit.hyper.model_error[0]
     k = len(layout.kept)
     likeliest = scale if fit.likeliest_factor is None else float(np.sqrt(fit.likeliest_factor))
     own = np.sqrt(np.maximum(np.diag(fit.posterior)[:k], 0.0))

@@ -1,6 +1,6 @@
-"""The chain of a campaign with observations of any kind, and how its estimate z is laid out.
+"""What is unknown of a campaign: how its estimate z is laid out, and what is known of z beforehand.
 
-z holds the kept parameters; the tracker's frame, where a tracker measured anything; each target's place on the tool; and then
+z holds the estimated parameters; the tracker's frame, where a tracker measured anything; each target's place on the tool; and then
 each kind's own unknowns, sockets, anchors …. The chain ends at the tool. A kind says how its numbers follow the target's twist;
 how the target follows the tool's, and its place on it, is said here, once for all kinds.
 """
@@ -14,29 +14,33 @@ from jaxtyping import Float, Int
 from taskcal.campaigns.campaign import Campaign
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.geometry import se3
-from taskcal.identification.problem import FrameLayout, Problem, StatedRows, observe
-from taskcal.kernels import walk
 from taskcal.kernels.chain import Chain, ErrorFrame, Fixed
-from taskcal.kernels.observations import Linearised, Observations, Points, Walked
+from taskcal.kernels.observations import Points, Walked
 from taskcal.kernels.walk import Columns
-from taskcal.observations import Differential, Measured, Observation, Point, block_size
-from taskcal.observations.base import TrackerNoise
-from taskcal.observations.pose import TURN_PRIOR
+from taskcal.observations import Observation, Point, Pose, block_size
 from taskcal.registration.registration import Registration
-from taskcal.robot.error_model import COMPONENTS, ErrorModel
+from taskcal.robot.error_model import COMPONENTS, ErrorModel, Prepared
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ObservationLayout(FrameLayout):
-    """The chain from the measuring frame to the tool, and the layout of z."""
+class Layout:
+    """The chain from the measuring frame to the tool, and the entries of z.
 
+    The registered frame of the base is followed by an error frame ``base.*``. A target of which only the place matters has its
+    offset in the tool frame, ``smr1.tx …``; one that is turned has an error frame of its own.
+    """
+
+    model: ErrorModel
+    kept: Int[np.ndarray, " kept"]
+    """Model parameters that are estimated."""
+    registration: Registration
+    targets: tuple[str, ...]
     kinds: tuple[Observation, ...]
     """How each target was observed; their rows are not looked at."""
-
-    @property
-    def observed(self) -> tuple[type[Observation], ...]:
-        """Kind of observation of each target."""
-        return tuple(map(type, self.kinds))
+    fixed_frames: bool = False
+    """Whether tracker frame, targets and the kinds' own unknowns are held where the registration put them."""
+    given: Float[np.ndarray, " p"] | None = None
+    """Values of the model parameters that are not estimated; zero by default."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -55,28 +59,47 @@ class ObservationLayout(FrameLayout):
         return any(kind.in_tracker for kind in self.kinds)
 
     @property
+    def tracked(self) -> bool:
+        """Whether a tracker measured nothing but points, or nothing but the pose of one target."""
+        return self.pose or all(kind.streamed for kind in self.kinds)
+
+    @property
+    def pose(self) -> bool:
+        """Whether a tracker measured the pose of the only target."""
+        return len(self.kinds) == 1 and self.kinds[0].in_tracker and self.kinds[0].turned
+
+    @property
+    def observed(self) -> tuple[type[Observation], ...]:
+        """Kind of observation of each target."""
+        return tuple(map(type, self.kinds))
+
+    @property
     def base_size(self) -> int:
         """Columns of the tracker's frame; none without a tracker."""
         return 6 if self.in_tracker else 0
 
     @property
     def block_size(self) -> int:
-        """Numbers of a target's block."""
+        """Numbers of a target's block: three of position, and three of rotation where any were measured."""
         return block_size(self.kinds)
 
     @cached_property
     def places(self) -> tuple[Int[np.ndarray, " _"], ...]:
         """Columns of each target's place on the tool."""
-        first = len(self.kept) + self.base_size
-        sizes = [len(_components(kind)) for kind in self.kinds]
-        return tuple(first + sum(sizes[:t]) + np.arange(size) for t, size in enumerate(sizes))
+        return _columns_from(len(self.kept) + self.base_size, [len(_components(kind)) for kind in self.kinds])
 
     @cached_property
     def own(self) -> tuple[Int[np.ndarray, " _"], ...]:
         """Columns of each kind's own unknowns."""
         first = len(self.kept) + self.base_size + sum(len(place) for place in self.places)
-        sizes = [len(kind.unknowns) for kind in self.kinds]
-        return tuple(first + sum(sizes[:t]) + np.arange(size) for t, size in enumerate(sizes))
+        return _columns_from(first, [len(kind.unknowns) for kind in self.kinds])
+
+    @cached_property
+    def point_columns(self) -> Int[np.ndarray, "targets 3"]:
+        """Columns of each target's offset in the tool frame; −1 where it is held, or has an error frame of its own."""
+        held = np.full(3, -1)
+        columns = [held if kind.turned else place for kind, place in zip(self.kinds, self.places, strict=True)]
+        return np.full((len(self.targets), 3), -1) if self.fixed_frames else np.stack(columns)
 
     @cached_property
     def chain(self) -> Chain:
@@ -84,9 +107,16 @@ class ObservationLayout(FrameLayout):
         return Chain.of([Fixed(self.registration.T_tracker_base), ErrorFrame(), *self.model.steps])
 
     @cached_property
-    def layout(self) -> Columns:
+    def parameter_columns(self) -> Int[np.ndarray, " p"]:
+        """Column of every model parameter, −1 for those held."""
+        columns = np.full(len(self.model), -1)
+        columns[self.kept] = np.arange(len(self.kept))
+        return columns
+
+    @cached_property
+    def columns(self) -> Columns:
         """Columns of z in the walk."""
-        inner = self.model.layout(self.columns, count=len(self.names))
+        inner = self.model.layout(self.parameter_columns, count=len(self.names))
         free = self.in_tracker and not self.fixed_frames
         first = len(self.kept) + np.arange(6) if free else np.full(6, -1)
         return Columns(
@@ -100,16 +130,34 @@ class ObservationLayout(FrameLayout):
             for t, (kind, place, own) in enumerate(zip(self.kinds, self.places, self.own, strict=True)):
                 if not kind.turned:
                     z[place] = self.registration.T_tool_target[t, :3, 3]
-                z[own] = self.registration.unknowns[t]
+                z[own] = self._registered[t]
         return z
 
-    def reframed(self, s: np.ndarray, factor: np.ndarray, e: np.ndarray, z: np.ndarray) -> Walked:
-        """The model's walk with the measuring frame of an estimate before it."""
+    @property
+    def _registered(self) -> tuple[Float[np.ndarray, " _"], ...]:
+        """Each kind's own unknowns as registered."""
+        return self.registration.unknowns or tuple(np.zeros(len(kind.unknowns)) for kind in self.kinds)
+
+    def parameters(self, z: Float[np.ndarray, " z"]) -> Float[np.ndarray, " p"]:
+        """Model parameters of an estimate."""
+        x = np.zeros(len(self.model)) if self.given is None else self.given.copy()
+        x[self.kept] = z[: len(self.kept)]
+        return x
+
+    def walked(
+        self, q: Float[np.ndarray, "n joints"], z: Float[np.ndarray, " z"], prepared: Prepared | None = None
+    ) -> Walked:
+        """The walk from the measuring frame to the tool at joint positions q."""
+        at = self.model.walk(q, self.parameters(z), self.parameter_columns, prepared)
+        return self.with_frames(at.s, at.factor, at.e, z)
+
+    def with_frames(self, s: np.ndarray, factor: np.ndarray, e: np.ndarray, z: np.ndarray) -> Walked:
+        """The model's walk with the measuring frame of an estimate before it, and its targets at the end."""
         k = len(self.kept)
         base = z[k : k + 6] if self.in_tracker and not self.fixed_frames else np.zeros(6)
-        held = np.full((len(self.targets), 3), -1)
-        points = Points(position=np.ascontiguousarray(self.frames(z)[1][:, :3, 3]), columns=held)
-        return Walked(self.chain, s, np.concatenate([base[None], e]), self.layout, factor, points)
+        offsets = np.ascontiguousarray(self.frames(z)[1][:, :3, 3])
+        points = Points(offsets, self.point_columns)
+        return Walked(self.chain, s, np.concatenate([base[None], e]), self.columns, factor, points)
 
     def frames(self, z: Float[np.ndarray, " z"]) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "targets 4 4"]]:
         """Measuring frame to base, and tool to every target, as estimated."""
@@ -128,128 +176,48 @@ class ObservationLayout(FrameLayout):
 
     def unknowns(self, z: Float[np.ndarray, " z"]) -> tuple[Float[np.ndarray, " _"], ...]:
         """Each kind's own."""
-        return self.registration.unknowns if self.fixed_frames else tuple(z[own] for own in self.own)
-
-    def linearised(
-        self, walked: Walked, z: Float[np.ndarray, " z"], seen: Observations, kinds: tuple[Observation, ...]
-    ) -> Observations:
-        """What was seen, linearised by the twist of the tool and by what is unknown."""
-        T = walk.poses(walked.chain, walked.s, walked.e)
-        targets, unknowns = self.frames(z)[1], self.unknowns(z)
-        n, b = len(T), self.block_size
-        count = max(6 + len(kind.unknowns) for kind in self.kinds)
-        out = Linearised(
-            residual=np.zeros((n, len(kinds), b)),
-            by_end=np.zeros((n, len(kinds), b, 6)),
-            by_unknown=np.zeros((n, len(kinds), b, count)),
-            columns=np.full((len(kinds), count), -1),
-        )
-        for t, (kind, target, unknown) in enumerate(zip(kinds, targets, unknowns, strict=True)):
-            read = Measured(seen.position[:, t], seen.rotation)
-            at = kind.differentiate(T @ target, unknown, read)
-            block, own = kind.block(), at.by_unknown.shape[2]
-            out.residual[:, t, block] = at.residual
-            out.by_end[:, t, block] = _by_end(at, T, target)
-            place = self._by_place(t, at, T, z)
-            out.by_unknown[:, t, block, : place.shape[2]] = place
-            out.by_unknown[:, t, block, 6 : 6 + own] = at.by_unknown
-            if not self.fixed_frames:
-                out.columns[t, : place.shape[2]] = self.places[t]
-                out.columns[t, 6 : 6 + own] = self.own[t][:own]
-        return Observations(position=seen.position, rotation=seen.rotation, valid=seen.valid, linear=out)
-
-    def _by_place(
-        self, t: int, at: Differential, T: Float[np.ndarray, "n 4 4"], z: Float[np.ndarray, " z"]
-    ) -> np.ndarray:
-        """Derivative by the target's place on the tool."""
-        R = T[:, :3, :3]
-        if not self.kinds[t].turned:
-            return at.by_target[:, :, :3] @ R
-        e = np.zeros(6) if self.fixed_frames else z[self.places[t]]
-        R = R @ self.registration.T_tool_target[t, :3, :3]
-        about_x, about_y = se3.rotation("x", e[3])[:3, :3], se3.rotation("y", e[4])[:3, :3]
-        axes = np.stack([np.eye(3)[0], about_x[:, 1], (about_x @ about_y)[:, 2]], axis=1)
-        return np.concatenate([at.by_target[:, :, :3] @ R, at.by_target[:, :, 3:] @ (R @ axes)], axis=2)
-
-    def stated(self, z: Float[np.ndarray, " z"], kinds: tuple[Observation, ...]) -> StatedRows | None:
-        """What is known of the unknowns beside the measurements."""
-        if self.fixed_frames:
-            return None
-        parts: list[StatedRows] = []
-        for kind, unknown, own in zip(kinds, self.unknowns(z), self.own, strict=True):
-            known = kind.stated(unknown)
-            if len(known.residual):
-                by_entry = np.zeros((len(known.residual), len(z)))
-                by_entry[:, own] = known.by_unknown
-                parts.append(StatedRows(known.residual / known.uncertainty, by_entry / known.uncertainty[:, None]))
-        if not parts:
-            return None
-        return StatedRows(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
-
-    def nowhere(self, walked: Walked, z: Float[np.ndarray, " z"]) -> Observations:
-        """Targets as if a tracker measured them where they are predicted, for the covariance of a prediction."""
-        shape = len(walked.s), len(self.targets)
-        points = Observations(position=np.zeros((*shape, 3)), rotation=None, valid=np.ones(shape, dtype=bool))
-        return self.linearised(walked, z, points, tuple(Point() for _ in self.kinds))
+        return self._registered if self.fixed_frames else tuple(z[own] for own in self.own)
 
 
-def layout_of(
-    model: ErrorModel, kept: Int[np.ndarray, " kept"], registration: Registration, campaign: Campaign, *, fixed: bool
-) -> FrameLayout:
-    """How the estimate of a campaign is laid out."""
-    if not campaign.observations:
-        return FrameLayout(
-            model=model,
-            kept=kept,
-            registration=registration,
-            targets=campaign.targets,
-            pose=campaign.rotations is not None,
-            fixed_frames=fixed,
-            turned=campaign.rotations is not None and not fixed,
-        )
-    return ObservationLayout(
-        model=model,
-        kept=kept,
-        registration=registration,
-        targets=campaign.targets,
-        pose=False,
-        fixed_frames=fixed,
-        kinds=campaign.observations,
-    )
-
-
-def problem_of(layout: FrameLayout, campaign: Campaign, noise: TrackerNoise | None) -> Problem:
-    """A campaign to be fitted in a layout."""
-    return Problem(
-        frames=layout,
-        q=np.ascontiguousarray(campaign.q),
-        seen=observe(campaign),
-        noise=campaign.covariances(noise),
-        kinds=campaign.observations,
-        conditions=campaign.conditions,
-    )
+def _columns_from(first: int, sizes: list[int]) -> tuple[Int[np.ndarray, " _"], ...]:
+    return tuple(first + sum(sizes[:t]) + np.arange(size) for t, size in enumerate(sizes))
 
 
 def _components(kind: Observation) -> tuple[str, ...]:
     return COMPONENTS if kind.turned else COMPONENTS[:3]
 
 
-def _by_end(at: Differential, T: Float[np.ndarray, "n 4 4"], target: Float[np.ndarray, "4 4"]) -> np.ndarray:
-    """Derivative by the tool's twist, of which a target that sits beside the tool's origin has v + w × arm."""
-    arm = T[:, :3, :3] @ target[:3, 3]
-    carried = -_cross(arm)
-    return np.concatenate([at.by_target[:, :, :3], at.by_target[:, :, 3:] + at.by_target[:, :, :3] @ carried], axis=2)
+def layout_of(
+    model: ErrorModel,
+    kept: Int[np.ndarray, " kept"],
+    registration: Registration,
+    campaign: Campaign,
+    *,
+    fixed: bool,
+    aligned: bool = False,
+) -> Layout:
+    """How the estimate of a campaign is laid out.
+
+    Args:
+        model: the model.
+        kept: parameters that are estimated.
+        registration: of the campaign.
+        campaign: the measurements.
+        fixed: hold tracker frame and targets as registered.
+        aligned: take a tracker's rotations as measured in the axes of its positions.
+    """
+    one = Point() if campaign.rotations is None else Pose(aligned=aligned)
+    return Layout(
+        model=model,
+        kept=kept,
+        registration=registration,
+        targets=campaign.targets,
+        kinds=campaign.observations or (one,) * len(campaign.targets),
+        fixed_frames=fixed,
+    )
 
 
-def _cross(arm: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
-    """Matrices [a] with [a]·w = a × w."""
-    out = np.zeros((len(arm), 3, 3))
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -arm[:, 2], arm[:, 1], -arm[:, 0]
-    out[:, 1, 0], out[:, 2, 0], out[:, 2, 1] = arm[:, 2], -arm[:, 1], arm[:, 0]
-    return out
-
-
-# What is believed before the fit: a prior over the kept parameters, and next to nothing of tracker frame and targets.
+# What is known before the fit: a prior over the estimated parameters, and next to nothing of tracker frame and targets.
 
 BASE_PRIOR, TARGET_PRIOR = 10.0, 1.0
 """Standard deviations of tracker frame and targets about their registration, metres and radians: as good as none."""
@@ -257,83 +225,77 @@ BASE_PRIOR, TARGET_PRIOR = 10.0, 1.0
 UNOBSERVABLE_PRIOR = 1e-6
 """The same along directions in which the poses do not locate the targets: there they stay at the tool point."""
 
+FRAME_SIZE = 1e-3
+"""Natural size of tracker frame, targets and the kinds' own unknowns in the equations, metres and radians."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Belief:
-    """Prior over the kept parameters, their natural sizes, and the precision of the frames."""
+class PriorOfEstimate:
+    """Prior over the estimated parameters, their natural sizes, and the precision of the frames."""
 
-    prior: GaussianPrior | None
+    parameters: GaussianPrior | None
     sizes: Float[np.ndarray, " kept"]
     frames: Float[np.ndarray, "frames frames"]
-    """Prior precision of tracker frame and targets."""
+    """Prior precision of tracker frame, targets and the kinds' own unknowns."""
+    start: Float[np.ndarray, " z"]
+    """The registered nominal robot, where the frames are expected."""
+
+    @property
+    def scale(self) -> Float[np.ndarray, " z"]:
+        """Natural size of every entry of z."""
+        return np.concatenate([self.sizes, np.full(len(self.frames), FRAME_SIZE)])
 
     def precision(self, factor: float) -> Float[np.ndarray, "z z"]:
         """Of a whole estimate z, frames included."""
-        k, count = len(self.sizes), len(self.sizes) + len(self.frames)
-        out = np.zeros((count, count))
-        if self.prior is not None:
-            out[:k, :k] = self.prior.precision / factor
+        k, out = len(self.sizes), np.zeros((len(self.start),) * 2)
+        if self.parameters is not None:
+            out[:k, :k] = self.parameters.precision / factor
         out[k:, k:] = self.frames
         return out
 
     def covariance(self, factor: float) -> Float[np.ndarray, "z z"]:
-        """Of a whole estimate z, where something is believed of every parameter."""
-        k, count = len(self.sizes), len(self.sizes) + len(self.frames)
-        out = np.zeros((count, count))
-        if self.prior is not None:
-            out[:k, :k] = factor * self.prior.covariance
+        """Of a whole estimate z, where there is a prior of every parameter."""
+        k, out = len(self.sizes), np.zeros((len(self.start),) * 2)
+        if self.parameters is not None:
+            out[:k, :k] = factor * self.parameters.covariance
         out[k:, k:] = np.linalg.inv(self.frames)
         return out
 
-    def mean(self, start: Float[np.ndarray, " z"]) -> Float[np.ndarray, " z"]:
-        """Of a whole estimate z, whose frames are believed where they start."""
-        out = start.copy()
-        out[: len(self.sizes)] = 0.0 if self.prior is None else self.prior.mean
+    @property
+    def mean(self) -> Float[np.ndarray, " z"]:
+        """Of a whole estimate z."""
+        out = self.start.copy()
+        out[: len(self.sizes)] = 0.0 if self.parameters is None else self.parameters.mean
         return out
 
 
-def frame_precision(layout: FrameLayout) -> Float[np.ndarray, "frames frames"]:
-    """Next to nothing is known of tracker frame and targets, but for directions that the poses do not determine."""
-    count, base = len(layout.names) - len(layout.kept), layout.base_size
-    deviation = np.where(np.arange(count) < base, BASE_PRIOR, TARGET_PRIOR)
-    if isinstance(layout, ObservationLayout):
-        deviation[count - sum(map(len, layout.own)) :] = np.concatenate([kind.deviations for kind in layout.kinds])
-    else:
-        deviation[12 if layout.turned else count :] = TURN_PRIOR
-    out = np.diag(deviation**-2.0)
-    held = layout.registration.unobservable / UNOBSERVABLE_PRIOR**2
-    if isinstance(layout, ObservationLayout):
-        at = np.concatenate([place[:3] for place in layout.places]) - len(layout.kept)
-        from scipy.linalg import block_diag
-
-        turned = np.asarray(block_diag(*_axes_of_places(layout)))
-        out[np.ix_(at, at)] += turned.T @ held @ turned
-    elif layout.pose:  # its error frame moves in the axes of the target
-        X = layout.registration.T_tool_target[0, :3, :3]
-        out[6:9, 6:9] += X.T @ held @ X
-    else:
-        out[6:, 6:] += held
+def frame_precision(layout: Layout) -> Float[np.ndarray, "frames frames"]:
+    """Prior precision of the frames: next to none, but along directions that the poses do not determine."""
+    k = len(layout.kept)
+    base, places = np.full(layout.base_size, BASE_PRIOR), np.full(sum(map(len, layout.places)), TARGET_PRIOR)
+    out = np.diag(np.concatenate([base, places, *(kind.deviations for kind in layout.kinds)]) ** -2.0)
+    at = np.concatenate([place[:3] for place in layout.places]) - k
+    # the error frame of a target that is turned moves in its own axes
+    axes = np.eye(len(at))
+    for t, kind in enumerate(layout.kinds):
+        if kind.turned:
+            axes[3 * t : 3 * t + 3, 3 * t : 3 * t + 3] = layout.registration.T_tool_target[t, :3, :3]
+    out[np.ix_(at, at)] += axes.T @ (layout.registration.unobservable / UNOBSERVABLE_PRIOR**2) @ axes
     return out
 
 
-def _axes_of_places(layout: ObservationLayout) -> list[Float[np.ndarray, "3 3"]]:
-    """In which each target's place on the tool is counted."""
-    registered = layout.registration.T_tool_target[:, :3, :3]
-    return [X if kind.turned else np.eye(3) for X, kind in zip(registered, layout.kinds, strict=True)]
-
-
-def belief_of(layout: FrameLayout, prior: GaussianPrior | str | None) -> Belief:
-    """The belief in a layout: its tolerances, a prior that was given, or no prior.
+def prior_of(layout: Layout, prior: GaussianPrior | str | None) -> PriorOfEstimate:
+    """The prior in a layout: its tolerances, a prior that was given, or none.
 
     Raises:
-        ValueError: the prior that was given is not one over the kept parameters.
+        ValueError: the prior that was given is not one over the estimated parameters.
     """
     frames = np.zeros((0, 0)) if layout.fixed_frames else frame_precision(layout)
-    tolerances = layout.model.tolerances[layout.kept]
-    if prior is None:
-        return Belief(prior=None, sizes=tolerances, frames=frames)
+    sizes = layout.model.tolerances[layout.kept]
     if isinstance(prior, GaussianPrior):
         if len(prior.mean) != len(layout.kept):
             raise ValueError(f"the prior has {len(prior.mean)} parameters, {len(layout.kept)} are kept")
-        return Belief(prior=prior, sizes=np.sqrt(np.diag(prior.covariance)), frames=frames)
-    return Belief(prior=GaussianPrior.of_deviations(tolerances), sizes=tolerances, frames=frames)
+        sizes = np.sqrt(np.diag(prior.covariance))
+    elif prior is not None:
+        prior = GaussianPrior.of_deviations(sizes)
+    return PriorOfEstimate(parameters=prior, sizes=sizes, frames=frames, start=layout.start())

@@ -1,6 +1,11 @@
-"""The least-squares problem of a campaign: the robot's chain between the tracker's frame and the targets."""
+"""The least-squares problem of a campaign: what was seen, its residuals about an estimate, and their derivatives.
 
-from dataclasses import dataclass
+There is one linearisation. A kind of observation is differentiated by the twist of its target and by its own unknowns; the twist
+of the tool comes from the compiled walk. A tracker's points need no more than the walk, so that compiled passes add up their normal
+equations and covariances on the way; those of other kinds are taken from dense rows, some poses at a time.
+"""
+
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -11,112 +16,249 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import ClosureError
 from taskcal.estimation.matrices import inverse_factors
 from taskcal.geometry import se3
+from taskcal.identification.layout import Layout
 from taskcal.kernels import walk
-from taskcal.kernels.chain import Chain, ErrorFrame, Fixed
-from taskcal.kernels.covariance import propagate
-from taskcal.kernels.normal_equations import SQUARED, WhitenedEquations, normal_equations
-from taskcal.kernels.observations import Observations, Points, Walked
+from taskcal.kernels.chunks import in_chunks
+from taskcal.kernels.covariance import propagate_points
+from taskcal.kernels.normal_equations import POSES, SQUARED, WhitenedEquations, normal_equations, weigh
+from taskcal.kernels.observations import SeenPoints, Walked
 from taskcal.kernels.walk import Columns
-from taskcal.observations import Observation
-from taskcal.observations.pose import turn_by_rotation
-from taskcal.registration.registration import Registration
+from taskcal.observations import Differential, Measured, Observation, Point, Pose, block_size
+from taskcal.observations.base import TrackerNoise
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.error_model import COMPONENTS, ErrorModel, Prepared
+from taskcal.robot.error_model import Prepared
 
-# The rows of a campaign about an estimate, kept: a fit of few rows weighs and propagates the same ones again and
-# again.
+Equations = tuple[float, Float[np.ndarray, " z"], Float[np.ndarray, "z z"]]
+"""Cost, gradient and information of whitened residuals."""
 
-MOST_NUMBERS = 1_000_000
-"""Of the derivatives that are kept (8 MB). More are streamed: to read them again would take longer than to work them out."""
+Propagated = tuple[Float[np.ndarray, "n targets b"], Float[np.ndarray, "n targets b b"]]
+"""Residuals, and the covariance of what is predicted; NaN where nothing was measured."""
 
 
-class KeptRows(NamedTuple):
-    """What was seen, linearised by all that is unknown."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Seen:
+    """What was measured of each target of a layout."""
 
+    position: Float[np.ndarray, "n targets 3"]
+    """Each kind's numbers, metres."""
+    rotation: Float[np.ndarray, "n 3 3"] | None
+    """Measured rotations, for kinds that measure them."""
     valid: Bool[np.ndarray, "n targets"]
-    residual: Float[np.ndarray, "seen b"]
-    """Measured less predicted, of every target that was seen at a pose."""
-    by_entry: Float[np.ndarray, "seen b z"]
-    """Derivative of what is predicted."""
+    """False where nothing was measured."""
+    kinds: tuple[Observation, ...]
+    """How each target was observed."""
 
     @classmethod
-    def of(cls, walked: Walked, seen: Observations) -> "KeptRows":
-        """Of points and poses of a tracker, or of observations that are linearised by the twist of the chain's end."""
-        if seen.linear is None:
-            residual, columns = (rows[seen.valid] for rows in tracker_rows(walked, seen))
-            if seen.rotation is not None:
-                columns[:, 3:] = turn_by_rotation(residual[:, 3:]) @ columns[:, 3:]
-            return cls(seen.valid, residual, columns)
-        n, targets, b = seen.linear.residual.shape
+    def of(cls, campaign: Campaign, layout: Layout) -> "Seen":
+        """What a campaign measured of a layout's targets."""
         return cls(
-            seen.valid,
-            seen.linear.residual[seen.valid],
-            by_entry(walked, seen).reshape(n, targets, b, -1)[seen.valid],
+            position=np.ascontiguousarray(campaign.points),
+            rotation=campaign.rotations,
+            valid=np.ascontiguousarray(campaign.valid),
+            kinds=campaign.observations or layout.kinds,
         )
 
-    def equations(
-        self, whitener: Float[np.ndarray, "n targets b b"]
-    ) -> tuple[float, Float[np.ndarray, " z"], Float[np.ndarray, "z z"]]:
-        """Cost, gradient and information of the squared whitened residuals, as of `normal_equations`."""
-        W = whitener[self.valid]
-        r = (W @ self.residual[:, :, None]).reshape(-1)
-        A = (W @ self.by_entry).reshape(len(r), self.by_entry.shape[2])
-        return 0.5 * float(r @ r), A.T @ r, A.T @ A
+    def take(self, rows: Int[np.ndarray, " k"] | slice) -> "Seen":
+        """Some of the rows; what they refer to keeps its number."""
+        return Seen(
+            position=self.position[rows],
+            rotation=None if self.rotation is None else self.rotation[rows],
+            valid=self.valid[rows],
+            kinds=tuple(kind if kind.of is None else replace(kind, of=kind.of[rows]) for kind in self.kinds),
+        )
 
-    def propagate(
-        self, covariance: Float[np.ndarray, "z z"]
-    ) -> tuple[Float[np.ndarray, "n targets b"], Float[np.ndarray, "n targets b b"]]:
-        """Residuals, and the covariance of what is predicted; NaN where nothing was measured. As `propagate` of the geometry."""
-        shape, b = self.valid.shape, self.residual.shape[1]
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Linearisation:
+    """Rows about an estimate; m numbers a pose, those of its targets one behind another, zero where nothing was measured."""
+
+    valid: Bool[np.ndarray, "n targets"]
+    residual: Float[np.ndarray, "n m"]
+    """Measured less predicted, metres (and radians)."""
+    by_entry: Float[np.ndarray, "n m z"]
+    """Derivative of what is predicted by the entries of z."""
+    by_joint: Float[np.ndarray, "n m joints"]
+    """The same by the joints' true positions; of no joints where that was not asked for."""
+
+    @property
+    def seen(self) -> Bool[np.ndarray, "n m"]:
+        """Which numbers were measured."""
+        return np.repeat(self.valid, self.residual.shape[1] // self.valid.shape[1], axis=1)
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "Linearisation":
+        """Some of the poses."""
+        return Linearisation(
+            valid=self.valid[rows],
+            residual=self.residual[rows],
+            by_entry=self.by_entry[rows],
+            by_joint=self.by_joint[rows],
+        )
+
+    @cached_property
+    def _blocks(self) -> tuple[Float[np.ndarray, "seen b"], Float[np.ndarray, "seen b z"]]:
+        """Residual and derivative of every target that was seen at a pose."""
+        n, targets = self.valid.shape
+        b, z = self.residual.shape[1] // targets, self.by_entry.shape[2]
+        return self.residual.reshape(n, targets, b)[self.valid], self.by_entry.reshape(n, targets, b, z)[self.valid]
+
+    def equations(
+        self, whitener: Float[np.ndarray, "n targets b b"], loss: int = SQUARED, threshold: float = 1.0
+    ) -> Equations:
+        """Cost, gradient and information of the whitened residuals, as of `normal_equations`."""
+        residual, by_entry = self._blocks
+        W = whitener[self.valid]
+        white, A = (W @ residual[:, :, None])[:, :, 0], W @ by_entry
+        if loss == SQUARED:
+            cost = 0.5 * float(white.ravel() @ white.ravel())
+        else:
+            weight, twice = weigh(loss, threshold, (white**2).sum(axis=1), white.shape[1])
+            white, A = np.sqrt(weight)[:, None] * white, np.sqrt(weight)[:, None, None] * A
+            cost = 0.5 * float(twice.sum())
+        r, A = white.ravel(), A.reshape(white.size, by_entry.shape[2])
+        return cost, A.T @ r, A.T @ A
+
+    def propagate(self, covariance: Float[np.ndarray, "z z"]) -> Propagated:
+        """Residuals, and the covariance of what is predicted for one of the estimate."""
+        left, by_entry = self._blocks
+        shape, b = self.valid.shape, left.shape[1]
         residual, propagated = np.full((*shape, b), np.nan), np.full((*shape, b, b), np.nan)
-        residual[self.valid] = self.residual
-        moved = self.by_entry.reshape(self.residual.size, len(covariance)) @ covariance
-        propagated[self.valid] = moved.reshape(self.by_entry.shape) @ np.swapaxes(self.by_entry, 1, 2)
+        residual[self.valid] = left
+        moved = by_entry.reshape(left.size, len(covariance)) @ covariance
+        propagated[self.valid] = moved.reshape(by_entry.shape) @ np.swapaxes(by_entry, 1, 2)
         return residual, 0.5 * (propagated + np.swapaxes(propagated, -1, -2))
 
     def moved(self, step: Float[np.ndarray, " z"]) -> Float[np.ndarray, "n targets b"]:
         """By how much what is predicted moves with a step of the estimate, to first order; zero where nothing was measured."""
-        out = np.zeros((*self.valid.shape, self.residual.shape[1]))
-        out[self.valid] = self.by_entry @ step
-        return out
+        return (self.by_entry @ step).reshape(*self.valid.shape, -1)
 
 
-def by_entry(walked: Walked, seen: Observations) -> Float[np.ndarray, "n m z"]:
-    """Derivative of what is predicted by the entries of an estimate, the blocks of a pose's targets one behind another."""
-    assert seen.linear is not None
-    n, targets, b = seen.linear.residual.shape
-    twist = walk.columns(walked.chain, walked.s, walked.e, walked.layout, walked.factor, angular=True)
-    out = seen.linear.by_end.reshape(n, targets * b, 6) @ twist
-    for t, columns in enumerate(seen.linear.columns):
-        own = columns >= 0
-        out[:, t * b : (t + 1) * b, columns[own]] += seen.linear.by_unknown[:, t][:, :, own]
-    return out
+class Rows(NamedTuple):
+    """The rows of a campaign at an estimate."""
 
+    layout: Layout
+    z: Float[np.ndarray, " z"]
+    at: Walked
+    """The walk there."""
+    seen: Seen
 
-def tracker_rows(
-    walked: Walked, seen: Observations
-) -> tuple[Float[np.ndarray, "n targets b"], Float[np.ndarray, "n targets b z"]]:
-    """Measured less predicted of a tracker's points or poses, and the derivative of what is predicted by the entries of z.
+    @classmethod
+    def of_targets(
+        cls,
+        layout: Layout,
+        z: Float[np.ndarray, " z"],
+        q: Float[np.ndarray, "n joints"],
+        prepared: Prepared | None = None,
+    ) -> "Rows":
+        """The targets as if a tracker measured them, in its own axes, where they are predicted."""
+        at = layout.walked(q, z, prepared)
+        shape, rotation = (len(q), len(layout.targets)), None
+        if layout.pose:
+            rotation = walk.poses(at.chain, at.s, at.e)[:, :3, :3] @ layout.frames(z)[1][0, :3, :3]
+        kinds = (Pose(aligned=True) if layout.pose else Point(),) * shape[1]
+        seen = Seen(position=np.zeros((*shape, 3)), rotation=rotation, valid=np.ones(shape, dtype=bool), kinds=kinds)
+        return cls(layout, z, at, seen)
 
-    What belongs to a target that was not seen means nothing. A rotation is derived as a turn of what is predicted.
-    """
-    T, pose = walk.poses(walked.chain, walked.s, walked.e), seen.rotation is not None
-    n, targets, b, points = len(T), seen.valid.shape[1], seen.rows, walked.points
-    residual, out = np.empty((n, targets, b)), np.empty((n, targets, b, walked.layout.count))
-    for t, offset in enumerate(points.position):
-        columns = walk.columns(
-            walked.chain, walked.s, walked.e, walked.layout, walked.factor, angular=pose, point=offset
+    def _take(self, rows: slice) -> "Rows":
+        at = replace(self.at, s=self.at.s[rows], factor=self.at.factor[rows])
+        return Rows(self.layout, self.z, at, self.seen.take(rows))
+
+    @property
+    def _points(self) -> SeenPoints | None:
+        """For the compiled passes; None where another kind was measured, or a target has an error frame."""
+        streamed = all(kind.streamed for kind in self.seen.kinds)
+        turned = any(kind.turned for kind in self.layout.kinds) and not self.layout.fixed_frames
+        return SeenPoints(self.seen.position, self.seen.valid) if streamed and not turned else None
+
+    def linearise(self, *, joints: bool = False) -> Linearisation:
+        """All residuals and derivatives.
+
+        Args:
+            joints: those by the joints' true positions, too.
+        """
+        layout, at, seen = self.layout, self.at, self.seen
+        T, (n, targets), b = walk.poses(at.chain, at.s, at.e), seen.valid.shape, block_size(seen.kinds)
+        residual, by_tool = np.zeros((n, targets, b)), np.zeros((n, targets, b, 6))
+        places, unknowns = layout.frames(self.z)[1], layout.unknowns(self.z)
+        found: list[Differential] = []
+        for t, (kind, place, unknown) in enumerate(zip(seen.kinds, places, unknowns, strict=True)):
+            one = kind.differentiate(T @ place, unknown, Measured(seen.position[:, t], seen.rotation))
+            residual[:, t, kind.block()], by_tool[:, t, kind.block()] = one.residual, _by_tool(one, T, place)
+            found.append(one)
+        by_tool = by_tool.reshape(n, targets * b, 6)
+        by_entry = by_tool @ walk.columns(at.chain, at.s, at.e, at.layout, at.factor, angular=True)
+        for t, one in enumerate(found if not layout.fixed_frames else ()):
+            numbers = t * b + np.array(seen.kinds[t].block())[:, None]
+            by_entry[:, numbers, layout.places[t]] += self._by_place(t, one, T)
+            by_entry[:, numbers, layout.own[t][: one.by_unknown.shape[2]]] += one.by_unknown
+        by_joint = np.zeros((n, targets * b, 0))
+        if joints:
+            by_joint = by_tool @ joint_columns(at)[:, :, : len(layout.model.robot.joints)]
+        residual, hidden = residual.reshape(n, -1), ~np.repeat(seen.valid, b, axis=1)
+        for array in (residual, by_entry, by_joint):
+            array[hidden] = 0.0
+        return Linearisation(valid=seen.valid, residual=residual, by_entry=by_entry, by_joint=by_joint)
+
+    def _by_place(self, t: int, one: Differential, T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n w c"]:
+        """Derivative by the target's place on the tool."""
+        R, layout = T[:, :3, :3], self.layout
+        if not layout.kinds[t].turned:
+            return one.by_target[:, :, :3] @ R
+        e = self.z[layout.places[t]]
+        R = R @ layout.registration.T_tool_target[t, :3, :3]
+        about_x, about_y = se3.rotation("x", e[3])[:3, :3], se3.rotation("y", e[4])[:3, :3]
+        axes = np.stack([np.eye(3)[0], about_x[:, 1], (about_x @ about_y)[:, 2]], axis=1)
+        return np.concatenate([one.by_target[:, :, :3] @ R, one.by_target[:, :, 3:] @ (R @ axes)], axis=2)
+
+    def equations(
+        self, whitener: Float[np.ndarray, "n targets b b"], loss: int = SQUARED, threshold: float = 1.0
+    ) -> Equations:
+        """Cost, gradient and information of the whitened residuals, without keeping derivatives."""
+        points = self._points
+        if points is not None:
+            return normal_equations(self.at, points, whitener, loss, threshold)
+        parts = in_chunks(
+            lambda rows: self._take(rows).linearise().equations(whitener[rows], loss, threshold), len(self.at.s), POSES
         )
-        residual[:, t, :3] = seen.position[:, t] - T[:, :3, 3] - T[:, :3, :3] @ offset
-        if seen.rotation is not None:
-            turned = seen.rotation @ np.swapaxes(points.turn @ T[:, :3, :3], 1, 2)
-            turned[~seen.valid[:, t]] = np.eye(3)
-            residual[:, t, 3:] = se3.log(turned)
-            columns[:, 3:] = points.turn @ columns[:, 3:]
-        if points.columns[t, 0] >= 0:
-            columns[:, b - 3 :, points.columns[t]] = points.turning if pose else T[:, :3, :3]
-        out[:, t] = columns
-    return residual, out
+        cost, g, H = zip(*parts, strict=True)
+        return sum(cost), np.sum(g, axis=0), np.sum(H, axis=0)
+
+    def propagate(self, covariance: Float[np.ndarray, "z z"]) -> Propagated:
+        """Residuals, and the covariance of what is predicted for one of the estimate, without keeping derivatives."""
+        points = self._points
+        if points is not None and len(covariance):
+            return propagate_points(self.at, points, covariance)
+        parts = in_chunks(lambda rows: self._take(rows).linearise().propagate(covariance), len(self.at.s), POSES)
+        residual, propagated = zip(*parts, strict=True)
+        return np.concatenate(residual), np.concatenate(propagated)
+
+    def propagate_joints(self, variances: Float[np.ndarray, " joints"]) -> Float[np.ndarray, "n targets b b"]:
+        """Covariance of what is predicted where joints stand off, each by itself, at single poses.
+
+        Args:
+            variances: of the joints, rad² (m² where they slide); of none for those beyond.
+        """
+        by_joint = self.linearise(joints=True).by_joint[:, :, : len(variances)]
+        moved = by_joint.reshape(*self.seen.valid.shape, -1, len(variances))
+        return (moved * variances) @ np.swapaxes(moved, 2, 3)
+
+
+def _by_tool(
+    one: Differential, T: Float[np.ndarray, "n 4 4"], place: Float[np.ndarray, "4 4"]
+) -> Float[np.ndarray, "n w 6"]:
+    """Derivative by the tool's twist, of which a target that sits beside the tool's origin has v + w × arm."""
+    arm = T[:, :3, :3] @ place[:3, 3]
+    carried = np.cross(arm[:, None, :], np.eye(3))
+    return np.concatenate(
+        [one.by_target[:, :, :3], one.by_target[:, :, 3:] + one.by_target[:, :, :3] @ carried], axis=2
+    )
+
+
+def joint_columns(
+    at: Walked, point: Float[np.ndarray, " 3"] | None = None, *, angular: bool = True
+) -> Float[np.ndarray, "n rows coordinates"]:
+    """Derivative of a point on the tool, its origin by default, by the coordinates of the chain."""
+    columns = Columns.of_joints(at.chain)
+    return walk.columns(at.chain, at.s, at.e, columns, np.ones_like(at.s), angular=angular, point=point)
 
 
 class StatedRows(NamedTuple):
@@ -127,218 +269,64 @@ class StatedRows(NamedTuple):
     by_entry: Float[np.ndarray, "k z"]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class FrameLayout:
-    """The chain from tracker to target, and how an estimate z is laid out: kept parameters, base, targets.
-
-    The base frame of the registration is followed by an error frame ``base.*``; a measured point adds its offset in the
-    tool frame, ``smr1.tx …``, a measured pose an error frame of its own. What turns and what moves is measured by different
-    parts of an instrument, whose axes need not agree: ``orientation.*`` turns all measured rotations against the axes in which
-    positions are measured.
-    """
-
-    model: ErrorModel
-    kept: Int[np.ndarray, " kept"]
-    """Model parameters that are estimated; the others stay at zero."""
-    registration: Registration
-    targets: tuple[str, ...]
-    pose: bool
-    """Whether poses were measured, not points."""
-    fixed_frames: bool = False
-    """Whether tracker frame and targets are held where the registration put them."""
-    turned: bool = False
-    """Whether measured rotations may be turned against the axes of the positions."""
-
-    @property
-    def observed(self) -> tuple[type[Observation], ...]:
-        """Kind of observation of each target; none where a tracker measured all."""
-        return ()
-
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """Names of the entries of z."""
-        kept = tuple(self.model.names[i] for i in self.kept)
-        if self.fixed_frames:
-            return kept
-        per_target = COMPONENTS if self.pose else COMPONENTS[:3]
-        labels = ["target" if name == "tool" else name for name in self.targets]
-        turn = COMPONENTS[3:] if self.turned else ()
-        return (
-            kept
-            + tuple(f"base.{c}" for c in COMPONENTS)
-            + tuple(f"{t}.{c}" for t in labels for c in per_target)
-            + tuple(f"orientation.{c}" for c in turn)
-        )
-
-    @cached_property
-    def chain(self) -> Chain:
-        """From tracker to the tool, or to the target where poses were measured."""
-        end = [Fixed(self.registration.T_tool_target[0]), ErrorFrame()] if self.pose else []
-        return Chain.of([Fixed(self.registration.T_tracker_base), ErrorFrame(), *self.model.steps, *end])
-
-    @cached_property
-    def columns(self) -> Int[np.ndarray, " p"]:
-        """Column of every model parameter, −1 for those held."""
-        columns = np.full(len(self.model), -1)
-        columns[self.kept] = np.arange(len(self.kept))
-        return columns
-
-    @cached_property
-    def layout(self) -> Columns:
-        """Columns of z in the walk."""
-        inner = self.model.layout(self.columns, count=len(self.names))
-        k = len(self.kept)
-        first = np.full(6, -1) if self.fixed_frames else k + np.arange(6)
-        frames = [first, *inner.frames]
-        if self.pose:
-            frames.append(np.full(6, -1) if self.fixed_frames else k + 6 + np.arange(6))
-        return Columns(frames=np.array(frames), joint=inner.joint, column=inner.column, count=inner.count)
-
-    @cached_property
-    def point_columns(self) -> Int[np.ndarray, "targets 3"]:
-        """Columns of the target offsets, or of the turn of what was measured."""
-        count = len(self.targets)
-        if self.turned and not self.fixed_frames:
-            return len(self.kept) + 12 + np.arange(3)[None]
-        if self.fixed_frames or self.pose:
-            return np.full((count, 3), -1)
-        return len(self.kept) + 6 + np.arange(3 * count).reshape(count, 3)
-
-    def start(self) -> Float[np.ndarray, " z"]:
-        """The registered nominal robot."""
-        z = np.zeros(len(self.names))
-        if not (self.fixed_frames or self.pose):
-            z[len(self.kept) + 6 :] = self.registration.T_tool_target[:, :3, 3].reshape(-1)
-        return z
-
-    def parameters(self, z: Float[np.ndarray, " z"]) -> Float[np.ndarray, " p"]:
-        """Model parameters of an estimate, zero where not kept."""
-        x = np.zeros(len(self.model))
-        x[self.kept] = z[: len(self.kept)]
-        return x
-
-    def walked(
-        self, q: Float[np.ndarray, "n joints"], z: Float[np.ndarray, " z"], prepared: Prepared | None = None
-    ) -> Walked:
-        """The walk from tracker to targets at joint positions q."""
-        at = self.model.walk(q, self.parameters(z), self.columns, prepared)
-        return self.reframed(at.s, at.factor, at.e, z)
-
-    def reframed(self, s: np.ndarray, factor: np.ndarray, e: np.ndarray, z: np.ndarray) -> Walked:
-        """The model's walk with the frames of an estimate around it."""
-        k = len(self.kept)
-        free = not self.fixed_frames
-        base = z[k : k + 6] if free else np.zeros(6)
-        rows = [base[None], e]
-        if self.pose:
-            rows.append((z[k + 6 : k + 12] if free else np.zeros(6))[None])
-            offsets = np.zeros((1, 3))
-        elif free:
-            offsets = z[k + 6 :].reshape(-1, 3)
-        else:
-            offsets = self.registration.T_tool_target[:, :3, 3]
-        points = Points(np.ascontiguousarray(offsets), self.point_columns)
-        if self.turned:
-            turn = self.turn(z)
-            points = points._replace(turn=se3.exp(turn), turning=se3.left_jacobian(turn))
-        return Walked(self.chain, s, np.concatenate(rows), self.layout, factor, points)
-
-    def turn(self, z: Float[np.ndarray, " z"]) -> Float[np.ndarray, " 3"]:
-        """Rotation vector of measured rotations against the axes of the positions, as estimated."""
-        return np.zeros(3) if self.fixed_frames or not self.turned else z[len(self.kept) + 12 :]
-
-    @property
-    def base_size(self) -> int:
-        """Columns of the tracker's frame."""
-        return 6
-
-    @property
-    def block_size(self) -> int:
-        """Numbers of a target's block: three of position, and three of rotation where any were measured."""
-        return 6 if self.pose else 3
-
-    def linearised(
-        self, walked: Walked, z: Float[np.ndarray, " z"], seen: Observations, kinds: tuple[Observation, ...]
-    ) -> Observations:
-        """What was seen as the compiled passes take it at an estimate: a tracker's points and poses as they are."""
-        return seen
-
-    def stated(self, z: Float[np.ndarray, " z"], kinds: tuple[Observation, ...]) -> StatedRows | None:
-        """What is known of the frames beside the measurements; None for nothing."""
-        return None
-
-    def nowhere(self, walked: Walked, z: Float[np.ndarray, " z"]) -> Observations:
-        """Targets as if measured where they are predicted, for the covariance of a prediction."""
-        shape = len(walked.s), len(self.targets)
-        T = walk.poses(walked.chain, walked.s, walked.e)[:, :3, :3] if self.pose else None
-        return Observations(position=np.zeros((*shape, 3)), rotation=T, valid=np.ones(shape, dtype=bool))
-
-    def frames(self, z: Float[np.ndarray, " z"]) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "targets 4 4"]]:
-        """Tracker to base, and tool to every target, as estimated."""
-        if self.fixed_frames:
-            return self.registration.T_tracker_base, self.registration.T_tool_target
-        k = len(self.kept)
-        base = self.registration.T_tracker_base @ se3.error_transform(z[k : k + 6])
-        if self.pose:
-            return base, self.registration.T_tool_target @ se3.error_transform(z[k + 6 : k + 12])
-        offsets = z[k + 6 :].reshape(-1, 3)
-        return base, se3.pose(np.broadcast_to(np.eye(3), (len(offsets), 3, 3)), offsets)
+def stated_rows(layout: Layout, z: Float[np.ndarray, " z"], kinds: tuple[Observation, ...]) -> StatedRows:
+    """What the kinds know of their own unknowns, such as distances of sockets."""
+    parts = [StatedRows(np.zeros(0), np.zeros((0, len(z))))]
+    for kind, unknown, own in zip(kinds, layout.unknowns(z), layout.own, strict=True):
+        known = kind.stated(unknown)
+        if len(known.residual) and not layout.fixed_frames:
+            by_entry = np.zeros((len(known.residual), len(z)))
+            by_entry[:, own] = known.by_unknown
+            parts.append(StatedRows(known.residual / known.uncertainty, by_entry / known.uncertainty[:, None]))
+    return StatedRows(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
-def observe(campaign: Campaign) -> Observations:
-    """The campaign as the compiled passes take it."""
-    return Observations(
-        position=np.ascontiguousarray(campaign.points),
-        rotation=campaign.rotations,
-        valid=np.ascontiguousarray(campaign.valid),
-    )
+MAX_CACHED_NUMBERS = 1_000_000
+"""Derivatives that a problem caches, at most (8 MB). Of more it would take longer to read them again than to work them out."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Problem:
     """A campaign to be fitted."""
 
-    frames: FrameLayout
+    layout: Layout
     q: Float[np.ndarray, "n joints"]
-    seen: Observations
+    seen: Seen
     noise: Float[np.ndarray, "n targets b b"]
     """Covariance of the measurements, m² and rad²."""
-    kinds: tuple[Observation, ...] = ()
-    """How each target was observed; none where a tracker measured all."""
     conditions: Conditions | None = None
     """How the poses were reached."""
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Problem":
-        """The problem of some of a tracker's rows."""
-        rotation = self.seen.rotation
-        seen = Observations(
-            position=self.seen.position[rows],
-            rotation=None if rotation is None else rotation[rows],
-            valid=self.seen.valid[rows],
-        )
+        """The problem of some of the rows."""
         conditions = None if self.conditions is None else self.conditions.take(rows)
-        return Problem(frames=self.frames, q=self.q[rows], seen=seen, noise=self.noise[rows], conditions=conditions)
-
-    @cached_property
-    def _constant(self) -> bool:
-        """Whether no kept parameter moves the joint side, so that it is evaluated once."""
-        return not len(self.frames.layout.joint)
+        return replace(self, q=self.q[rows], seen=self.seen.take(rows), noise=self.noise[rows], conditions=conditions)
 
     @cached_property
     def _prepared(self) -> Prepared:
-        return self.frames.model.prepare(self.q, self.conditions)
+        return self.layout.model.prepare(self.q, self.conditions)
 
     @cached_property
     def _joint_side(self) -> tuple[np.ndarray, np.ndarray]:
-        at = self.frames.model.walk(self.q, None, self.frames.columns)
+        """Where no entry of z moves the joint side: it is evaluated once."""
+        model, given = self.layout.model, self.layout.given
+        at = model.walk(self.q, given, self.layout.parameter_columns, None if given is None else self._prepared)
         return at.s, at.factor
 
     def walked(self, z: Float[np.ndarray, " z"]) -> Walked:
         """The walk of every pose at an estimate."""
-        if not self._constant:
-            return self.frames.walked(self.q, z, self._prepared)
-        e = self.frames.model.error_frames(self.frames.parameters(z))
-        return self.frames.reframed(*self._joint_side, e, z)
+        if len(self.layout.columns.joint):
+            return self.layout.walked(self.q, z, self._prepared)
+        e = self.layout.model.error_frames(self.layout.parameters(z))
+        return self.layout.with_frames(*self._joint_side, e, z)
+
+    def rows(self, z: Float[np.ndarray, " z"]) -> Rows:
+        """The rows at an estimate.
+
+        Raises:
+            ClosureError: a closed loop cannot be assembled at some pose.
+        """
+        return Rows(self.layout, z, self.walked(z), self.seen)
 
     def covariance(self, variances: Float[np.ndarray, " groups"]) -> Float[np.ndarray, "n targets b b"]:
         """Measurement noise and model error together: variance of position and, for poses, of rotation."""
@@ -350,68 +338,72 @@ class Problem:
         A step may lead there on the way to lengths that do close: the fit takes a shorter one then.
         """
 
-        def evaluate(z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        def evaluate(z: np.ndarray) -> Equations:
             try:
-                if loss == SQUARED and self._kept_at(z):
-                    cost, g, H = self.kept_rows(z).equations(whitener)
-                else:
-                    walked = self.walked(z)
-                    cost, g, H = normal_equations(walked, self.linearised(walked, z), whitener, loss, threshold)
+                rows = self.rows(z) if not self._reads_cache(z) else self.cached(z)
+                cost, g, H = rows.equations(whitener, loss, threshold)
             except ClosureError:
                 return np.inf, np.zeros(len(z)), np.zeros((len(z), len(z)))
-            stated = self.frames.stated(z, self.kinds)
-            if stated is None:
-                return cost, g, H
-            r, A = stated
+            r, A = stated_rows(self.layout, z, self.seen.kinds)
             return cost + 0.5 * float(r @ r), g + A.T @ r, H + A.T @ A
 
         return evaluate
 
     @cached_property
-    def keeps_rows(self) -> bool:
-        """Whether rows are kept, since they are few."""
-        return self.noise[..., 0].size * len(self.frames.names) <= MOST_NUMBERS
+    def caches(self) -> bool:
+        """Whether derivatives are cached, since they are few."""
+        return self.noise[..., 0].size * len(self.layout.names) <= MAX_CACHED_NUMBERS
 
-    def _kept_at(self, z: Float[np.ndarray, " z"]) -> bool:
-        """Whether rows about an estimate are there, or worth keeping now: those of a tracker are streamed in less time at first."""
-        return self.keeps_rows and (bool(self.kinds) or z.tobytes() in self._latest)
+    def _reads_cache(self, z: Float[np.ndarray, " z"]) -> bool:
+        """Whether rows at an estimate are there, or worth caching now: those of points are streamed in less time at first."""
+        return self.caches and (not all(kind.streamed for kind in self.seen.kinds) or z.tobytes() in self._cache)
 
     @cached_property
-    def _latest(self) -> dict[bytes, KeptRows]:
+    def _cache(self) -> dict[bytes, Linearisation]:
+        """Rows about the latest estimate."""
         return {}
 
-    def kept_rows(self, z: Float[np.ndarray, " z"]) -> KeptRows:
-        """Rows about an estimate, those of the latest one kept.
+    def cached(self, z: Float[np.ndarray, " z"]) -> Linearisation:
+        """Rows about an estimate, those of the latest one from the cache.
 
         Raises:
             ClosureError: a closed loop cannot be assembled at some pose.
         """
         key = z.tobytes()
-        if key not in self._latest:
-            walked = self.walked(z)
-            rows = KeptRows.of(walked, self.linearised(walked, z))
-            self._latest.clear()
-            self._latest[key] = rows
-        return self._latest[key]
+        if key not in self._cache:
+            rows = self.rows(z).linearise()
+            self._cache.clear()
+            self._cache[key] = rows
+        return self._cache[key]
 
-    def linearised(self, walked: Walked, z: Float[np.ndarray, " z"]) -> Observations:
-        """What was seen, as the compiled passes take it at an estimate."""
-        return self.frames.linearised(walked, z, self.seen, self.kinds)
+    def linearise(self, z: Float[np.ndarray, " z"]) -> Linearisation:
+        """Rows about an estimate, with their derivatives by the joints' true positions.
 
-    def propagate(
-        self, z: Float[np.ndarray, " z"], covariance: Float[np.ndarray, "z z"]
-    ) -> tuple[Float[np.ndarray, "n targets b"], Float[np.ndarray, "n targets b b"]]:
+        Raises:
+            ClosureError: a closed loop cannot be assembled at some pose.
+        """
+        return self.rows(z).linearise(joints=True)
+
+    def propagate(self, z: Float[np.ndarray, " z"], covariance: Float[np.ndarray, "z z"]) -> Propagated:
         """Residuals at an estimate, and the covariance of what is predicted for one of the estimate."""
-        if self.keeps_rows:
-            return self.kept_rows(z).propagate(covariance)
-        walked = self.walked(z)
-        return propagate(walked, self.linearised(walked, z), covariance)
+        return (self.cached(z) if self.caches else self.rows(z)).propagate(covariance)
 
     def information(
         self, z: Float[np.ndarray, " z"], whitener: Float[np.ndarray, "n targets b b"]
     ) -> Float[np.ndarray, "z z"]:
         """Of the estimate, by the measurements and by what is stated."""
         return self.equations(whitener, SQUARED, 1.0)(z)[2]
+
+
+def problem_of(layout: Layout, campaign: Campaign, noise: TrackerNoise | None) -> Problem:
+    """A campaign to be fitted in a layout."""
+    return Problem(
+        layout=layout,
+        q=np.ascontiguousarray(campaign.q),
+        seen=Seen.of(campaign, layout),
+        noise=campaign.covariances(noise),
+        conditions=campaign.conditions,
+    )
 
 
 def whitener(covariance: Float[np.ndarray, "n targets b b"]) -> Float[np.ndarray, "n targets b b"]:
@@ -424,76 +416,3 @@ def whitener(covariance: Float[np.ndarray, "n targets b b"]) -> Float[np.ndarray
     if np.isnan(W[..., -1, -1]).any():
         raise np.linalg.LinAlgError("a covariance is not positive definite")
     return W
-
-
-# A campaign's residuals and their derivatives at an estimate, as one dense block a pose.
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Linearisation:
-    """What every pose says; m numbers a pose, those of its targets one behind another, zero where a beam was lost."""
-
-    residual: Float[np.ndarray, "n m"]
-    """Measured less predicted in the tracker frame, metres (then radians, for poses)."""
-    by_entry: Float[np.ndarray, "n m z"]
-    """Derivative of what is predicted by the entries of z."""
-    by_joint: Float[np.ndarray, "n m joints"]
-    """Derivative of what is predicted by the joints' true positions."""
-    seen: Bool[np.ndarray, "n m"]
-
-    def take(self, rows: Int[np.ndarray, " k"]) -> "Linearisation":
-        """Some of the poses."""
-        return Linearisation(
-            residual=self.residual[rows],
-            by_entry=self.by_entry[rows],
-            by_joint=self.by_joint[rows],
-            seen=self.seen[rows],
-        )
-
-
-def linearise_rows(problem: Problem, z: Float[np.ndarray, " z"]) -> Linearisation:
-    """The rows of a problem about an estimate.
-
-    Raises:
-        ClosureError: a closed loop cannot be assembled at some pose.
-    """
-    if problem.kinds:
-        return _linearise_kinds(problem, z)
-    at, pose = problem.walked(z), problem.frames.pose
-    joints = len(problem.frames.model.robot.joints)
-    residual, by_z = tracker_rows(at, problem.seen)
-    n, _, width = residual.shape
-    moved = [joint_columns(at, offset, angular=pose)[:, :, :joints] for offset in at.points.position]
-    if pose:
-        moved[0][:, 3:] = at.points.turn @ moved[0][:, 3:]
-    seen = np.repeat(problem.seen.valid, width, axis=1)
-    made = (residual.reshape(n, -1), by_z.reshape(n, seen.shape[1], -1), np.concatenate(moved, axis=1))
-    for array in made:
-        array[~seen] = 0.0
-    return Linearisation(residual=made[0], by_entry=made[1], by_joint=made[2], seen=seen)
-
-
-def _linearise_kinds(problem: Problem, z: Float[np.ndarray, " z"]) -> Linearisation:
-    """The same where what was seen is linearised by the twist of the tool."""
-    at = problem.walked(z)
-    seen, tool = problem.linearised(at, z), np.zeros(3)
-    assert seen.linear is not None
-    joints = joint_columns(at, tool, angular=True)[:, :, : len(problem.frames.model.robot.joints)]
-    n, targets, b = seen.linear.residual.shape
-    made = (
-        seen.linear.residual.reshape(n, -1),
-        by_entry(at, seen),
-        seen.linear.by_end.reshape(n, targets * b, 6) @ joints,
-    )
-    valid = np.repeat(seen.valid, b, axis=1)
-    for array in made:
-        array[~valid] = 0.0
-    return Linearisation(residual=made[0], by_entry=made[1], by_joint=made[2], seen=valid)
-
-
-def joint_columns(
-    at: Walked, offset: Float[np.ndarray, " 3"], *, angular: bool
-) -> Float[np.ndarray, "n rows coordinates"]:
-    """Derivative of a target by the coordinates of the chain."""
-    layout = walk.Columns.of_joints(at.chain)
-    return walk.columns(at.chain, at.s, at.e, layout, np.ones_like(at.s), angular=angular, point=offset)

@@ -1,8 +1,7 @@
 """How well a calibration predicts a campaign."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -14,16 +13,15 @@ from taskcal.errors import CampaignError, FitError
 from taskcal.estimation.least_squares import Stopping, fit
 from taskcal.estimation.matrices import invert_positive
 from taskcal.geometry import se3
-from taskcal.identification.calibration import Calibration, residuals_by_kind, spread_of, unknowns_of
+from taskcal.identification.calibration import Calibration, residuals_on, spread_of, unknowns_of
 from taskcal.identification.group_model import LEAST, RowErrors, of_targets
 from taskcal.identification.held_out import Outlier, Validation, shared_with_neighbours, studentise
 from taskcal.identification.hyperparameters import SLOW
 from taskcal.identification.identify import fit_nominal
-from taskcal.identification.layout import ObservationLayout, frame_precision, layout_of, problem_of
+from taskcal.identification.layout import frame_precision, layout_of
 from taskcal.identification.options import FitOptions
-from taskcal.identification.problem import Problem, linearise_rows, whitener
+from taskcal.identification.problem import Problem, problem_of, whitener
 from taskcal.kernels.normal_equations import SQUARED
-from taskcal.kernels.observations import Walked
 from taskcal.observations import Compared
 from taskcal.observations.base import TrackerNoise
 from taskcal.registration.consensus import check_plausible
@@ -84,11 +82,7 @@ def errors_on(calibration: Calibration, campaign: Campaign) -> Float[np.ndarray,
         CampaignError: a target that the calibration does not know.
         ClosureError: a closed loop cannot be assembled at some pose.
     """
-    return (
-        residuals_by_kind(calibration, campaign, settled=True)
-        if campaign.observations
-        else calibration.residuals_on(campaign)
-    )
+    return residuals_on(calibration, campaign, settled=True)
 
 
 def reregister_frames(
@@ -117,14 +111,15 @@ def reregister_frames(
         calibration.model, campaign, poses=calibration.tool_in_base(campaign.q, campaign.conditions)
     )
     check_plausible(registration, calibration.model, campaign)
-    frames = layout_of(calibration.model, np.arange(0), registration, campaign, fixed=False)
-    shown = problem_of(frames, campaign, noise)
-    problem = _HeldRobot(**{f.name: getattr(shown, f.name) for f in fields(Problem)}, estimate=calibration.estimate)
+    frames = replace(
+        layout_of(calibration.model, np.arange(0), registration, campaign, fixed=False), given=calibration.estimate
+    )
+    problem = problem_of(frames, campaign, noise)
     z, covariance = _fit_frames(problem, calibration)
     from scipy.linalg import block_diag
 
     p = len(calibration.model)
-    layout = replace(frames, kept=np.arange(p))
+    layout = replace(frames, kept=np.arange(p), given=None)
     T_tracker_base, T_tool_target = frames.frames(z)
     return replace(
         calibration,
@@ -136,41 +131,23 @@ def reregister_frames(
     )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _HeldRobot(Problem):
-    """A problem whose unknowns are tracker frame and targets alone, of a robot that is known."""
-
-    estimate: Float[np.ndarray, " p"]
-    """Of all parameters of the model, metres and radians."""
-
-    @cached_property
-    def _robot(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        model = self.frames.model
-        at = model.walk(self.q, self.estimate, self.frames.columns, model.prepare(self.q, self.conditions))
-        return at.s, at.factor, at.e
-
-    def walked(self, z: Float[np.ndarray, " z"]) -> Walked:
-        """The walk of the known robot between the frames of an estimate."""
-        return self.frames.reframed(*self._robot, z)
-
-
-def _fit_frames(
-    problem: _HeldRobot, calibration: Calibration
-) -> tuple[Float[np.ndarray, " z"], Float[np.ndarray, "z z"]]:
+def _fit_frames(problem: Problem, calibration: Calibration) -> tuple[Float[np.ndarray, " z"], Float[np.ndarray, "z z"]]:
     """Estimate of tracker frame and targets, and its covariance.
 
     Raises:
         FitError: the fit did not converge.
     """
-    start, targets, width = problem.frames.start(), len(problem.frames.targets), problem.frames.block_size
+    start, targets, width = problem.layout.start(), len(problem.layout.targets), problem.layout.block_size
     position, rotation = np.maximum(np.square(np.resize(calibration.model_error, 2)), LEAST)
     joints = np.zeros(len(calibration.model.robot.joints))
     joints[: len(calibration.joint_error)] = np.square(calibration.joint_error)
     errors = RowErrors(position=float(position), rotation=float(rotation) if width == 6 else None, joints=joints)
-    blocks = of_targets(errors.covariance(linearise_rows(problem, start), problem.noise), targets)
+    blocks = of_targets(errors.covariance(problem.linearise(start), problem.noise), targets)
     equations = problem.equations(whitener(blocks), SQUARED, 1.0)
-    precision = frame_precision(problem.frames)
-    found = fit(equations, start, start, precision, np.full(len(start), 1e-3), SLOW if problem.kinds else Stopping())
+    precision = frame_precision(problem.layout)
+    found = fit(
+        equations, start, start, precision, np.full(len(start), 1e-3), Stopping() if problem.layout.tracked else SLOW
+    )
     if not found.converged:
         raise FitError(f"tracker frame and targets could not be refitted: {found.reason}; check the campaign's rows")
     return found.z, invert_positive(found.information + precision)
@@ -456,7 +433,7 @@ def measured_errors(calibration: Calibration) -> MeasuredErrors | None:
         None where the calibration was not fitted to what a tracker measured.
     """
     q = calibration.q
-    if isinstance(calibration.layout, ObservationLayout):
+    if not calibration.layout.tracked:
         return None
     residual, R = calibration.residuals, calibration.T_tracker_base[:3, :3]
     ends = calibration.target_poses(q)
@@ -478,7 +455,7 @@ def _as_measured(
     if calibration.layout.pose:
         rotations = np.full((len(q), 3, 3), np.nan)
         seen = np.isfinite(residual[:, 0, 0])
-        turned = se3.exp(calibration.layout.turn(calibration.z)) @ ends[seen, 0, :3, :3]
+        turned = se3.exp(calibration.layout.unknowns(calibration.z)[0]) @ ends[seen, 0, :3, :3]
         rotations[seen] = se3.exp(residual[seen, 0, 3:]) @ turned
     return Campaign(
         ids=calibration.ids,

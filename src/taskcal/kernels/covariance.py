@@ -1,4 +1,4 @@
-"""Streamed propagation of a covariance to what is measured at the end of a chain: J·C·Jᵀ without storing J."""
+"""Streamed propagation of a covariance to points at the end of a chain: J·C·Jᵀ without storing J."""
 
 from typing import NamedTuple
 
@@ -6,56 +6,18 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.kernels.chunks import in_chunks
-from taskcal.kernels.compiled import compiled, inlined, part
+from taskcal.kernels.compiled import compiled, part
 from taskcal.kernels.lanes import LANES, as_lanes, rooms, square_root, take_lanes
 from taskcal.kernels.observations import (
-    Observations,
     PointBlock,
+    SeenPoints,
     Walked,
-    allocate_block,
     allocate_points,
-    linearise,
     linearise_point,
     take_points,
 )
 from taskcal.kernels.products import add_products
 from taskcal.kernels.walk import Axes, expand_error_frames, walk_pose
-
-
-@inlined
-def _conjugate(J, matrix, product, out):
-    """Out = J·matrix·Jᵀ, symmetric; `product` is room for a row."""
-    p = J.shape[1]
-    for a in range(J.shape[0]):
-        product[:] = 0.0
-        for j in range(p):
-            v = J[a, j]
-            if v != 0.0:
-                for k in range(p):
-                    product[k] += v * matrix[j, k]
-        for b in range(a + 1):
-            v = 0.0
-            for k in range(p):
-                v += product[k] * J[b, k]
-            out[a, b] = v
-            out[b, a] = v
-
-
-@compiled
-def _propagate(walk, seen, matrix, residual, out):
-    """Store r and J·matrix·Jᵀ of every block."""
-    error_frames, p = expand_error_frames(walk.e), matrix.shape[0]
-    block, product = allocate_block(walk, out.shape[2], p), np.zeros(p)
-    for i in range(walk.s.shape[0]):
-        walk_pose(walk.steps, walk.s[i], error_frames, block.axes, block.T)
-        for t in range(seen.valid.shape[1]):
-            if seen.valid[i, t]:
-                linearise(walk, seen, i, t, block)
-                for a in range(
-                    block.r.shape[0]
-                ):  # assigned as a whole, the check of the shape takes longer to compile than this
-                    residual[i, t, a] = block.r[a]
-                _conjugate(block.J, matrix, product, out[i, t])
 
 
 @part
@@ -75,8 +37,8 @@ def conjugate_lanes(J, matrix, out):
 
 
 @compiled
-def _propagate_points(walk, seen, matrix, room, residual, out):
-    """The same of points alone, eight poses at a time."""
+def _propagate(walk, seen, matrix, room, residual, out):
+    """Store r and J·matrix·Jᵀ of every block, eight poses at a time."""
     error_frames, n, s, factor, y = (
         expand_error_frames(walk.e),
         len(walk.s),
@@ -102,28 +64,23 @@ def _propagate_points(walk, seen, matrix, room, residual, out):
                             out[first + lane, t, a, b] = room.work[max(a, b), min(a, b), lane]
 
 
-def propagate(
-    walked: Walked, seen: Observations, covariance: Float[np.ndarray, "p p"]
-) -> tuple[Float[np.ndarray, "n targets b"], Float[np.ndarray, "n targets b b"]]:
-    """Residuals (measured − predicted, not whitened) and J·C·Jᵀ of every block; NaN where nothing was measured.
+def propagate_points(
+    walked: Walked, seen: SeenPoints, covariance: Float[np.ndarray, "p p"]
+) -> tuple[Float[np.ndarray, "n targets 3"], Float[np.ndarray, "n targets 3 3"]]:
+    """Residuals (measured − predicted, not whitened) and J·C·Jᵀ of every point; NaN where nothing was measured.
 
     Args:
         walked: the chain at every pose.
         seen: what was measured.
-        covariance: C, of the layout's columns.
+        covariance: C, of the layout's columns, one at least.
     """
     n, targets = seen.valid.shape
-    residual = np.full((n, targets, seen.rows), np.nan)
-    propagated = np.full((n, targets, seen.rows, seen.rows), np.nan)
+    residual, propagated = np.full((n, targets, 3), np.nan), np.full((n, targets, 3, 3), np.nan)
     matrix = np.ascontiguousarray(covariance)
 
     def fill(rows: slice) -> None:
-        walk = walked.arrays(rows)
-        if seen.only_points and len(matrix):
-            room = allocate_points(walked)
-            _propagate_points(walk, seen.points(rows), matrix, room, residual[rows], propagated[rows])
-        else:
-            _propagate(walk, seen.arrays(rows), matrix, residual[rows], propagated[rows])
+        room = allocate_points(walked)
+        _propagate(walked.arrays(rows), seen.take(rows), matrix, room, residual[rows], propagated[rows])
 
     in_chunks(fill, n)
     return residual, propagated

@@ -37,8 +37,6 @@ class Model(NamedTuple):
     wanted: Wanted
     layout: Layout
     point_columns: Int[np.ndarray, "targets 3"]
-    not_turned: Float[np.ndarray, "3 3"]
-    """The identity."""
     believed: Float[np.ndarray, " k"]
     """Prior variance of every parameter, m² and rad²."""
     sizes: Float[np.ndarray, " z"]
@@ -163,7 +161,7 @@ def _linearise(model, q, seen, z, rooms, work):
     for t in range(work.targets.shape[0]):
         for d in range(3):
             work.targets[t, d] = z[k + 6 + 3 * t + d]
-    points = Points(work.targets, model.point_columns, model.not_turned, model.not_turned)
+    points = Points(work.targets, model.point_columns)
     steps = Steps(model.steps.kind, model.steps.which, work.fixed)
     keep_points(WalkArrays(steps, work.s, work.e, model.layout, work.factor, points), seen, rooms.point, rooms.kept)
     return True

@@ -1,4 +1,4 @@
-"""Streamed normal equations of what is measured at the end of a chain: JᵀWJ and JᵀWr without storing J."""
+"""Streamed normal equations of points measured at the end of a chain: JᵀWJ and JᵀWr without storing J."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -10,12 +10,10 @@ from taskcal.kernels.chunks import in_chunks
 from taskcal.kernels.compiled import compiled, inlined, part
 from taskcal.kernels.lanes import LANES, as_lanes, take_lanes
 from taskcal.kernels.observations import (
-    Observations,
     PointBlock,
+    SeenPoints,
     Walked,
-    allocate_block,
     allocate_points,
-    linearise,
     linearise_point,
     take_points,
 )
@@ -47,6 +45,26 @@ def _weigh(loss, threshold, square, rows):
     return 1.0, square
 
 
+def weigh(
+    loss: int, threshold: float, square: Float[np.ndarray, " blocks"], rows: int
+) -> tuple[Float[np.ndarray, " blocks"], Float[np.ndarray, " blocks"]]:
+    """Weight of every block under the loss, and twice its cost.
+
+    Args:
+        loss: SQUARED, HUBER or CAUCHY.
+        threshold: of the root mean square of a block's whitened residuals.
+        square: sum of squares of these.
+        rows: of a block.
+    """
+    size = rows * threshold * threshold
+    scaled = np.maximum(square / size, 1.0 if loss == HUBER else 0.0)
+    if loss == HUBER:
+        return 1.0 / np.sqrt(scaled), np.where(square > size, size * (2.0 * np.sqrt(scaled) - 1.0), square)
+    if loss == CAUCHY:
+        return 1.0 / (1.0 + scaled), size * np.log1p(scaled)
+    return np.ones_like(square), square
+
+
 @part
 def _take_whitener(valid, whitener, first, t, out):
     """Copy lower triangles to lanes; zeros where nothing was measured, and beyond the last pose."""
@@ -60,7 +78,7 @@ def _take_whitener(valid, whitener, first, t, out):
 
 
 @compiled
-def _accumulate_points(walk, seen, whitener, loss, room, products):
+def _accumulate(walk, seen, whitener, loss, room, products):
     """Add up the products of whitened columns and residuals, which come last, eight poses at a time; the cost."""
     error_frames, p, W, rows = (
         expand_error_frames(walk.e),
@@ -103,84 +121,26 @@ def _accumulate_points(walk, seen, whitener, loss, room, products):
     return cost
 
 
-@inlined
-def _whiten(whitener, r, J, white):
-    """Replace r by W·r, put W·J into `white`; the sum of squares of W·r."""
-    square = 0.0
-    for a in range(r.shape[0] - 1, -1, -1):  # W is lower triangular: row a needs rows 0…a, so go down in place
-        v = 0.0
-        white[a, :] = 0.0
-        for b in range(a + 1):
-            u = whitener[a, b]
-            v += u * r[b]
-            for k in range(J.shape[1]):
-                white[a, k] += u * J[b, k]
-        r[a] = v
-        square += v * v
-    return square
-
-
-@inlined
-def _add_rows(products, used):
-    """Add what the first rows of a block give."""
-    vectors = (used + LANES - 1) // LANES
-    for row in range(used, vectors * LANES):
-        for k in range(products.block.shape[0]):
-            products.block[k, row // LANES, row % LANES] = 0.0
-    if vectors > 0:
-        add_products(as_lanes(products.block), vectors, products.sums)
-
-
-@compiled
-def _accumulate(walk, seen, whitener, loss, products):
-    """The same of any kind of observation, a pose at a time."""
-    error_frames, count, p = expand_error_frames(walk.e), whitener.shape[2], products.columns
-    block, white = allocate_block(walk, count, p), np.zeros((count, p))
-    out, cost, used = products.block, 0.0, 0
-    for i in range(walk.s.shape[0]):
-        walk_pose(walk.steps, walk.s[i], error_frames, block.axes, block.T)
-        for t in range(seen.valid.shape[1]):
-            if not seen.valid[i, t]:
-                continue
-            linearise(walk, seen, i, t, block)
-            weight, double = _weigh(loss.kind, loss.threshold, _whiten(whitener[i, t], block.r, block.J, white), count)
-            cost += 0.5 * double
-            root = np.sqrt(weight)
-            if used + count > out.shape[1] * LANES:
-                _add_rows(products, used)
-                used = 0
-            for a in range(count):
-                for k in range(p):
-                    out[k, used // LANES, used % LANES] = root * white[a, k]
-                out[p, used // LANES, used % LANES] = root * block.r[a]
-                used += 1
-    _add_rows(products, used)
-    return cost
-
-
 def normal_equations(
     walked: Walked,
-    seen: Observations,
-    whitener: Float[np.ndarray, "n targets b b"],
+    seen: SeenPoints,
+    whitener: Float[np.ndarray, "n targets 3 3"],
     loss: int = SQUARED,
     threshold: float = 1.0,
 ) -> tuple[float, Float[np.ndarray, " p"], Float[np.ndarray, "p p"]]:
     """Cost, JᵀWr and JᵀWJ of the whitened residuals r = whitener·(measured − predicted), W the loss's weights.
 
     A loss acts on the root mean square of a block's whitened residuals, so that it does not depend on the axes:
-    the cost of a block of b rows is ½·b·t²·ρ(|r|²/(b·t²)), with threshold t.
+    the cost of a block of b = 3 rows is ½·b·t²·ρ(|r|²/(b·t²)), with threshold t.
     """
     p, weighing = walked.layout.count, _Loss(loss, float(threshold))
 
     def add(rows: slice) -> tuple[float, np.ndarray]:
-        walk, white = walked.arrays(rows), whitener[rows]
-        n, targets, count = white.shape[:3]
-        products = allocate_products(p, targets * count * -(-n // LANES))
-        if seen.only_points:
-            cost = _accumulate_points(walk, seen.points(rows), white, weighing, allocate_points(walked), products)
-        else:
-            cost = _accumulate(walk, seen.arrays(rows), white, weighing, products)
-        return cost, products.sums
+        white = whitener[rows]
+        n, targets = white.shape[:2]
+        products = allocate_products(p, 3 * targets * -(-n // LANES))
+        room = allocate_points(walked)
+        return _accumulate(walked.arrays(rows), seen.take(rows), white, weighing, room, products), products.sums
 
     costs, sums = zip(*in_chunks(add, len(walked.s), POSES), strict=True)
     total = symmetric(sums[0] if len(sums) == 1 else np.sum(sums, axis=0))

@@ -255,6 +255,8 @@ class Observation(ABC):
     """Whether its first three numbers are along the axes of the measuring frame: neither a length nor in a sensor's axes."""
     in_tracker: ClassVar[bool] = False
     """Whether it is measured in a frame that stands, whose pose is unknown."""
+    streamed: ClassVar[bool] = False
+    """Whether it is the position of the target itself, which compiled passes differentiate as they walk the chain."""
     instrument: ClassVar[str] = ""
     """What it is measured with, in a word: the kind's name on the command line."""
     touched: ClassVar[bool] = False

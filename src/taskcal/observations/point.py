@@ -17,6 +17,7 @@ class Point(Observation):
     instrument: ClassVar[str] = "tracker"
     along_axes: ClassVar[bool] = True
     in_tracker: ClassVar[bool] = True
+    streamed: ClassVar[bool] = True
 
     def differentiate(
         self, target: Float[np.ndarray, "n 4 4"], unknown: Float[np.ndarray, " u"], measured: Measured

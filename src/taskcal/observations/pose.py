@@ -24,23 +24,25 @@ class Pose(Observation):
     turned: ClassVar[bool] = True
     along_axes: ClassVar[bool] = True
     in_tracker: ClassVar[bool] = True
+    aligned: bool = False
+    """Whether rotations are known to be measured in the axes of the positions."""
 
     @property
     def unknowns(self) -> tuple[str, ...]:
         """How far the instrument's rotations are turned against the axes of its positions."""
-        return ("orientation.rx", "orientation.ry", "orientation.rz")
+        return () if self.aligned else ("orientation.rx", "orientation.ry", "orientation.rz")
 
     @property
     def deviations(self) -> Float[np.ndarray, " u"]:
         """A twentieth of a degree."""
-        return np.full(3, TURN_PRIOR)
+        return np.full(len(self.unknowns), TURN_PRIOR)
 
     def differentiate(
         self, target: Float[np.ndarray, "n 4 4"], unknown: Float[np.ndarray, " u"], measured: Measured
     ) -> Differential:
         """Residual and derivatives."""
         assert measured.rotations is not None
-        n, seen = len(target), measured.valid
+        n, seen, unknown = len(target), measured.valid, np.zeros(3) if self.aligned else unknown
         turned = np.zeros((n, 3))
         turn = se3.exp(unknown)
         turned[seen] = se3.log(measured.rotations[seen] @ np.swapaxes(turn @ target[seen, :3, :3], 1, 2))
@@ -49,7 +51,7 @@ class Pose(Observation):
         by_turn = turn_by_rotation(turned)
         by_target[:, 3:, 3:], by_unknown[:, 3:] = by_turn @ turn, by_turn @ se3.left_jacobian(unknown)
         residual = np.concatenate([measured.points - target[:, :3, 3], turned], axis=1)
-        return Differential(residual, by_target, by_unknown)
+        return Differential(residual, by_target, by_unknown[:, :, : len(self.unknowns)])
 
     def covariance(
         self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise

@@ -24,10 +24,8 @@ from taskcal.estimation.matrices import pseudo_invert_scaled
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.identify import identify_parameters
-from taskcal.identification.layout import frame_precision, layout_of, problem_of
-from taskcal.identification.problem import FrameLayout, linearise_rows, whitener
-from taskcal.kernels.covariance import propagate
-from taskcal.kernels.normal_equations import normal_equations
+from taskcal.identification.layout import Layout, frame_precision, layout_of
+from taskcal.identification.problem import Rows, problem_of, whitener
 from taskcal.observations.base import TrackerNoise
 from taskcal.registration.registration import Registration, register
 from taskcal.robot.conditions import Conditions
@@ -142,7 +140,7 @@ class Design:
     """Prior standard deviations, metres and radians."""
     frames: float
     """Mean squared error that the noise in tracker frame and targets adds, m²."""
-    layout: FrameLayout
+    layout: Layout
     free: Int[np.ndarray, " f"]
     """Columns of tracker frame and targets that the campaign estimates."""
     follow: Float[np.ndarray, "f p"]
@@ -187,9 +185,8 @@ class Design:
         covariance[np.ix_(f, np.arange(p))] = -self.follow @ C
         covariance[np.ix_(np.arange(p), f)] = -C @ self.follow.T
         covariance[np.ix_(f, f)] = self.follow @ C @ self.follow.T + self.frame_covariance
-        walked = self.layout.walked(np.asarray(q, dtype=float), self.layout.start())
-        nowhere = self.layout.nowhere(walked, self.layout.start())
-        spread = propagate(walked, nowhere, covariance)[1][..., :3, :3]
+        targets = Rows.of_targets(self.layout, self.layout.start(), np.asarray(q, dtype=float))
+        spread = targets.propagate(covariance)[1][..., :3, :3]
         return np.sqrt(np.trace(spread, axis1=2, axis2=3).mean(axis=1))
 
     def expected_of(self, names: Iterable[str]) -> float:
@@ -237,14 +234,12 @@ def design(
         CampaignError: too few rows for the frames.
     """
     registration = register(model, campaign)
-    layout = replace(layout_of(model, np.arange(len(model)), registration, campaign, fixed=False), turned=False)
+    layout = layout_of(model, np.arange(len(model)), registration, campaign, fixed=False, aligned=True)
     problem = problem_of(layout, replace(campaign, conditions=Conditions()), noise)
     b = layout.block_size
     covariance = problem.covariance(np.square(model_error[: b // 3]))
     if any(joint_error):
-        moved = linearise_rows(problem, layout.start()).by_joint[:, :, : len(joint_error)] * np.array(joint_error)
-        moved = moved.reshape(len(moved), -1, b, len(joint_error))
-        covariance += moved @ np.swapaxes(moved, 2, 3)
+        covariance += problem.rows(layout.start()).propagate_joints(np.square(joint_error))
     A = problem.information(layout.start(), whitener(covariance))
     W = _influence(layout, task)
     frames = np.arange(len(model), len(layout.names))
@@ -253,17 +248,16 @@ def design(
     return _without_frames(layout, A, W, frames, model.tolerances if prior is None else prior)
 
 
-def _influence(layout: FrameLayout, task: TaskPoses) -> Float[np.ndarray, "z z"]:
+def _influence(layout: Layout, task: TaskPoses) -> Float[np.ndarray, "z z"]:
     """Weighted mean of JᵀJ of the targets' positions over the task."""
     n, targets = len(task), len(layout.targets)
-    walked = layout.walked(task.q, layout.start())
     weight = np.zeros((n, targets, layout.block_size, layout.block_size))
     weight[..., range(3), range(3)] = np.sqrt(task.weights / targets)[:, None, None]
-    return normal_equations(walked, layout.nowhere(walked, layout.start()), weight)[2]
+    return Rows.of_targets(layout, layout.start(), task.q).equations(weight)[2]
 
 
 def _without_frames(
-    layout: FrameLayout,
+    layout: Layout,
     A: Float[np.ndarray, "z z"],
     W: Float[np.ndarray, "z z"],
     f: Int[np.ndarray, " f"],

@@ -12,8 +12,8 @@ from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.group_model import whiteners
 from taskcal.identification.hyperparameters import Hyperparameters
-from taskcal.identification.layout import ObservationLayout, problem_of
-from taskcal.identification.problem import FrameLayout, joint_columns, linearise_rows, whitener
+from taskcal.identification.layout import Layout
+from taskcal.identification.problem import joint_columns, problem_of, stated_rows, whitener
 from taskcal.kernels import walk
 from taskcal.observations import Observation, Point
 from taskcal.observations.base import TrackerNoise
@@ -84,7 +84,7 @@ class ObservedLinearisation:
     """Everything unknown about the nominal robot and what stands where it is stated."""
 
     way: MeasuringWay
-    layout: ObservationLayout
+    layout: Layout
     deviations: Float[np.ndarray, " z"]
     """Prior standard deviations of everything unknown."""
     white: float
@@ -120,9 +120,7 @@ class ObservedLinearisation:
     def stated(self) -> Float[np.ndarray, "z z"]:
         """Information of what is stated beside the measurements, distances of sockets."""
         z = self.layout.start()
-        known = self.layout.stated(z, (self.way.observation(np.zeros(0, dtype=np.int64)),))
-        if known is None:
-            return np.zeros((len(z), len(z)))
+        known = stated_rows(self.layout, z, self.layout.kinds)
         J = known.by_entry * self.deviations
         return J.T @ J
 
@@ -130,7 +128,7 @@ class ObservedLinearisation:
         self, q: Float[np.ndarray, "n joints"], kind: Observation, rotations: Float[np.ndarray, "n 3 3"] | None
     ) -> Float[np.ndarray, "n b z"]:
         problem = problem_of(self.layout, _campaign(q, kind, rotations), None)
-        return linearise_rows(problem, self.layout.start()).by_entry[:, : kind.width]
+        return problem.rows(self.layout.start()).linearise().by_entry[:, : kind.width]
 
 
 def _campaign(
@@ -147,7 +145,7 @@ def _campaign(
     )
 
 
-def layout_of_way(model: ErrorModel, way: MeasuringWay) -> ObservationLayout:
+def layout_of_way(model: ErrorModel, way: MeasuringWay) -> Layout:
     """All parameters, the target's place on the tool and what stands, about where they are stated."""
     registration = Registration(
         T_tracker_base=np.eye(4),
@@ -156,12 +154,11 @@ def layout_of_way(model: ErrorModel, way: MeasuringWay) -> ObservationLayout:
         unobservable=np.zeros((3, 3)),
         unknowns=(way.unknown,),
     )
-    return ObservationLayout(
+    return Layout(
         model=model,
         kept=np.arange(len(model)),
         registration=registration,
         targets=("tool",),
-        pose=False,
         kinds=(way.observation(np.zeros(0, dtype=np.int64)),),
     )
 
@@ -192,7 +189,7 @@ FRAME_DEVIATION = 1.0
 class Linearisation:
     """Everything unknown, about values at which measurements are linear in it."""
 
-    layout: FrameLayout
+    layout: Layout
     about: Float[np.ndarray, " z"]
     """Parameters, tracker frame and targets."""
     deviations: Float[np.ndarray, " z"]
@@ -382,7 +379,7 @@ def _information_of(
     return 0.5 * (information + information.T)
 
 
-def _layout(model: ErrorModel, station: Station | None, prior: PlanPrior) -> FrameLayout:
+def _layout(model: ErrorModel, station: Station | None, prior: PlanPrior) -> Layout:
     registration = prior.registration
     if registration is None:
         offsets = np.zeros((1, 3)) if station is None else station.offsets
@@ -396,7 +393,8 @@ def _layout(model: ErrorModel, station: Station | None, prior: PlanPrior) -> Fra
         names = prior.campaign.targets
     else:
         names = ("tool",) if station is None else tuple(reflector.name for reflector in station.reflectors)
-    return FrameLayout(model=model, kept=np.arange(len(model)), registration=registration, targets=names, pose=False)
+    kinds = (Point(),) * len(names)
+    return Layout(model=model, kept=np.arange(len(model)), registration=registration, targets=names, kinds=kinds)
 
 
 # What measuring more poses would add to a calibration by the one model.

@@ -19,9 +19,9 @@ from taskcal.identification.group_model import RowErrors, whiteners
 from taskcal.identification.holdout import mean_over_rows, split_postures
 from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.identify import identify_parameters
-from taskcal.identification.layout import frame_precision, problem_of
+from taskcal.identification.layout import frame_precision
 from taskcal.identification.options import FitOptions
-from taskcal.identification.problem import linearise_rows
+from taskcal.identification.problem import problem_of
 from taskcal.observations.base import TrackerNoise
 from taskcal.planning.candidates import measuring_task
 from taskcal.planning.expected_error import (
@@ -177,12 +177,12 @@ def left_out_errors(
         noise: the tracker's.
     """
     problem = problem_of(whole.layout, campaign, noise)
-    at = linearise_rows(problem, whole.z)
+    at = problem.linearise(whole.z)
     W = whiteners(_row_errors(whole).covariance(at, problem.noise))
     p = len(whole.model)
     scale = np.concatenate([prior, np.full(len(whole.z) - p, 1e-3)])
     J = at.by_entry * scale
-    y = at.residual + np.einsum("nij,j->ni", J, (whole.z - problem.frames.start()) / scale)
+    y = at.residual + np.einsum("nij,j->ni", J, (whole.z - problem.layout.start()) / scale)
     A, b = W @ J, np.einsum("nij,nj->ni", W, y)
     wrong = np.isin(campaign.ids, [row.id for row in whole.left_out])
     from scipy.linalg import cho_factor, cho_solve
@@ -190,7 +190,7 @@ def left_out_errors(
     A[wrong], b[wrong] = 0.0, 0.0
     precision = np.eye(len(scale))
     if len(scale) > p:
-        precision[p:, p:] = frame_precision(problem.frames) * 1e-6
+        precision[p:, p:] = frame_precision(problem.layout) * 1e-6
     H, h = np.tensordot(A, A, ((0, 1), (0, 1))) + precision, np.tensordot(A, b, ((0, 1), (0, 1)))
     out = [np.full(problem.seen.valid.shape, np.nan) for _ in nested]
     frames, targets = np.arange(p, len(scale)), len(whole.targets)

@@ -1,11 +1,11 @@
-"""What is believed before the fit: prior precision and covariance, and fits with and without them."""
+"""The prior of an estimate: its precision and covariance, and fits with and without it."""
 
 import numpy as np
 import pytest
 
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.identification.identify import identify
-from taskcal.identification.layout import belief_of
+from taskcal.identification.layout import prior_of
 from tests.identification.arms import arm, defects, true_points
 from tests.laws.campaigns import measure
 from tests.laws.robots import industrial_positions
@@ -47,14 +47,15 @@ def test_a_prior_of_another_size_is_refused():
 
 @pytest.mark.parametrize("kind", [{}, {"targets": 3}, {"pose": True}], ids=["a target", "three targets", "poses"])
 @pytest.mark.parametrize("factor", [0.25, 1.0, 9.0])
-def test_a_beliefs_precision_is_the_inverse_of_its_covariance_and_a_factor_scales_the_parameters_alone(kind, factor):
+def test_the_precision_is_the_inverse_of_the_covariance(kind, factor):
+    """A factor scales the parameters alone."""
     rng, model = arm(4)
     campaign, _ = measure(rng, model, industrial_positions(rng, 30), **kind)
     layout = identify(model, campaign).layout
-    belief = belief_of(layout, "tolerances")
-    C = belief.covariance(factor)
-    np.testing.assert_allclose(belief.precision(factor) @ C, np.eye(len(C)), atol=1e-9)
+    prior = prior_of(layout, "tolerances")
+    C = prior.covariance(factor)
+    np.testing.assert_allclose(prior.precision(factor) @ C, np.eye(len(C)), atol=1e-9)
     p = len(model)
     np.testing.assert_allclose(np.diag(C)[:p], factor * model.tolerances**2, rtol=1e-12)
-    np.testing.assert_array_equal(C[p:, p:], belief.covariance(1.0)[p:, p:])
-    assert not belief_of(layout, None).precision(factor)[:p].any()
+    np.testing.assert_array_equal(C[p:, p:], prior.covariance(1.0)[p:, p:])
+    assert not prior_of(layout, None).precision(factor)[:p].any()
