@@ -6,12 +6,12 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from taskcal.effects import ways_to_write
+from taskcal.effects import spellings
 
 
 def rows() -> list[tuple[str, str]]:
     """What to write, and what it means."""
-    return [(f"--effects {text}", meaning) for text, meaning in ways_to_write().items()]
+    return [(f"--effects {text}", meaning) for text, meaning in spellings().items()]
 
 
 class Effects(SphinxDirective):

@@ -24,5 +24,5 @@ from taskcal.robot.effects import at_joints as at_joints
 from taskcal.robot.effects import candidates as candidates
 from taskcal.robot.effects import kinds as kinds
 from taskcal.robot.effects import parse_effect as parse_effect
-from taskcal.robot.effects import ways_to_write as ways_to_write
+from taskcal.robot.effects import spellings as spellings
 from taskcal.robot.statics import Load as Load

@@ -11,8 +11,8 @@ from taskcal.correction.subdivision import Nodes, Subdivision
 from taskcal.demo.procedure import reference_task
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify
-from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.catalogue import load_robot
+from taskcal.robot.conditions import conditions_in_order
 from taskcal.robot.effects import Backlash, Compliance
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task

@@ -10,8 +10,7 @@ from taskcal.correction.controller import drive_directions, simulate_controller,
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds
 from taskcal.correction.frames import calibrate_frames
-from taskcal.robot.approach import MAX_REST_MOTION, drive_motion
-from taskcal.robot.conditions import Conditions
+from taskcal.robot.conditions import MAX_REST_MOTION, Conditions, drive_motion
 from tests.correction.test_correct import true_poses, write_path
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from taskcal.demo.true_robot import AXES, ElasticLinks, carried, elastic_robot
-from taskcal.robot.effects.elastic import motor_torque
+from taskcal.robot.effects.drives import MotorTorque
 from taskcal.robot.effects.load_path import LoadPath
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.statics import Load
@@ -15,7 +15,7 @@ def test_moments_about_the_axes_are_those_of_virtual_work(robot, q):
     path = LoadPath.at(heavy, q)
     about_axes = carried(heavy, 6, q).reshape(len(q), 6, AXES)[:, :, 5]
     by_motor = np.einsum("nc,ncm->nm", about_axes, path.by_motor)
-    known = motor_torque(heavy, Load())(path)
+    known = MotorTorque.of(heavy, Load()).at(path)
     spring = heavy.statics.spring
     assert spring is not None
     turn = path.coordinates[:, spring.joint] - heavy.joint_map.offset[spring.joint]

@@ -11,7 +11,7 @@ from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import SOFT, EncoderGain
-from taskcal.robot.effects.elastic import motor_torque
+from taskcal.robot.effects.drives import MotorTorque
 from taskcal.robot.effects.load_path import LoadPath
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.statics import Load
@@ -44,7 +44,7 @@ def test_the_lower_arm_s_motor_carries_weights_less_half_by_its_spring(poses):
     weight = 9.80665 * (far * 0.7 + 250.0 * 0.35) * np.sin(lean)
     length = np.sqrt(0.2**2 + 0.7**2 - 2 * 0.2 * 0.7 * np.cos(lean))
     spring = -40e3 * (length - 0.3) * 0.2 * 0.7 * np.sin(lean) / length
-    torque = motor_torque(robot, Load())(LoadPath.at(robot, poses[0]))[:, 1]
+    torque = MotorTorque.of(robot, Load()).at(LoadPath.at(robot, poses[0]))[:, 1]
     np.testing.assert_allclose(torque, weight + spring, atol=1e-6 * np.abs(weight).max())
     assert -0.6 < spring @ weight / (weight @ weight) < -0.4
 

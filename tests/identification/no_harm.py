@@ -19,8 +19,8 @@ from taskcal.demo.true_robot import elastic_robot
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
-from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.catalogue import load_robot
+from taskcal.robot.conditions import conditions_in_order
 from taskcal.robot.effects import (
     Backlash,
     Compliance,

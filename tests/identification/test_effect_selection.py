@@ -11,9 +11,8 @@ from taskcal.identification.effects import EffectSearch, explain, untried_effect
 from taskcal.identification.group_search import find_one_model
 from taskcal.identification.identify import identify
 from taskcal.identification.options import FitOptions
-from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.conditions import Conditions
+from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.effects import SOFT, Backlash, Compliance, Coupling, EncoderGain, Harmonics, Overshoot, candidates
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from

@@ -5,9 +5,8 @@ import pytest
 
 from taskcal.identification.calibration import untold_covariance
 from taskcal.identification.identify import identify
-from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.conditions import Conditions
+from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.effects import Backlash, Settling, Thermal, WarmUp
 from taskcal.robot.error_model import ErrorModel
 from taskcal.virtual.cell import simulate

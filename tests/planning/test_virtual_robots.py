@@ -10,8 +10,8 @@ from taskcal.identification.identify import identify
 from taskcal.observations.base import TrackerNoise
 from taskcal.planning import study as studying
 from taskcal.planning.study import VirtualRobots, study
-from taskcal.robot.approach import conditions_in_order
 from taskcal.robot.catalogue import load_robot
+from taskcal.robot.conditions import conditions_in_order
 from taskcal.robot.effects import Backlash, EncoderGain
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task

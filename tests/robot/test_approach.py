@@ -1,7 +1,7 @@
 import numpy as np
 
-from taskcal.robot.approach import conditions_in_order, drive_motion
 from taskcal.robot.catalogue import load_robot
+from taskcal.robot.conditions import conditions_in_order, drive_motion
 from taskcal.robot.robot_file import robot_from
 
 

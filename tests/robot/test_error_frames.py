@@ -7,7 +7,7 @@ from hypothesis import given
 from taskcal.kernels import walk
 from taskcal.kernels.chain import Chain, ErrorFrame, Joint
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.error_model import COMPONENTS, defect_steps, length_steps
+from taskcal.robot.error_model import COMPONENTS, error_steps
 from tests.laws.robots import NAMED, Case, cases
 
 
@@ -25,8 +25,8 @@ def test_error_frames_of_a_named_robot_move_nothing_at_zero(name):
 def assert_frames_move_nothing(robot):
     s = np.random.default_rng(0).uniform(-0.4, 0.4, (5, len(robot.joints)))
     plain = walk.poses(Chain.of(robot.steps()), s, np.zeros((0, 6)))
-    for make in (defect_steps, length_steps):
-        steps, slots = make(robot)
+    for lengths_only in (False, True):
+        steps, slots = error_steps(robot, lengths_only=lengths_only)
         frames = sum(isinstance(step, ErrorFrame) for step in steps)
         assert [len(slot) for slot in slots] == [6] * frames
         np.testing.assert_allclose(walk.poses(Chain.of(steps), s, np.zeros((frames, 6))), plain, atol=1e-14)
@@ -38,7 +38,7 @@ def test_a_defects_frame_follows_its_joint_and_is_named_after_it(case: Case):
 
 
 def assert_frames_follow_joints(robot):
-    steps, slots = defect_steps(robot)
+    steps, slots = error_steps(robot, lengths_only=False)
     for place, step in enumerate(steps):
         if isinstance(step, Joint):
             assert isinstance(steps[place + 1], ErrorFrame)

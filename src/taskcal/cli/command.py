@@ -74,9 +74,9 @@ class Command(TyperCommand):
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help, and behind it what can be written for ``--effects``, effects of imported modules among it."""
         if "--effects" in self._options():
-            from taskcal.robot.effects import ways_to_write
+            from taskcal.robot.effects import spellings
 
-            lines = [f"{text}: {meaning}" for text, meaning in ways_to_write().items()]
+            lines = [f"{text}: {meaning}" for text, meaning in spellings().items()]
             self.epilog = "\n\n".join(["Effects:", *lines])
         super().format_help(ctx, formatter)
 

@@ -14,8 +14,7 @@ from taskcal.geometry import se3
 from taskcal.kinematics.inverse import conditioning, find_postures, solve_near
 from taskcal.kinematics.spin import about_z, choose_spin
 from taskcal.kinematics.tracing import Outcome, rejections, trace, turned
-from taskcal.robot.approach import MAX_REST_MOTION, drive_motion
-from taskcal.robot.conditions import Conditions
+from taskcal.robot.conditions import MAX_REST_MOTION, Conditions, drive_motion
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr

@@ -19,8 +19,7 @@ from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.problem import Rows
-from taskcal.robot.approach import conditions_in_order
-from taskcal.robot.conditions import Conditions
+from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.error_model import COMPONENTS, ErrorModel
 from taskcal.robot.robot import Robot
 

@@ -40,7 +40,7 @@ from taskcal.io.files import write_whole
 from taskcal.kinematics.inverse import solve_near
 from taskcal.planning.plan import plan
 from taskcal.planning.workers import side_by_side
-from taskcal.robot.approach import conditions_in_order
+from taskcal.robot.conditions import conditions_in_order
 from taskcal.robot.effects import Compliance, Harmonics
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot

@@ -26,8 +26,7 @@ from jaxtyping import Float
 from taskcal.geometry import se3
 from taskcal.kernels import walk
 from taskcal.kernels.chain import Chain, Fixed, Joint, Step
-from taskcal.robot.approach import drive_motion
-from taskcal.robot.conditions import Conditions
+from taskcal.robot.conditions import Conditions, drive_motion
 from taskcal.robot.effects import Backlash, Compliance, Harmonics
 from taskcal.robot.effects.base import Effect, LinearTerm, Quantity
 from taskcal.robot.effects.load_path import LoadPath, motor_matrix

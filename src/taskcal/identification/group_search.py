@@ -41,7 +41,7 @@ from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, problem_of
 from taskcal.identification.provenance import Provenance
 from taskcal.robot.effects import SPECTRUM, Effect
-from taskcal.robot.effects.harmonics import Harmonics
+from taskcal.robot.effects.gears import Harmonics
 from taskcal.robot.error_model import ErrorModel
 
 # The calibration that the one model gives: estimate, covariance with the sizes' own uncertainty, residuals.

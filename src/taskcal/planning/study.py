@@ -40,8 +40,7 @@ from taskcal.planning.plan import PlanOptions, PoseChoice
 from taskcal.planning.selection import select
 from taskcal.planning.task_map import allow_geometry
 from taskcal.planning.workers import side_by_side
-from taskcal.robot.approach import conditions_in_order
-from taskcal.robot.conditions import Conditions
+from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import ModelError, model_error_of
 from taskcal.task.task import Task, reach_task

@@ -28,8 +28,7 @@ from taskcal.reading.columns import (
 from taskcal.reading.inference import with_convention
 from taskcal.reading.readings import MAX_TARGETS, AngleForm, Readings, read_readings
 from taskcal.reading.stated_scale import with_distances, with_unknown_scale
-from taskcal.robot.approach import conditions_in_order
-from taskcal.robot.conditions import Conditions
+from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.robot import Robot
 from taskcal.tables.forms import TableForm
 

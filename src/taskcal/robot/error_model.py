@@ -14,7 +14,7 @@ from taskcal.kernels.chunks import in_chunks
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Effect, LinearTerm
 from taskcal.robot.effects.base import terms_on
-from taskcal.robot.joint_side import JointSide, JointTerm, Slope, Walk
+from taskcal.robot.joint_side import FourBarDrive, JointSide, Slope, Walk
 from taskcal.robot.parameter import Parameter, parameters_of
 from taskcal.robot.robot import Part, Robot
 from taskcal.robot.statics import Load
@@ -24,48 +24,39 @@ from taskcal.robot.statics import Load
 COMPONENTS = ("tx", "ty", "tz", "rx", "ry", "rz")
 
 
-def defect_steps(robot: Robot) -> tuple[list[Step], list[list[str]]]:
-    """Steps with an error frame behind every joint, driven ones included, and the tool, and the names of each frame's six slots."""
+def error_steps(robot: Robot, *, lengths_only: bool) -> tuple[list[Step], list[list[str]]]:
+    """Steps of the chain with its error frames, and the names of each frame's six slots; empty ones are no parameters.
+
+    An error frame follows every joint, driven ones included, and the tool; or, with ``lengths_only``, every nominal length,
+    of which only the length's own slot has a name.
+    """
     steps: list[Step] = []
     slots: list[list[str]] = []
 
     def defect(name: str) -> None:
-        steps.append(ErrorFrame())
-        slots.append([f"{name}.{c}" for c in COMPONENTS])
+        if not lengths_only:
+            steps.append(ErrorFrame())
+            slots.append([f"{name}.{c}" for c in COMPONENTS])
 
     def add(parts: tuple[Part, ...]) -> None:
         for part in parts:
             steps.append(part.step)
             if part.driven is not None:
                 defect(part.driven.name)
-
-    for joint in robot.joints:
-        add(joint.before)
-        steps.append(Joint(joint.kind))
-        defect(joint.name)
-        add(joint.after)
-    add(robot.tool)
-    defect("tool")
-    return steps, slots
-
-
-def length_steps(robot: Robot) -> tuple[list[Step], list[list[str]]]:
-    """Steps with an error frame at every nominal length, of which only the length's own slot has a name."""
-    steps: list[Step] = []
-    slots: list[list[str]] = []
-
-    def add(parts: tuple[Part, ...]) -> None:
-        for part in parts:
-            steps.append(part.step)
-            if part.symbol:
+            if lengths_only and part.symbol:
                 steps.append(ErrorFrame())
                 slots.append([part.symbol if c == part.axis else "" for c in range(6)])
 
     for joint in robot.joints:
         add(joint.before)
         steps.append(Joint(joint.kind))
+        defect(joint.name)
         add(joint.after)
-    steps += [part.step for part in robot.tool]
+    if lengths_only:  # a length of the tool is no dimension of the robot
+        steps += [part.step for part in robot.tool]
+    else:
+        add(robot.tool)
+    defect("tool")
     return steps, slots
 
 
@@ -90,8 +81,8 @@ class ErrorModel:
     """In the order of every x, column and covariance."""
     steps: tuple[Step, ...]
     """The chain from base to tool, with its error frames."""
-    terms: tuple[JointTerm, ...]
-    """Joint-side effects."""
+    terms: tuple[FourBarDrive | LinearTerm, ...]
+    """On the joint side: the four-bar, if there is one, and the effects."""
 
     effects: tuple[Effect, ...]
     """Those that were added to the robot's own terms."""
@@ -108,11 +99,12 @@ class ErrorModel:
                 f"{robot.name} has joints that others drive ({robot.driven[0].name}); how effects pass through their linkage is "
                 "not modelled: identify it without effects"
             )
-        steps, slots = length_steps(robot) if lengths_only else defect_steps(robot)
+        steps, slots = error_steps(robot, lengths_only=lengths_only)
         added, self.steps = terms_on(self.effects, robot, steps)
         self._idle = tuple(term.nominal is None for term in added)
         self.effect_names = tuple(name for term in added for name in term.names)
         self.terms = (*(() if robot.four_bar is None else (robot.four_bar,)), *added)
+        self._effect_terms = tuple(added)
         named = [(f, c, name) for f, frame in enumerate(slots) for c, name in enumerate(frame) if name]
         units = ["m" if c < 3 else "rad" for _, c, _ in named]
         names = [name for _, _, name in named]
@@ -157,7 +149,7 @@ class ErrorModel:
     @cached_property
     def conditioned(self) -> bool:
         """Whether an effect depends on how a pose is reached."""
-        return any(isinstance(term, LinearTerm) and term.given is not None for term in self.terms)
+        return any(term.given is not None for term in self._effect_terms)
 
     @cached_property
     def nominal(self) -> "ErrorModel":
@@ -185,8 +177,9 @@ class ErrorModel:
         return ErrorModel(self.robot, lengths_only=self.lengths_only, effects=effects)
 
     def prepare(self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None) -> Prepared:
-        """What `walk` needs at joint positions q under conditions, and no parameter changes."""
-        return tuple(term.prepare(q, conditions) for term in self.terms)
+        """What `walk` needs at joint positions q under conditions, and no parameter changes; None for the four-bar."""
+        loop = [None] * (len(self.terms) - len(self._effect_terms))
+        return (*loop, *(term.prepare(q, conditions) for term in self._effect_terms))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -300,7 +293,7 @@ class ErrorModel:
             slopes.append(lambda: loop.slope(q, xi))
         s, factor = self._joint_side.at(q, xi, used[:pair], self.chain.joints)
         factors = [factor]
-        for i, term in enumerate(self.terms[len(slopes) :], start=len(slopes)):
+        for i, term in enumerate(self._effect_terms, start=len(slopes)):
             shift = term.shift(q, x[first : first + len(term.names)], None if prepared is None else prepared[i])
             s[:, : shift.value.shape[1]] += shift.value
             slopes.append(shift.slope)

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Inexact, Int
@@ -34,7 +33,6 @@ from taskcal.kernels.closure import (
     Wanted,
     fill_coordinates,
 )
-from taskcal.robot.conditions import Conditions
 
 Slope = Callable[[], Float[np.ndarray, "n coordinates joints"]]
 
@@ -65,44 +63,6 @@ class Walk:
     factor: Float[np.ndarray, "n pairs"]
     slopes: tuple[Slope, ...]
     """Compute ∂s/∂q of what each joint-side term adds to s, which few need."""
-
-
-@runtime_checkable
-class JointTerm(Protocol):
-    """A physical effect on the joint side: δs = φ(q, ξ), with its derivatives."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of its parameters ξ, all in metres or radians as `units` says."""
-        ...
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Unit of each parameter, ``m`` or ``rad``."""
-        ...
-
-    @property
-    def pairs(self) -> Int[np.ndarray, "pairs 2"]:
-        """Which chain coordinate each of its parameters moves: rows (coordinate, parameter)."""
-        ...
-
-    def prepare(
-        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
-    ) -> Float[np.ndarray, "n k"] | None:
-        """What `shift` needs at joint positions q and no parameter changes; None where there is nothing of the kind.
-
-        Without conditions an effect that depends on them is as in their middle.
-        """
-        ...
-
-    def shift(
-        self,
-        q: Float[np.ndarray, "n joints"],
-        xi: Float[np.ndarray, " p"],
-        prepared: Float[np.ndarray, "n k"] | None = None,
-    ) -> Shift:
-        """Evaluate at joint positions q (radians, metres) and parameters ξ."""
-        ...
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -159,15 +119,7 @@ class FourBarDrive:
         """Each of the three lengths moves every coordinate that the loop moves."""
         return np.stack([np.tile(self.moved, 3), np.repeat(np.arange(3), len(self.moved))], axis=1)
 
-    def prepare(self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None) -> None:
-        """Nothing: the closure depends on its lengths throughout."""
-
-    def shift(
-        self,
-        q: Float[np.ndarray, "n joints"],
-        xi: Float[np.ndarray, " 3"],
-        prepared: Float[np.ndarray, "n k"] | None = None,
-    ) -> Shift:
+    def shift(self, q: Float[np.ndarray, "n joints"], xi: Float[np.ndarray, " 3"]) -> Shift:
         """δs = output·(θ − κ), with ξ the deviations of crank, rod and rocker from nominal, metres.
 
         Raises:

@@ -14,8 +14,7 @@ from taskcal.geometry import se3
 from taskcal.kinematics.inverse import Reached, solve_near
 from taskcal.observations import Differential, Measured, Observation, Scene, instrument_of
 from taskcal.observations.base import TrackerNoise
-from taskcal.robot.approach import conditions_in_order
-from taskcal.robot.conditions import Conditions
+from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 

@@ -12,7 +12,7 @@ from taskcal.demo.closed_loop import prepare_closed_loop
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.identify import identify
 from taskcal.robot.effects import SOFT, WarmUp
-from taskcal.robot.effects.harmonics import GEARS
+from taskcal.robot.effects.gears import GEARS
 from taskcal.robot.error_model import ErrorModel
 from tests.cli.conftest import Run
 

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance
-from taskcal.robot.effects.elastic import MIN_STATED_SHARE, STATED_ERROR_SHARE
+from taskcal.robot.effects.drives import MIN_STATED_SHARE, STATED_ERROR_SHARE
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
 from taskcal.robot.statics import Load

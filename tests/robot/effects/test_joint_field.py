@@ -5,7 +5,7 @@ import pytest
 from sklearn.gaussian_process.kernels import RBF
 
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.effects.joint_field import JointField
+from taskcal.robot.effects.gears import JointField
 from taskcal.robot.error_model import ErrorModel
 
 

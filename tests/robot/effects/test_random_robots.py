@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 
 from taskcal.robot.effects import EncoderGain, Harmonics
-from taskcal.robot.effects.joint_field import JointField
+from taskcal.robot.effects.gears import JointField
 from tests.laws import plain
 from tests.laws.robots import Case, cases, generators
 

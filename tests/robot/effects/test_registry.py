@@ -28,7 +28,7 @@ from taskcal.robot.effects import (
     effect_from,
     kinds,
     parse_effect,
-    ways_to_write,
+    spellings,
 )
 from taskcal.robot.effects import base as registry
 from taskcal.robot.error_model import ErrorModel
@@ -105,7 +105,7 @@ def test_it_competes_by_default_and_has_a_name_and_a_line(monkeypatch):
     assert kind in kinds()
     assert kind() in candidates(load_robot("ur5"), Conditions())
     assert parse_effect("belt") == kind()
-    assert ways_to_write()["belt"] == kind.summary
+    assert spellings()["belt"] == kind.summary
     assert kind(joints=("J2", "J3")).name == "belt of J2, J3"
 
 
@@ -154,7 +154,7 @@ def _unknown_need():
 @pytest.mark.parametrize(
     ("define", "words"),
     [
-        (_taken_key, "cannot be called 'gain': EncoderGain of taskcal.robot.effects.encoder is"),
+        (_taken_key, "cannot be called 'gain': EncoderGain of taskcal.robot.effects.gears is"),
         (_taken_spelling, "cannot be called 'periodic': Harmonics of"),
         (_taken_name, "cannot be called 'Harmonics'"),
         (_no_key, 'Other has no key of its own; write key = "other"'),

@@ -36,7 +36,7 @@ def register(kind: type["Effect"]) -> None:
     for other in _KINDS.values():
         if _home(other) == _home(kind):
             continue
-        taken = {other.__name__} & {name} or {other.key, *other.ways_to_write()} & {kind.key, *kind.ways_to_write()}
+        taken = {other.__name__} & {name} or {other.key, *other.spellings()} & {kind.key, *kind.spellings()}
         if taken:
             raise TaskcalError(
                 f"the effect {name} of the module {kind.__module__} cannot be called '{min(taken)}': {other.__name__} of "
@@ -62,9 +62,9 @@ def candidates(robot: Robot, conditions: Conditions) -> list["Effect"]:
     return [effect for kind in kinds() for effect in kind.candidates(robot, conditions)]
 
 
-def ways_to_write() -> dict[str, str]:
+def spellings() -> dict[str, str]:
     """What can be written for an effect on the command line, and what it means; in alphabetical order."""
-    return dict(sorted((text, meaning) for kind in kinds() for text, meaning in kind.ways_to_write().items()))
+    return dict(sorted((text, meaning) for kind in kinds() for text, meaning in kind.spellings().items()))
 
 
 def parse_effect(text: str) -> "Effect":
@@ -77,7 +77,7 @@ def parse_effect(text: str) -> "Effect":
         effect = kind.parse(text)
         if effect is not None:
             return effect
-    known = ", ".join(ways_to_write())
+    known = ", ".join(spellings())
     raise TaskcalError(f"'{shown(text)}' is not an effect; known: {known} {state_faults(GROUP)}".rstrip())
 
 
@@ -313,7 +313,7 @@ class Effect:
         return [effect] if effect.suits(robot) else []
 
     @classmethod
-    def ways_to_write(cls) -> Mapping[str, str]:
+    def spellings(cls) -> Mapping[str, str]:
         """What `parse` understands, and what it means; where options follow, with an example of them."""
         return {cls.key: cls.summary or cls.label}
 

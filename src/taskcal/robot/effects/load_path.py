@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.errors import ClosureError
 from taskcal.kernels import walk
 from taskcal.kernels.chain import Chain
 from taskcal.robot.effects.base import LinearTerm
@@ -148,18 +147,10 @@ def sample_poses(robot: Robot, count: int = 64) -> Float[np.ndarray, "k joints"]
     """Some joint positions inside the limits at which loops close: enough to see how large loads become."""
     limits = np.clip(robot.limits, -1.5, 1.5)
     q = np.random.default_rng(0).uniform(limits[:, 0], limits[:, 1], (count, len(limits)))
-    sound = q[[bool(inside) and _closes(robot, row) for inside, row in zip(robot.inside_limits(q), q, strict=True)]]
-    return sound if len(sound) > count // 4 else q
-
-
-def _closes(robot: Robot, q: Float[np.ndarray, " joints"]) -> bool:
-    if robot.four_bar is None:
-        return True
-    try:
-        robot.four_bar.shift(q[None], np.zeros(3))
-    except ClosureError:
-        return False
-    return True
+    sound = robot.inside_limits(q)
+    if robot.four_bar is not None:
+        sound &= robot.four_bar.closes(q, np.zeros(3))
+    return q[sound] if sound.sum() > count // 4 else q
 
 
 def at_motors(

@@ -229,7 +229,7 @@ class WarmUp(ThermalExpansion):
         return [cls(time_constant=constant).referred(conditions) for constant in TIME_CONSTANTS_S]
 
     @classmethod
-    def ways_to_write(cls) -> Mapping[str, str]:
+    def spellings(cls) -> Mapping[str, str]:
         """With or without minutes."""
         growing = "lengths that grow, and a base that drifts, while the robot warms up"
         return {"warmup": f"{growing} in an hour", "warmup:20": f"{growing} in so many minutes"}

@@ -1,25 +1,136 @@
-"""Drives that yield under what they carry."""
+"""Drives: those of a wrist that run through each other, and those that yield to weights, forces and springs."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from taskcal.errors import TaskcalError
+from taskcal.errors import TaskcalError, UnknownName
+from taskcal.geometry import se3
 from taskcal.kernels import walk
 from taskcal.kernels.chain import Chain, Fixed, Joint, Step
-from taskcal.robot.effects.base import DEFLECTION, Effect, LinearTerm, frozen
+from taskcal.robot.effects.base import DEFLECTION, Basis, Effect, LinearTerm, at_joints, frozen
 from taskcal.robot.effects.load_path import LoadPath, at_motors, sample_poses
 from taskcal.robot.parameter import ShownUnit
 from taskcal.robot.robot import Robot
 from taskcal.robot.statics import STANDARD_GRAVITY, Body, CoilSpring, Load
 
-# Drives that yield under weights that nobody knows: one parameter for each lever of each motor.
+# Joints that move a little with others.
 
-OWN_SHARE = 1e-6
-"""Share of a column under which what is left of it is nothing of its own."""
+MAX_AXIS_DISTANCE_M = 1e-6
+"""Distance under which axes meet, metres."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coupling(Effect):
+    """A share of one joint's motion that another makes too: wrists whose drives run through each other.
+
+    By default the robot's last three joints: the middle one by the first, the last one by both. Of a shaft that slides and turns,
+    as at the end of a SCARA, the slide by the turn: the nut of its screw stands still while the shaft turns in it.
+    """
+
+    key = "coupling"
+    label = "coupling"
+    asks_for = "the last three axes do not meet in a point, and the last joints are not of one shaft"
+    summary = "joints of the wrist that move a little by each other"
+
+    pairs: tuple[tuple[str, str], ...] | None = None
+    """Names of the joint that drives and of the joint that it moves; those of the wrist by default."""
+
+    def suits(self, robot: Robot) -> bool:
+        """Whether its last three axes meet in a point, or its last joints are of one shaft: such drives run through each other."""
+        if _shaft(robot) is not None:
+            return True
+        return len(robot.joints) > 2 and not any(robot.prismatic[-3:]) and _meet(robot)
+
+    def term(self, robot: Robot) -> LinearTerm:
+        """Parameters ``J5.by_J4`` …, a share of the motion that drives, with `tolerance` as standard deviation.
+
+        Raises:
+            UnknownName: a joint that the robot does not have.
+            TaskcalError: a joint moved by itself, or a robot without a wrist.
+        """
+        names, moved = robot.joint_names, self.chosen(robot)
+        pairs = [(drives, moves) for drives, moves in self._pairs(robot) if moves in moved]
+        for i, j in pairs:
+            if i == j:
+                raise TaskcalError(f"{names[j]} cannot be coupled to itself: name two different joints")
+        by = np.array([i for i, _ in pairs], dtype=np.int64)
+        turn, turn_by_joint = turn_of(robot, by)
+        return at_joints(
+            [f"{names[j]}.by_{names[i]}" for i, j in pairs],
+            robot,
+            np.array([j for _, j in pairs], dtype=np.int64),
+            [self.tolerance] * len(pairs),
+            turn,
+            by_joint=turn_by_joint,
+            share=by,
+        )
+
+    def _pairs(self, robot: Robot) -> list[tuple[int, int]]:
+        names = robot.joint_names
+        if self.pairs is None:
+            last, shaft = len(names) - 1, _shaft(robot)
+            if shaft is not None:
+                return [shaft]
+            if last < 2:
+                raise TaskcalError(
+                    f"{robot.name} has no wrist of three joints; name the pairs of joints that are coupled"
+                )
+            return [(last - 2, last - 1), (last - 2, last), (last - 1, last)]
+        for name in (name for pair in self.pairs for name in pair):
+            if name not in names:
+                raise UnknownName("joint", name, names, f"of {robot.name}")
+        return [(names.index(drives), names.index(moves)) for drives, moves in self.pairs]
+
+
+def _shaft(robot: Robot) -> tuple[int, int] | None:
+    """The turn and the slide of the last two joints, where they lie along each other; None where they do not."""
+    last = len(robot.joints) - 1
+    if last < 1 or robot.prismatic[last] == robot.prismatic[last - 1]:
+        return None
+    between = np.eye(4)
+    for part in (*robot.joints[last - 1].after, *robot.joints[last].before):
+        between = between @ part.transform
+    if abs(between[2, 2]) < 1.0 - MAX_AXIS_DISTANCE_M:
+        return None
+    return (last - 1, last) if robot.prismatic[last] else (last, last - 1)
+
+
+def _meet(robot: Robot) -> bool:
+    """Whether a point lies on the last three axes; by least squares over their lines."""
+    pose, normal, right = np.eye(4), np.zeros((3, 3)), np.zeros(3)
+    left: list[tuple[np.ndarray, np.ndarray]] = []
+    for i, joint in enumerate(robot.joints):
+        for part in joint.before:
+            pose = pose @ part.transform
+        if i >= len(robot.joints) - 3:
+            across = np.eye(3) - np.outer(pose[:3, 2], pose[:3, 2])
+            left.append((across, pose[:3, 3]))
+            normal += across
+            right += across @ pose[:3, 3]
+        pose = pose @ se3.rotation("z", 0.7)  # away from where axes line up
+        for part in joint.after:
+            pose = pose @ part.transform
+    point = np.linalg.lstsq(normal, right, rcond=None)[0]
+    return all(float(np.linalg.norm(across @ (point - origin))) < MAX_AXIS_DISTANCE_M for across, origin in left)
+
+
+def turn_of(robot: Robot, joints: Int[np.ndarray, " p"]) -> tuple[Basis, Basis]:
+    """How far some joints have turned from zero, and its derivative by the joint positions."""
+    matrix, middle = robot.joint_map.matrix[joints], robot.joint_map(np.zeros((1, len(robot.joints))))[0]
+    return (
+        lambda q: (robot.joint_map(q) - middle)[:, joints],
+        lambda q: np.broadcast_to(matrix, (len(q), *matrix.shape)),
+    )
+
+
+# Drives that yield under unknown weights: one parameter for each lever of each motor.
+
+MIN_OWN_SHARE = 1e-6
+"""Share of a column under which its residual against the others counts as rounding."""
 
 
 def yield_under_lumped_weights(robot: Robot, motors: Sequence[int], tolerance: float) -> LinearTerm:
@@ -68,106 +179,107 @@ def _levers(robot: Robot, chains: Sequence[Chain], path: LoadPath) -> Float[np.n
 def _is_new(column: Float[np.ndarray, " n"], others: list[Float[np.ndarray, " n"]]) -> bool:
     """Whether a column says something that a combination of the others does not."""
     size = float(np.linalg.norm(column))
-    if size < OWN_SHARE * np.sqrt(len(column)):
+    if size < MIN_OWN_SHARE * np.sqrt(len(column)):
         return False
     if not others:
         return True
     basis = np.stack(others, axis=1)
     rest = column - basis @ np.linalg.lstsq(basis, column, rcond=None)[0]
-    return float(np.linalg.norm(rest)) > OWN_SHARE * size
+    return float(np.linalg.norm(rest)) > MIN_OWN_SHARE * size
 
 
 # Torques that known loads put on the motors, by virtual work.
 
-Torque = Callable[[LoadPath], Float[np.ndarray, "n motors"]]
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Weight:
-    """A body that the end of a chain carries."""
-
-    chain: Chain
-    body: Body
-
-
-def motor_torque(robot: Robot, load: Load) -> Torque:
+class MotorTorque:
     """Torque of all known loads on every motor, newton metres (newtons where it slides), in the nominal geometry.
 
     The weights of links and payload, the force and moment at the tool point, and the torque of the robot's spring: a force
     f and a moment m at a point put on motor j the torque Jv_jᵀ f + Jw_jᵀ m, with J the point's columns.
-
-    Args:
-        robot: one whose links' masses are known.
-        load: payload, force and moment.
     """
-    weights, tool = _weights(robot, load), Chain.of(robot.steps())
-    down = STANDARD_GRAVITY * robot.statics.gravity
-    wrench = np.array([*load.force, *load.moment])
-    spring = robot.statics.spring
-    rest = robot.joint_map.offset
 
-    def torque(path: LoadPath) -> Float[np.ndarray, "n motors"]:
+    weights: list[tuple[Chain, Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]]
+    """Chains that carry a body, its weight in base axes, newtons, and its centre in the frame of the chain's end, metres."""
+    tool: Chain
+    wrench: Float[np.ndarray, " 6"]
+    """At the tool point, newtons and newton metres."""
+    turning: bool
+    """Whether force and moment turn with the tool."""
+    robot: Robot
+
+    @classmethod
+    def of(cls, robot: Robot, load: Load) -> "MotorTorque":
+        """The torque of payload, force and moment on a robot whose links' masses are known."""
+        down = STANDARD_GRAVITY * robot.statics.gravity
+        return cls(
+            weights=[(chain, body.mass * down, np.array(body.centre)) for chain, body in _weights(robot, load)],
+            tool=Chain.of(robot.steps()),
+            wrench=np.array([*load.force, *load.moment]),
+            turning=load.axes == "tool",
+            robot=robot,
+        )
+
+    def at(self, path: LoadPath) -> Float[np.ndarray, "n motors"]:
+        """The torques where the load path stands."""
         out = np.zeros(path.motors.shape)
-        for weight in weights:
-            out += path.torque(weight.chain, weight.body.mass * down, np.array(weight.body.centre))
-        if wrench.any():
-            pushed = wrench
-            if load.axes == "tool":
-                pushed = _in_base(tool, path, wrench)
-            out += path.torque(tool, pushed)
-        if spring is not None:
-            turn = path.coordinates[:, spring.joint] - rest[spring.joint]
-            out += spring.torque(turn)[:, None] * path.by_motor[:, spring.joint]
+        for chain, weight, centre in self.weights:
+            out += path.torque(chain, weight, centre)
+        if self.wrench.any():
+            out += path.torque(self.tool, self._in_base(path))
+        if self.robot.statics.spring is not None:
+            out += spring_torque(self.robot, self.robot.statics.spring, path)
         return out
 
-    return torque
-
-
-def motor_torque_by_joint(robot: Robot, load: Load) -> Callable[[LoadPath], Float[np.ndarray, "n motors joints"]]:
-    """Derivative of `motor_torque` by the controller's joints, newton metres per radian."""
-    weights, tool = _weights(robot, load), Chain.of(robot.steps())
-    down = STANDARD_GRAVITY * robot.statics.gravity
-    wrench = np.array([*load.force, *load.moment])
-    spring = robot.statics.spring
-
-    def slope(path: LoadPath) -> Float[np.ndarray, "n motors joints"]:
+    def by_joint(self, path: LoadPath) -> Float[np.ndarray, "n motors joints"]:
+        """Derivative of the torques by the controller's joints, newton metres per radian."""
         out = np.zeros((*path.motors.shape, path.by_joint.shape[2]))
-        for weight in weights:
-            out += path.torque_by_joint(weight.chain, weight.body.mass * down, np.array(weight.body.centre))
-        if wrench.any():
-            turning = load.axes == "tool"
-            pushed = _in_base(tool, path, wrench) if turning else wrench
-            out += path.torque_by_joint(tool, pushed, turning=turning)
-        if spring is not None:
-            j = spring.joint
-            turn = path.coordinates[:, j] - robot.joint_map.offset[j]
-            stiffening = spring.torque_by_turn(turn)[:, None] * path.by_joint[:, j]
-            out += stiffening[:, None] * path.by_motor[:, j, :, None]
-            out += spring.torque(turn)[:, None, None] * path.curvature[:, j]
+        for chain, weight, centre in self.weights:
+            out += path.torque_by_joint(chain, weight, centre)
+        if self.wrench.any():
+            out += path.torque_by_joint(self.tool, self._in_base(path), turning=self.turning)
+        if self.robot.statics.spring is not None:
+            out += spring_torque_by_joint(self.robot, self.robot.statics.spring, path)
         return out
 
-    return slope
+    def _in_base(self, path: LoadPath) -> Float[np.ndarray, "*n 6"]:
+        """Force and moment in the base's axes."""
+        if not self.turning:
+            return self.wrench
+        R = walk.poses(self.tool, path.coordinates, np.zeros((0, 6)))[:, :3, :3]
+        return np.concatenate([R @ self.wrench[:3], R @ self.wrench[3:]], axis=1)
 
 
-def _in_base(tool: Chain, path: LoadPath, wrench: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "n 6"]:
-    """A force and a moment of the tool's axes in those of the base."""
-    R = walk.poses(tool, path.coordinates, np.zeros((0, 6)))[:, :3, :3]
-    return np.concatenate([R @ wrench[:3], R @ wrench[3:]], axis=1)
+def spring_torque(robot: Robot, spring: CoilSpring, path: LoadPath) -> Float[np.ndarray, "n motors"]:
+    """Torque of a spring on every motor, newton metres."""
+    j = spring.joint
+    turn = path.coordinates[:, j] - robot.joint_map.offset[j]
+    return spring.torque(turn)[:, None] * path.by_motor[:, j]
 
 
-def _weights(robot: Robot, load: Load) -> list[_Weight]:
-    """What moves with each joint, and the payload; bodies without mass left out."""
+def spring_torque_by_joint(robot: Robot, spring: CoilSpring, path: LoadPath) -> Float[np.ndarray, "n motors joints"]:
+    """Derivative of `spring_torque` by the controller's joints, newton metres per radian."""
+    j = spring.joint
+    turn = path.coordinates[:, j] - robot.joint_map.offset[j]
+    stiffening = spring.torque_by_turn(turn)[:, None] * path.by_joint[:, j]
+    return (
+        stiffening[:, None] * path.by_motor[:, j, :, None] + spring.torque(turn)[:, None, None] * path.curvature[:, j]
+    )
+
+
+def _weights(robot: Robot, load: Load) -> list[tuple[Chain, Body]]:
+    """Bodies that move with each joint, and the payload, with the chains that carry them; those without mass left out."""
     payload = load.payload(robot.statics.payload)
-    out: list[_Weight] = []
+    out: list[tuple[Chain, Body]] = []
     steps: list[Step] = []
     for joint, link in zip(robot.joints, robot.statics.links or (), strict=True):
         steps += [Fixed(part.transform) for part in joint.before]
         steps.append(Joint(joint.kind))
         steps += [Fixed(part.transform) for part in joint.after]
-        out.append(_Weight(chain=Chain.of(steps), body=link))
+        out.append((Chain.of(steps), link))
     steps += [Fixed(part.transform) for part in robot.flange]
-    out.append(_Weight(chain=Chain.of(steps), body=payload))
-    return [weight for weight in out if weight.body.mass]
+    out.append((Chain.of(steps), payload))
+    return [(chain, body) for chain, body in out if body.mass]
 
 
 STATED_ERROR_SHARE = 0.3
@@ -254,13 +366,12 @@ class Compliance(Effect):
         The tolerances do not depend on the load, so that it may change between calibration and use.
         """
         motors = self.chosen(robot)
-        own = motor_torque(robot, Load())(LoadPath.at(robot, sample_poses(robot)))
+        own = MotorTorque.of(robot, Load()).at(LoadPath.at(robot, sample_poses(robot)))
         largest = np.abs(own).max(axis=0)
         # a robot without weight gives no scale; 1 Nm keeps its tolerances finite
         built_for = np.maximum(largest, MIN_STATED_SHARE * max(float(largest.max()), 1.0))
         stiffness = [robot.statics.stiffness[m] for m in motors]
-        load = self.load or Load()
-        torque, slope = motor_torque(robot, load), motor_torque_by_joint(robot, load)
+        torque = MotorTorque.of(robot, self.load or Load())
         return at_motors(
             robot,
             [f"{robot.joint_names[m]}.compliance" for m in motors],
@@ -269,8 +380,8 @@ class Compliance(Effect):
                 self.tolerance / built_for[m] if k is None else STATED_ERROR_SHARE / k
                 for m, k in zip(motors, stiffness, strict=True)
             ],
-            lambda path: torque(path)[:, motors],
-            lambda path: slope(path)[:, motors],
+            lambda path: torque.at(path)[:, motors],
+            lambda path: torque.by_joint(path)[:, motors],
             nominal=[0.0 if k is None else 1.0 / k for k in stiffness],
             per="Nm",
         )
@@ -313,14 +424,15 @@ class Spring(Effect):
         name = robot.joint_names[stated.joint]
         if self.joints is not None and self.chosen(robot) != [stated.joint]:
             raise TaskcalError(f"{robot.name}: the robot file's spring is on {name}, not on {', '.join(self.joints)}")
-        largest = float(np.abs(_torque(robot, stated, LoadPath.at(robot, sample_poses(robot)))).max())
+        own = [stated.joint]
+        largest = float(np.abs(spring_torque(robot, stated, LoadPath.at(robot, sample_poses(robot)))[:, own]).max())
         return at_motors(
             robot,
             [f"{name}.spring"],
-            [stated.joint],
+            own,
             [self.tolerance / largest],
-            lambda path: _torque(robot, stated, path)[:, None],
-            lambda path: _torque_by_joint(robot, stated, path)[:, None],
+            lambda path: spring_torque(robot, stated, path)[:, own],
+            lambda path: spring_torque_by_joint(robot, stated, path)[:, own],
             per="Nm",
         )
 
@@ -350,18 +462,3 @@ class Spring(Effect):
             turns,
             turns_by_joint,
         )
-
-
-def _torque(robot: Robot, spring: CoilSpring, path: LoadPath) -> Float[np.ndarray, " n"]:
-    """Of the spring on its own motor."""
-    j = spring.joint
-    turn = path.coordinates[:, j] - robot.joint_map.offset[j]
-    return spring.torque(turn) * path.by_motor[:, j, j]
-
-
-def _torque_by_joint(robot: Robot, spring: CoilSpring, path: LoadPath) -> Float[np.ndarray, "n joints"]:
-    """Derivative of `_torque` by the controller's joints."""
-    j = spring.joint
-    turn = path.coordinates[:, j] - robot.joint_map.offset[j]
-    stiffening = spring.torque_by_turn(turn) * path.by_motor[:, j, j]
-    return stiffening[:, None] * path.by_joint[:, j] + spring.torque(turn)[:, None] * path.curvature[:, j, j]

@@ -1,4 +1,4 @@
-"""Eccentricity of gears and encoders."""
+"""Gears and encoders: scale errors, harmonics of joints and motors, and a smooth field of no known form."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -10,12 +10,45 @@ from jaxtyping import Float
 from taskcal.errors import TaskcalError
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects.base import Effect, LinearTerm, at_joints
+from taskcal.robot.effects.drives import turn_of
 from taskcal.robot.effects.load_path import LoadPath, at_motors
 from taskcal.robot.robot import Robot
 
+
+@dataclass(frozen=True, kw_only=True)
+class EncoderGain(Effect):
+    """A scale error of each joint: the joint turns a little more or less than the controller says."""
+
+    key = "gain"
+    label = "encoder gain"
+    summary = "joints that turn a little more or less than the controller says"
+
+    def term(self, robot: Robot) -> LinearTerm:
+        """Parameters ``J2.gain``, radians per radian."""
+        joints = np.array(self.chosen(robot), dtype=np.int64)
+        turn, turn_by_joint = turn_of(robot, joints)
+        return at_joints(
+            [f"{robot.joint_names[j]}.gain" for j in joints],
+            robot,
+            joints,
+            [self.tolerance] * len(joints),
+            turn,
+            by_joint=turn_by_joint,
+            share=True,
+        )
+
+
+# Eccentricity: errors that recur with the turns of a joint.
+
 _ORDERS = re.compile(r"harmonics:(\d+)(?:-(\d+))?$")
-_HIGHEST = 200
-"""Order that can be named."""
+_MAX_ORDER = 200
+"""Highest order that can be named."""
+
+
+def _waves(joints: Sequence[int], orders: Sequence[int | float]) -> list[tuple[int, int | float, str, float]]:
+    """Cosine and sine of every order at every joint: joint, order, name, and phase of a cosine."""
+    parts = (("cos", 0.0), ("sin", 0.5 * np.pi))
+    return [(j, order, part, phase) for j in joints for order in orders for part, phase in parts]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +70,7 @@ class Harmonics(Effect):
         return (SPECTRUM,) if SPECTRUM.suits(robot) else ()
 
     @classmethod
-    def ways_to_write(cls) -> Mapping[str, str]:
+    def spellings(cls) -> Mapping[str, str]:
         """Some orders by a word, others by their numbers."""
         return {
             "harmonics": "gears and encoders that err once and twice in a turn of the joint: orders 1 and 2",
@@ -56,9 +89,9 @@ class Harmonics(Effect):
         if match is None:
             return {cls.key: cls(), "periodic": PERIODIC}.get(text)
         first, last = int(match[1]), int(match[2] or match[1])
-        if not 1 <= first <= last <= _HIGHEST:
+        if not 1 <= first <= last <= _MAX_ORDER:
             raise TaskcalError(
-                f"'{text}': orders count periods in a turn; write harmonics:1-4, between 1 and {_HIGHEST}"
+                f"'{text}': orders count periods in a turn; write harmonics:1-4, between 1 and {_MAX_ORDER}"
             )
         return cls(orders=tuple(range(first, last + 1)))
 
@@ -71,13 +104,12 @@ class Harmonics(Effect):
     def term(self, robot: Robot) -> LinearTerm:
         """Parameters ``J2.cos1``, ``J2.sin1`` …, radians."""
         turning = [j for j in self.chosen(robot) if not robot.prismatic[j]]
-        shapes = [(j, order, part) for j in turning for order in self.orders for part in ("cos", "sin")]
-        columns = np.array([j for j, _, _ in shapes], dtype=np.int64)
-        orders = np.array([order for _, order, _ in shapes])
-        phases = np.array([0.0 if part == "cos" else 0.5 * np.pi for _, _, part in shapes])
+        waves = _waves(turning, self.orders)
+        columns = np.array([j for j, *_ in waves], dtype=np.int64)
+        orders, phases = np.array([wave[1] for wave in waves]), np.array([wave[3] for wave in waves])
         turns = robot.joint_map.matrix[columns] * orders[:, None]
         return at_joints(
-            [f"{robot.joint_names[j]}.{part}{order:g}" for j, order, part in shapes],
+            [f"{robot.joint_names[j]}.{part}{order:g}" for j, order, part, _ in waves],
             robot,
             columns,
             [self.tolerance / order if self.falling else self.tolerance for order in orders],
@@ -134,10 +166,9 @@ class MotorHarmonics(Effect):
             raise TaskcalError(
                 f"{robot.name}: the robot file states no gear_ratio of {whose}; add it, or use Harmonics"
             )
-        shapes = [(j, order, part) for j in geared for order in self.orders for part in ("cos", "sin")]
-        motors = [j for j, _, _ in shapes]
-        periods = np.array([order * (ratios[j] or 0.0) for j, order, _ in shapes])
-        phases = np.array([0.0 if part == "cos" else 0.5 * np.pi for _, _, part in shapes])
+        waves = _waves(geared, self.orders)
+        motors, phases = [j for j, *_ in waves], np.array([phase for *_, phase in waves])
+        periods = np.array([order * (ratios[j] or 0.0) for j, order, *_ in waves])
 
         def turns(path: LoadPath) -> Float[np.ndarray, "n p"]:
             return np.cos(path.motors[:, motors] * periods - phases)
@@ -148,9 +179,57 @@ class MotorHarmonics(Effect):
 
         return at_motors(
             robot,
-            [f"{robot.joint_names[j]}.motor_{part}{order}" for j, order, part in shapes],
+            [f"{robot.joint_names[j]}.motor_{part}{order}" for j, order, part, _ in waves],
             motors,
-            [self.tolerance] * len(shapes),
+            [self.tolerance] * len(waves),
             turns,
             turns_by_joint,
+        )
+
+
+# A smooth function of all joints for each joint.
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointField(Effect):
+    """A smooth random function of all joints that turns each joint: loads, cables and friction that no other effect has.
+
+    Each is a Gaussian process with the squared exponential as its correlation, in random Fourier features (Rahimi and Recht
+    2008, Advances in Neural Information Processing Systems 20): cosines and sines of random directions in joint space.
+    """
+
+    key = "field"
+    label = "smooth field"
+    summary = "each joint turns by a smooth function of all joints, of no form that is known beforehand"
+
+    tolerance: float = 3e-5
+    """Standard deviation expected of each function, radians (metres where the joint slides)."""
+    length: float = 1.5
+    """Change of the joints at which it becomes another, radians; lengths in metres count alike."""
+    features: int = 20
+    """Cosines, and as many sines, of each joint."""
+    seed: int = 0
+    """Of the directions."""
+
+    def term(self, robot: Robot) -> LinearTerm:
+        """Parameters ``J2.field_cos1``, ``J2.field_sin1`` …, radians."""
+        joints = self.chosen(robot)
+        rng = np.random.default_rng(self.seed)
+        direction = rng.standard_normal((self.features, len(robot.joints))) / self.length
+        waves = _waves(joints, range(self.features))
+        feature, phase = np.array([wave[1] for wave in waves], dtype=np.int64), np.array([wave[3] for wave in waves])
+
+        def basis(q: np.ndarray) -> np.ndarray:
+            return np.cos((q @ direction.T)[:, feature] - phase)
+
+        def by_joint(q: np.ndarray) -> np.ndarray:
+            return -np.sin((q @ direction.T)[:, feature] - phase)[:, :, None] * direction[feature]
+
+        return at_joints(
+            [f"{robot.joint_names[j]}.field_{part}{k + 1}" for j, k, part, _ in waves],
+            robot,
+            np.array([j for j, *_ in waves], dtype=np.int64),
+            [self.tolerance / np.sqrt(self.features)] * len(waves),
+            basis,
+            by_joint=by_joint,
         )
