@@ -24,10 +24,11 @@ from taskcal.demo.procedure import (
     frame_error,
 )
 from taskcal.reading.writer import campaign_text
+from taskcal.report.calibration import draw_parameters, draw_residuals
 from taskcal.report.content import MICROMETRES, Chart, Commands, Numbers, Points, Section, Table, Text
-from taskcal.report.fit_figures import draw_parameters, draw_residuals, draw_sensitivities, draw_singular_values
 from taskcal.report.page import report_html
-from taskcal.report.theme import BLUE, GREY, INK, SERIES, VERMILION, label_panels, styled, styled_space, switch
+from taskcal.report.sensitivity import draw_sensitivities, draw_singular_values
+from taskcal.report.theme import BLUE, GREY, INK, SERIES, VERMILION, styled, styled_space, switch
 from taskcal.robot.error_model import COMPONENTS, ErrorModel
 from taskcal.robot.parameter import Parameter
 
@@ -464,7 +465,7 @@ def draw_held_out(fits: Sequence[Fitted]) -> go.Figure:
     figure.update_xaxes(title_text="error of the predicted tool point (µm)", row=len(campaigns))
     figure.update_yaxes(autorange="reversed", ticks="")
     figure.update_layout(legend={"y": 1.07})
-    return label_panels(figure)
+    return figure
 
 
 def draw_error_over_angle(predictions: Sequence[Predictions]) -> go.Figure:
@@ -541,7 +542,7 @@ def draw_coverage(predictions: Sequence[Predictions]) -> go.Figure:
     figure.update_yaxes(title_text="actual error in space (µm)", type="log", tickvals=TICKS, row=1, col=1)
     figure.update_xaxes(title_text="stated probability (%)", range=[0, 100], row=1, col=2)
     figure.update_yaxes(title_text="new poses inside (%)", range=[0, 102], row=1, col=2)
-    return label_panels(figure)
+    return figure
 
 
 def draw_workspace(predictions: Sequence[Predictions], measured: Mapping[str, Float[np.ndarray, "n 3"]]) -> go.Figure:

@@ -1,108 +1,109 @@
-"""A calibration as a page: what it was worth, where the robot was off, what is left, and how well the tool is known over a task."""
+"""A calibration as a page and as tables: prediction error, residuals, parameters, uncertainty over a task, provenance."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-from jaxtyping import Float
+from jaxtyping import Bool, Float
+from plotly.subplots import make_subplots
 
 from taskcal.analysis.elimination_table import describe_combination
 from taskcal.analysis.identifiability import Identifiability, identifiability
 from taskcal.analysis.sensitivity import sensitivity
+from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration, informed_parameters, largest_correlations
 from taskcal.identification.held_out import HeldOut, Outlier, Validation
-from taskcal.identification.residual_analysis import MAX_P_VALUE, MIN_SHARE, ResidualAnalysis
+from taskcal.identification.residual_analysis import (
+    MAX_P_VALUE,
+    MIN_SHARE,
+    Regressor,
+    ResidualAnalysis,
+    fit_smooth,
+)
 from taskcal.identification.uncertainty_budget import COVERAGE_FACTOR, UncertaintyBudget, budget_at
 from taskcal.identification.validation import MeasuredErrors, measured_errors
 from taskcal.planning.selection import Rung
 from taskcal.planning.task_map import Uncertainty
 from taskcal.registration.registration import Registration
 from taskcal.report.content import (
+    MILLIMETRES,
+    NOMINAL,
     Block,
     Chart,
+    Column,
+    LengthUnit,
     Numbers,
     Points,
     Section,
     Table,
     Text,
     decimals_of,
+    millimetres,
     model_error_origin,
     prior_scale_origin,
+    signed,
     with_interval,
-)
-from taskcal.report.fit_figures import (
-    draw_against,
-    draw_before_after,
-    draw_by_axis,
-    draw_effects,
-    draw_over_joints,
-    draw_over_orientation,
-    draw_parameters,
-    draw_residuals,
-    draw_shares,
 )
 from taskcal.report.page import Page
 from taskcal.report.scene import robot_scene
+from taskcal.report.sensitivity import MAX_TICKED, draw_effects
 from taskcal.report.task import draw_bands, draw_maps
-from taskcal.report.theme import BLUE, INK, styled
+from taskcal.report.theme import (
+    AXIS_COLOURS,
+    BLUE,
+    GREY,
+    INK,
+    SERIES,
+    SHAPES,
+    VERMILION,
+    add_series,
+    show_one,
+    styled,
+    switch,
+)
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.parameter import ShownUnit
 from taskcal.task.workspace import Workspace
 
-# Position errors as a publication reports them, for the terminal and for pages: per axis, then in space.
+# Position errors as a publication reports them: per axis of the base, then in space.
 
-COLUMNS = {
-    "max_x_mm": "max x mm",
-    "max_y_mm": "max y mm",
-    "max_z_mm": "max z mm",
-    "max_mm": "max mm",
-    "mean_mm": "mean mm",
-    "rms_mm": "rms mm",
-    "p95_mm": "p95 mm",
-    "mean_mrad": "mean mrad",
-    "max_mrad": "max mrad",
-    "n": "points",
-}
-"""Of `Validation.summary`, and what they are called."""
+ERRORS = (
+    *(Column(f"max {axis} mm", f"max_{axis}_mm", ".3f", optional=True) for axis in "xyz"),
+    *(Column(f"{name} mm", f"{name}_mm", ".3f", optional=True) for name in ("max", "mean", "rms", "p95")),
+    *(Column(f"{name} mrad", f"{name}_mrad", ".3f", optional=True) for name in ("mean", "max")),
+    Column("points", "n", "d", optional=True),
+)
+"""Columns of a `Validation.summary`."""
 
 
 def tabulate_errors(
     title: str, summaries: Mapping[str, Mapping[str, float | int]], *, of: str = "rows", note: str = ""
 ) -> Table:
-    """A row for each labelled `Validation.summary`; axes are those of the robot's base.
+    """Tabulate labelled `Validation.summary`s; axes are those of the robot's base.
 
     Args:
         title: of the table.
         summaries: by label; columns that none of them has are left out.
-        of: what the labels are of.
+        of: title of the column of labels.
         note: what the table shows.
     """
-    columns = [key for key in COLUMNS if any(key in summary for summary in summaries.values())]
-    rows = [
-        (label, *(_text(summary[key]) if key in summary else "" for key in columns))
-        for label, summary in summaries.items()
-    ]
-    return Table.of_rows(title, (of, *(COLUMNS[key] for key in columns)), rows, note=note)
+    rows = [{"label": label, **summary} for label, summary in summaries.items()]
+    return Table.of(title, (Column(of, "label"), *ERRORS), rows, note=note)
 
 
-def _text(value: float | int) -> str:
-    return str(value) if isinstance(value, int) else f"{value:.3f}"
-
-
-# What a calibration was worth, in one sentence.
-
-NOMINAL = "nominal (registered)"
-"""The robot as its maker describes it, with tracker frame and targets fitted to the measurements."""
+# The result of a calibration in one sentence.
 
 
 def verdict(robot: str, before: float, after: float, held_out: int | None, *, in_space: bool = True) -> str:
-    """The sentence: it is about predictions, since the robot goes where it went until its programs are corrected.
+    """State how the prediction error changes; the robot itself moves as before until its programs are corrected.
 
     Args:
         robot: its name.
-        before: mean error of the nominal robot, registered, millimetres.
-        after: of the calibrated one, on the same points.
-        held_out: how many points that were not fitted these are means of; None for fitted ones.
+        before: mean error of the nominal model, registered, millimetres.
+        after: of the calibrated model, on the same points.
+        held_out: number of held-out points of which these are means; None for fitted ones.
         in_space: whether the errors are distances in space, not those of single numbers such as lengths.
     """
     where = f"{held_out} held-out points" if held_out is not None else "fitted rows, optimistic: none were held out"
@@ -114,252 +115,290 @@ def verdict(robot: str, before: float, after: float, held_out: int | None, *, in
     )
 
 
-# What rows that were held out say, for the terminal and for a calibration's page.
+# Held-out rows.
 
 PARTS = {
     "neighbours": "groups of neighbouring poses",
-    "blocks": "blocks of rows that follow each other",
+    "blocks": "blocks of consecutive rows",
     "rows": "single rows",
     "chosen": "groups of neighbouring poses among the rows that were not chosen",
 }
-"""What is held out together, in words."""
+"""Rows that are held out together, in words."""
 
-MOST_PARTS = 40
-"""That a table lists."""
+MAX_PARTS = 40
+"""Parts that a table lists; more fill a page."""
 
 
 def describe_held_out(held_out: HeldOut) -> str:
-    """How rows were held out, and how much the parts differ."""
+    """State how rows were held out, and how much the parts differ."""
     means = held_out.part_means * 1e3
     mean = held_out.validation.mean * 1e3
     kind = PARTS[held_out.by]
     folds = f"{held_out.folds} folds of {kind}" if held_out.folds else f"{len(means)} {kind}"
-    seen = "each predicted by a fit of the others" if held_out.folds else "not seen by the fit"
+    seen = "each predicted by a fit of the others" if held_out.folds else "excluded from the fit"
     if len(means) < 2:
-        return f"{folds}, {seen}: {mean:.3f} mm on average; a single part does not tell how far to trust that"
-    spread = f"{mean:.3f} ± {held_out.standard_error * 1e3:.3f} mm (1σ) on average"
-    return f"{folds}, {seen}: {spread}, from {means.min():.3f} to {means.max():.3f} mm in single ones"
+        return f"{folds}, {seen}: mean {mean:.3f} mm; a single part has no standard error"
+    return (
+        f"{folds}, {seen}: mean {mean:.3f} mm, standard error {held_out.standard_error * 1e3:.3f} mm; parts from "
+        f"{means.min():.3f} to {means.max():.3f} mm"
+    )
 
 
 def held_out_section(calibration: Calibration) -> Section:
-    """The section of a calibration's page; an advice where nothing was held out."""
+    """Make the section of held-out rows; an advice where there are none."""
     held_out = calibration.held_out
     if held_out is None:
         advice = (
-            "No rows were held out, so that this page cannot say how well the robot is predicted where it was not measured: "
-            "residuals of fitted rows are always a little too small. Identify with --holdout 0.3, or with --folds 5, which "
-            "gives up no row."
+            "No rows were held out, so that the error at other poses is not known: fit residuals underestimate it. Identify with "
+            "--holdout 0.3, or with --folds 5, which uses every row."
         )
-        return Section(title="Rows that were not fitted", blocks=(Text((advice,)),))
-    summaries = {
-        NOMINAL: held_out.nominal_validation.summary(),
-        "calibrated": held_out.validation.summary(),
-    }
+        return Section(title="Held-out error", blocks=(Text((advice,)),))
+    summaries = {NOMINAL: held_out.nominal_validation.summary(), "calibrated": held_out.validation.summary()}
     sentence = describe_held_out(held_out)
     blocks: list[Block] = [
         Text((f"{sentence[0].upper()}{sentence[1:]}.",)),
         tabulate_errors(
-            "Error of rows that were not fitted",
+            "Position error of held-out rows",
             summaries,
-            of="robot",
-            note="This is the number to believe. Any x, y and z are the axes of the robot's base.",
+            of="model",
+            note="The figure to quote. Any x, y and z are the axes of the robot's base.",
         ),
     ]
-    if 1 < len(held_out.part_means) <= MOST_PARTS:
+    if 1 < len(held_out.part_means) <= MAX_PARTS:
         blocks.append(_tabulate_parts(held_out))
-    return Section(title="Rows that were not fitted", blocks=tuple(blocks))
+    return Section(title="Held-out error", blocks=tuple(blocks))
 
 
 def _tabulate_parts(held_out: HeldOut) -> Table:
-    """The mean error of every part."""
-    length = np.linalg.norm(held_out.residuals[..., :3], axis=2) * 1e3
-    rows = [
-        (str(part), str(int(np.isfinite(own).sum())), f"{np.nanmean(own):.3f}", f"{np.nanmax(own):.3f}")
-        for part in np.unique(held_out.part)
-        if np.isfinite(own := length[held_out.part == part]).any()
+    """Mean and largest error of every part."""
+    length = np.linalg.norm(held_out.residuals[..., :3], axis=2)
+    parts = [
+        (part, own[np.isfinite(own)]) for part in np.unique(held_out.part) for own in (length[held_out.part == part],)
     ]
-    return Table.of_rows(
+    columns = (
+        Column("fold" if held_out.folds else "group", lambda part: int(part[0]), "d"),
+        Column("points", lambda part: len(part[1]), "d"),
+        millimetres("mean mm", lambda part: part[1].mean()),
+        millimetres("max mm", lambda part: part[1].max()),
+    )
+    return Table.of(
         "Part by part",
-        ("fold" if held_out.folds else "group", "points", "mean mm", "max mm"),
-        rows,
-        text_columns=(),
+        columns,
+        [part for part in parts if len(part[1])],
         note="Where one part is much worse than the others, the poses around it are too few, or the robot differs there.",
         folded=True,
     )
 
 
-# What each part of a calibrated model is worth, as a section of its page.
-
-
 def ladder_section(rungs: Sequence[Rung]) -> Section:
-    """The section."""
-    rows = [(rung.name, str(rung.parameters), f"{rung.mean * 1e3:.3f}", f"{rung.p95 * 1e3:.3f}") for rung in rungs]
-    return Section(
-        title="What each part of the model is worth",
-        blocks=(
-            Chart(
-                title="Error on rows left out, from the nominal robot to the whole model",
-                figure=draw_ladder_rungs(rungs),
-                note="Every bar that is shorter than the one above it is a part of the model worth having; where bars stop getting "
-                "shorter, more parameters no longer help. Neighbouring poses are left out together, in five parts.",
-            ),
-            Table.of_rows("Nested models", ("model", "parameters", "mean mm", "95 % below mm"), rows),
-        ),
+    """Make the section of nested models, from the nominal one to all effects."""
+    columns = (
+        Column("model", "name"),
+        Column("parameters", "parameters", "d"),
+        millimetres("mean mm", "mean"),
+        millimetres("p95 mm", "p95"),
     )
+    chart = Chart(
+        title="Cross-validated error by model stage",
+        figure=draw_ladder_rungs(rungs),
+        note="A bar that is shorter than the one above it: this stage reduces the error. Equal bars: further parameters do not "
+        "help. Neighbouring poses are held out together, in five parts.",
+    )
+    return Section(title="Error reduction by model stage", blocks=(chart, Table.of("Nested models", columns, rungs)))
 
 
 def draw_ladder_rungs(rungs: Sequence[Rung]) -> go.Figure:
-    """A bar for each nested model, with the 95th percentile as a tick."""
+    """Draw a bar for each nested model, with the 95th percentile as a tick."""
     names = [f"{rung.name} ({rung.parameters})" for rung in rungs][::-1]
+    means, tails = (
+        [1e3 * value for value in values][::-1] for values in zip(*((r.mean, r.p95) for r in rungs), strict=True)
+    )
     figure = go.Figure(
         go.Bar(
-            x=[rung.mean * 1e3 for rung in rungs][::-1],
-            y=names,
-            orientation="h",
-            name="mean",
-            marker={"color": BLUE},
-            text=[f"{rung.mean * 1e3:.3f}" for rung in rungs][::-1],
-            textposition="auto",
-            textangle=0,
-            constraintext="none",
+            x=means, y=names, orientation="h", name="mean", marker={"color": BLUE},
+            text=[f"{mean:.3f}" for mean in means], textposition="auto", textangle=0, constraintext="none",
             hovertemplate="%{y}: %{x:.3f} mm<extra></extra>",
         )
-    )
-    figure.add_scatter(
-        x=[rung.p95 * 1e3 for rung in rungs][::-1],
-        y=names,
-        mode="markers",
-        name="95 % of the points are below",
-        marker={"symbol": "line-ns-open", "size": 16, "color": INK, "line": {"width": 2.5}},
-        hovertemplate="95 % below %{x:.3f} mm<extra></extra>",
-    )
-    styled(figure, height=150 + 42 * len(rungs), top=60)
-    figure.update_xaxes(title_text="error in space on rows left out (mm)", rangemode="tozero")
-    return figure
+    )  # fmt: skip
+    tick = {"symbol": "line-ns-open", "size": 16, "line": {"width": 2.5}}
+    add_series(figure, "95th percentile", tails, names, INK, hover="95 % below %{x:.3f} mm", extra=" ", marker=tick)
+    styled(figure, height=150 + 42 * len(rungs), x="cross-validated 3D error (mm)")
+    return figure.update_xaxes(rangemode="tozero")
 
 
-# The parameters of a calibration, as a section of its page: what was found of each, or why it was not, and relations.
+# Parameters: estimates, or why there is none, and dependence.
 
-CORRELATIONS = 10
-"""That a page lists."""
+MAX_CORRELATIONS = 10
+"""Correlations that a page lists."""
 
-MOST_TERMS = 6
-"""Of a relation that are written out."""
+MAX_TERMS = 6
+"""Terms of a linear dependence that are written out."""
 
 
 def parameters_section(calibration: Calibration) -> Section:
-    """The section."""
-    q = calibration.q
+    """Make the section of parameters."""
     geometry = ErrorModel(calibration.model.robot, lengths_only=calibration.model.lengths_only)
-    found = identifiability(geometry, q)
+    found = identifiability(geometry, calibration.q)
     blocks: list[Block] = [
         Chart(
-            title="What each defect would do to the tool point at the measured poses",
+            title="Effect of every parameter on the tool point at the measured poses",
             least_width=700,
-            figure=draw_effects(sensitivity(geometry, q)),
-            note="A high bar: a defect of one tolerance (1σ) moves the tool far. A bar near zero: it hardly matters here, and "
-            "these poses say little of it. Along the robot's base axes, and in space.",
+            figure=draw_effects(sensitivity(geometry, calibration.q)),
+            note="A high bar: a defect of one tolerance (1σ) moves the tool far. A bar near zero: it hardly matters here, and is "
+            "poorly determined by these poses. Along the robot's base axes, and in space.",
         )
     ]
-    if len(calibration.estimated):
+    estimated = len(calibration.estimated) > 0
+    if estimated:
         blocks.append(
             Chart(
                 title="Estimated parameters",
                 least_width=700,
                 figure=draw_parameters({"fit": calibration}),
-                note="A bar that crosses zero: the data do not prove that this defect is there. Bars are two standard errors. "
-                "Parameters that repeat each other share what is found.",
+                note="Bars are two standard errors. A bar that crosses zero: the defect is not significant. Linearly dependent "
+                "parameters share the estimate.",
             )
         )
     blocks.append(tabulate_intervals(calibration, found))
     if found.dependent or found.zero:
         blocks.append(_tabulate_relations(geometry, found))
-    if len(calibration.estimated):
+    if estimated:
         blocks.append(_tabulate_correlations(calibration))
     return Section(title="Parameters", blocks=tuple(blocks))
 
 
 def tabulate_intervals(calibration: Calibration, found: Identifiability) -> Table:
-    """Every parameter of the model with its 95 % interval, and whether it was estimated.
+    """Tabulate every parameter of the model with its 95 % interval, and whether it was estimated.
 
     Args:
         calibration: the calibration.
-        found: which parameters of the geometry repeat others at the fitted poses.
+        found: linear dependence of the geometry at the fitted poses.
     """
     informed, estimated = informed_parameters(calibration), set(calibration.estimated.tolist())
     rows: list[tuple[str, ...]] = []
     for i, p in enumerate(calibration.model.parameters):
-        unit = p.shown
+        unit, kept = p.shown, i in estimated
         value, interval = with_interval(
             float(calibration.estimate[i]) * unit.factor, float(calibration.standard_errors[i]) * unit.factor
         )
-        kept = i in estimated
-        why = _why(p.name, kept, informed.get(p.name), found)
-        cells = (value, interval) if kept else ("0, held", interval)
-        rows.append((p.label, *cells, f"{p.tolerance * unit.factor:.3g}", unit.name, why))
+        status = _status(p.name, kept, informed.get(p.name), found)
+        rows.append(
+            (p.label, value if kept else "0, fixed", interval, f"{p.tolerance * unit.factor:.3g}", unit.name, status)
+        )
     return Table.of_rows(
         f"All {len(rows)} parameters: {len(estimated)} were estimated",
-        ("parameter", "estimate", "95 % interval", "tolerance (1σ)", "unit", "kept, or why not"),
+        ("parameter", "estimate", "95 % interval", "tolerance (1σ)", "unit", "status"),
         rows,
         text_columns=(0, 4, 5),
-        note="Digits are those that the standard error leaves. A parameter that was not estimated is held at zero, and counts with "
-        "its tolerance in every uncertainty.",
+        note="Digits are those that the standard error leaves. A parameter that was not estimated is fixed at zero, and counts "
+        "with its tolerance in every uncertainty.",
         folded=True,
     )
 
 
-def _why(name: str, kept: bool, informed: bool | None, found: Identifiability) -> str:
-    """Whether a parameter was kept, or why not."""
-    repeats = name in found.dependent or name in found.zero
+def _status(name: str, kept: bool, informed: bool | None, found: Identifiability) -> str:
+    """Whether a parameter was estimated, or why not."""
+    dependent = name in found.dependent or name in found.zero
     if kept and informed is False:
-        return "kept; not seen: its interval is that of its tolerance"
+        return "estimated; prior-dominated"
     if kept:
-        return "kept; known with those it repeats alone (see relations)" if repeats else "kept"
+        return "estimated; determined only together with its dependent parameters" if dependent else "estimated"
     if name in found.zero:
-        return "left out: it does nothing to the tool point here"
-    return "left out: it repeats others here (see relations)" if repeats else "left out by choice"
+        return "left out: no effect on the tool point here"
+    return "left out: linearly dependent here" if dependent else "left out by choice"
 
 
 def _tabulate_relations(model: ErrorModel, found: Identifiability) -> Table:
-    """What repeats what, exactly, at the fitted poses."""
+    """Exact linear dependence at the fitted poses."""
     symbols = {p.name: p.symbol or p.name for p in model.parameters}
     rows = [(symbols[name], "0: no effect on the tool point") for name in found.zero]
     for name, terms in found.dependent.items():
-        few = dict(sorted(terms.items(), key=lambda term: -abs(term[1]))[:MOST_TERMS])
-        more = f" … ({len(terms) - MOST_TERMS} more)" if len(terms) > MOST_TERMS else ""
+        few = dict(sorted(terms.items(), key=lambda term: -abs(term[1]))[:MAX_TERMS])
+        more = f" … ({len(terms) - MAX_TERMS} more)" if len(terms) > MAX_TERMS else ""
         rows.append((symbols[name], describe_combination(few, symbols) + more))
     return Table.of_rows(
-        f"Relations: {len(rows)} parameters that repeat others at the measured poses",
+        f"Linear dependence: {len(rows)} parameters equal others at the measured poses",
         ("a defect in", "moves the tool point exactly as"),
         rows,
         text_columns=(0, 1),
-        note="No measurement of the tool point at these poses tells the two sides apart, however good; what is found of them "
-        "is shared in proportion to the tolerances. Per metre and radian.",
+        note="No measurement of the tool point at these poses separates the two sides; their estimate is shared in proportion to "
+        "the tolerances. Per metre and radian.",
         folded=True,
     )
 
 
 def _tabulate_correlations(calibration: Calibration) -> Table:
-    rows = [
-        (a, b, f"{value:+.3f}".replace("-", "−")) for a, b, value in largest_correlations(calibration, CORRELATIONS)
-    ]
-    size = float(np.max([abs(float(row[2].replace("−", "-"))) for row in rows], initial=0.0))
-    return Table.of_rows(
-        "Largest correlations of what was estimated",
-        ("parameter", "and", "correlation"),
-        rows,
-        text_columns=(0, 1),
-        note=f"The nearer to 1, the less the two are known one by one; the largest here is {size:.3f}. Predictions allow for it.",
+    found = largest_correlations(calibration, MAX_CORRELATIONS)
+    largest = max((round(abs(value), 3) for *_, value in found), default=0.0)
+    columns = (
+        Column("parameter", lambda pair: pair[0]),
+        Column("and", lambda pair: pair[1]),
+        Column("correlation", lambda pair: signed(pair[2], 3), "s"),
+    )
+    return Table.of(
+        "Largest correlations of the estimated parameters",
+        columns,
+        found,
+        note=f"The nearer to 1, the less the two are determined individually; the largest here is {largest:.3f}. Predictions "
+        "account for it.",
         folded=True,
     )
 
 
-# Where a calibration comes from, as a section of its page.
+def draw_parameters(calibrations: Mapping[str, Calibration], truth: Float[np.ndarray, " p"] | None = None) -> go.Figure:
+    """Draw estimated parameters with two standard errors, beside the truth where it is known.
+
+    Args:
+        calibrations: calibrations of one model to choose from.
+        truth: the true parameters, metres and radians.
+    """
+    model = next(iter(calibrations.values())).model
+    groups: dict[tuple[bool, ShownUnit], list[int]] = {}  # one scale each: lengths and angles, then units of effects
+    for i, parameter in enumerate(model.parameters):
+        groups.setdefault((parameter.name in model.effect_names, parameter.shown), []).append(i)
+    titles = [
+        f"effects in {unit.name}" if effect else {"mm": "lengths", "mrad": "angles"}[unit.name]
+        for effect, unit in groups
+    ]
+    count = len(groups)
+    figure = make_subplots(rows=count, cols=1, vertical_spacing=0.4 / count, subplot_titles=titles)
+    styled(figure, height=340 * count, top=100)
+    figure.update_layout(legend={"y": 1.0 + 0.12 / count})
+    owner: list[int] = []
+    for row, ((effect, unit), columns) in enumerate(groups.items(), start=1):
+        place = {"row": row, "col": 1}
+        names = [model.parameters[i].symbol or model.parameters[i].name for i in columns]
+        shared: dict[str, Any] = {
+            "customdata": [model.parameters[i].name for i in columns],
+            "showlegend": row == 1,
+            "hover": f"%{{customdata}}: %{{y:.3f}} {unit.name}",
+            **place,
+        }
+        for k, (label, calibration) in enumerate(calibrations.items()):
+            owner.append(k)
+            errors = {"array": 2.0 * calibration.standard_errors[columns] * unit.factor, "thickness": 1.6, "width": 4}
+            add_series(
+                figure, "estimate, two standard errors", names, calibration.estimate[columns] * unit.factor, SERIES[1],
+                extra=label, error_y=errors, visible=k == 0, legendgroup="estimate", marker={"size": 8}, **shared,
+            )  # fmt: skip
+        if truth is not None:
+            owner.append(-1)
+            marker = {"symbol": "diamond-open", "size": 11, "line": {"width": 2}}
+            values = truth[columns] * unit.factor
+            add_series(figure, "truth", names, values, VERMILION, legendgroup="truth", marker=marker, **shared)
+        figure.update_yaxes(title_text=f"{'effect' if effect else 'defect'} ({unit.name})", zeroline=True, **place)
+        figure.update_xaxes(
+            tickangle=-60, tickfont={"size": 11}, dtick=1 if len(columns) < MAX_TICKED else None, **place
+        )
+    return switch(figure, {label: (show_one(owner, k),) for k, label in enumerate(calibrations)}, y=1.06)
+
+
+# Provenance.
 
 
 def provenance_section(calibration: Calibration) -> Section:
-    """The section."""
-    source = calibration.provenance
+    """Make the section of provenance."""
+    source, registration = calibration.provenance, calibration.layout.registration
     rows = [
         ("robot", source.robot),
         ("robot file, digest", source.robot_digest),
@@ -368,24 +407,14 @@ def provenance_section(calibration: Calibration) -> Section:
         ("campaign, digest", source.campaign_digest),
         *(("campaign, as read", note) for note in source.notes),
         ("rows", str(source.rows)),
-        ("registration", _registered(calibration.layout.registration)),
+        ("registration", f"from {registration.method}{f', {registration.file}' if registration.file else ''}"),
         ("made", source.created),
         ("by Taskcal", source.version),
         *((str(key), _words(value)) for key, value in source.options.items()),
-        (
-            "ended",
-            f"{calibration.reason}; {calibration.iterations} iterations in the last of {calibration.rounds} rounds",
-        ),
-    ]
-    return Section(
-        title="Where it comes from",
-        blocks=(Table.of_rows("Provenance", ("entry", "value"), rows, text_columns=(0, 1)),),
-    )
-
-
-def _registered(registration: Registration) -> str:
-    """Where the fit's start of tracker frame and targets came from."""
-    return f"from {registration.method}{f', {registration.file}' if registration.file else ''}"
+        ("ended", f"{calibration.reason}; {calibration.iterations} iterations in the last of {calibration.rounds} rounds"),
+    ]  # fmt: skip
+    table = Table.of_rows("Provenance", ("entry", "value"), rows, text_columns=(0, 1))
+    return Section(title="Provenance", blocks=(table,))
 
 
 def _words(value: object) -> str:
@@ -396,217 +425,383 @@ def _words(value: object) -> str:
     return str(value)
 
 
-# What a calibration leaves, as a section of its page.
+# Analysis of the residuals.
+
+MAX_REGRESSORS = 8
+"""Quantities that can be chosen in a figure."""
+
+MIN_LEVERAGE = 0.3
+"""Share of the largest movement by a turn, below which a pose does not determine that turn."""
 
 
 def residual_analysis_section(analysis: ResidualAnalysis, rows: str) -> Section:
-    """The section.
+    """Make the section of the residual analysis.
 
     Args:
-        analysis: the remainder.
+        analysis: of the residuals.
         rows: which poses they are, in words.
     """
     numbers = [
-        (f"{analysis.rms * 1e3:.3f}", "mm", "is left in space (rms, mean of the targets)"),
-        (f"{analysis.tracker * 1e3:.3f}", "mm", "of it would be left by the tracker's noise alone"),
+        (f"{analysis.rms * 1e3:.3f}", "mm", "3D residual (rms, mean of the targets)"),
+        (f"{analysis.tracker * 1e3:.3f}", "mm", "expected of the tracker's noise alone"),
     ]
     if analysis.non_rigid is not None and analysis.rigid is not None:
         numbers += [
-            (f"{analysis.rigid * 1e3:.3f}", "mm", "per coordinate is motion of all targets as one body (rms)"),
-            (f"{analysis.non_rigid * 1e3:.3f}", "mm", "per coordinate is motion of targets against each other (rms)"),
+            (f"{analysis.rigid * 1e3:.3f}", "mm", "per coordinate: motion of all targets as one body (rms)"),
+            (f"{analysis.non_rigid * 1e3:.3f}", "mm", "per coordinate: motion of targets against each other (rms)"),
         ]
-    blocks: list[Block] = [Numbers(tuple(numbers)), Points(_said(analysis))]
+    method = (
+        f"A smooth function of each quantity is fitted to the residuals of {rows} and predicts those of held-out poses. p is the "
+        "probability of such a share if the quantity does not matter, by permutation among the poses."
+    )
+    blocks: list[Block] = [Text((method,)), Numbers(tuple(numbers)), Points(_findings(analysis))]
     if any(e.p_value is not None for e in analysis.explained):
         blocks.append(
             Chart(
-                title="What the remainder goes with",
+                title="Residual variance explained, by quantity",
                 figure=draw_shares(analysis),
-                note="Each quantity by itself; quantities that go together share what they explain. Grey: not proven, as chance "
+                note="Each quantity by itself; correlated quantities share what they explain. Grey: not significant, as chance "
                 f"gives as much more often than once in {1 / MAX_P_VALUE:.0f} or the share is under {100 * MIN_SHARE:.0f} %.",
             )
         )
     if analysis.explained:
         blocks.append(
             Chart(
-                title="The remainder against each quantity",
+                title="Residual against each quantity",
                 figure=draw_against(analysis),
-                note="Turns are those that the measured points ask of the joint; poses in which they hardly tell are left out.",
+                note="Turns are those of the joint that the measured points require, at poses that determine them.",
             )
         )
-    table = [
-        (
-            e.regressor.name,
-            e.regressor.moves,
-            f"{round(100 * e.share, 1) + 0.0:.1f}",
-            "" if e.p_value is None else f"{e.p_value:.2g}",
-        )
-        for e in analysis.explained
-    ]
+    columns = (
+        Column("quantity", lambda e: e.regressor.name),
+        Column("moves", lambda e: e.regressor.moves),
+        Column("share %", lambda e: round(100 * e.share, 1) + 0.0, ".1f"),
+        Column("p", "p_value", ".2g"),
+    )
     blocks.append(
-        Table.of_rows(
-            f"All {len(table)} quantities",
-            ("quantity", "moves", "share %", "p"),
-            table,
-            text_columns=(0, 1),
-            note="Share of the variance on poses left out; below zero, the quantity predicts worse than nothing.",
+        Table.of(
+            f"All {len(analysis.explained)} quantities",
+            columns,
+            analysis.explained,
+            note="Share of the variance on held-out poses; below zero, the quantity predicts worse than none.",
             folded=True,
         )
     )
-    method = Text(
-        (
-            f"A smooth function of each quantity is fitted to the residuals of {rows} and predicts those of poses left out. p is "
-            "the chance of such a share where the quantity does not matter, from shuffling it among the poses.",
-        )
-    )
-    return Section(title="What is left, and what it goes with", blocks=(method, *blocks))
+    return Section(title="Residual analysis", blocks=tuple(blocks))
 
 
-def _said(analysis: ResidualAnalysis) -> tuple[str, ...]:
-    """The evidence in sentences."""
+def _findings(analysis: ResidualAnalysis) -> tuple[str, ...]:
+    """The significant quantities in sentences."""
     proven = [e for e in analysis.explained if e.proven]
     out = [
         f"{e.regressor.name}, by the {e.regressor.moves}: {100 * e.share:.0f} % of the variance." for e in proven[:5]
     ]
     if not proven:
-        out = [f"Nothing that was tried is proven to explain {100 * MIN_SHARE:.0f} % of it."]
+        out = [f"No tested quantity explains {100 * MIN_SHARE:.0f} % of the variance significantly."]
     if analysis.non_rigid is not None and analysis.rigid is not None and analysis.rigid > 3.0 * analysis.non_rigid:
         out.append(
-            "The targets move as one body: what is left is the motion of the robot or of its stand, not of single measurements."
+            "The targets move as one body: the residual is motion of the robot or its stand, not of single readings."
         )
     return tuple(out)
 
 
-# What a calibration left at the rows that it was fitted to, as a section of its page.
+def draw_shares(analysis: ResidualAnalysis) -> go.Figure:
+    """Draw the share of the residual variance that goes with each quantity; grey where it is not significant."""
+    rows = [e for e in analysis.explained[::-1] if e.p_value is not None]
+    figure = go.Figure(
+        go.Bar(
+            x=[100.0 * e.share for e in rows], y=[f"{e.regressor.name}: {e.regressor.moves}" for e in rows], orientation="h",
+            marker={"color": [BLUE if e.proven else GREY for e in rows]}, customdata=[f"p {e.p_value:.2g}" for e in rows],
+            hovertemplate="%{y}<br>%{x:.1f} %, %{customdata}<extra></extra>",
+        )
+    )  # fmt: skip
+    styled(figure, height=140 + 26 * max(len(rows), 3), legend=False, x="share of the variance on held-out poses (%)")
+    return figure.update_xaxes(rangemode="tozero")
+
+
+def draw_against(analysis: ResidualAnalysis) -> go.Figure:
+    """Draw the residual along the direction of each of the first quantities, against it, with the fitted smooth."""
+    figure = go.Figure()
+    owner: list[int] = []
+    choices: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {}
+    regressors = [e.regressor for e in analysis.explained[:MAX_REGRESSORS]]
+    for k, regressor in enumerate(regressors):
+        along, seen, unit = _along(regressor, analysis.residual)
+        smooth = fit_smooth(regressor, analysis.residual) * 1e3
+        u = regressor.values[:, 0] * regressor.scale
+        order = np.argsort(u, kind="stable")
+        names = list(AXIS_COLOURS) if along.shape[1] == 3 else [regressor.moves]
+        mode = "lines" if regressor.values.shape[1] == 1 and regressor.smooth else "markers"
+        for d, name in enumerate(names):
+            colour, own = AXIS_COLOURS.get(name, BLUE), seen[:, d]
+            owner += [k, k]
+            points = {"size": 5, "opacity": 0.55}
+            hover = f"%{{x:.4g}}: %{{y:.4g}} {unit}"
+            add_series(figure, name, u[own], along[own, d], colour, hover=hover, visible=k == 0, marker=points)
+            add_series(
+                figure, f"{name}, fitted", u[order], smooth[order, d], colour if len(names) > 1 else INK, mode=mode,
+                visible=k == 0, width=2.5, marker={"symbol": "diamond", "size": 7},
+            )  # fmt: skip
+        label = f"{regressor.name} ({regressor.unit})"
+        choices[label] = {}, {"xaxis.title.text": label, "yaxis.title.text": f"residual ({unit})"}
+    shown = {label: (show_one(owner, k), titles) for k, (label, (_, titles)) in enumerate(choices.items())}
+    first = next(iter(shown.values()))[1]
+    styled(figure, height=480, x=first["xaxis.title.text"], y=first["yaxis.title.text"], top=100)
+    return switch(figure, shown, y=1.12)
+
+
+def _along(
+    regressor: Regressor, residual: Float[np.ndarray, "n 3"]
+) -> tuple[Float[np.ndarray, "n directions"], Bool[np.ndarray, "n directions"], str]:
+    """Movement along each direction that each pose's residual asks for, milli; where the pose determines it; its unit."""
+    square = (regressor.carrier**2).sum(axis=1)
+    along = np.einsum("nij,ni->nj", regressor.carrier, residual) / np.maximum(square, 1e-12)
+    unit = "mrad" if regressor.moves.startswith("turn") else "mm"
+    return 1e3 * along, square >= MIN_LEVERAGE**2 * square.max(axis=0), unit
+
+
+# Residuals of the fitted rows.
+
+PANELS = 3
+"""Joints that are drawn side by side."""
 
 
 def residuals_section(calibration: Calibration, errors: MeasuredErrors | None) -> Section:
-    """The section.
+    """Make the section of fit residuals.
 
     Args:
         calibration: the calibration.
         errors: at the fitted rows; None where their joint positions are not known.
     """
-    blocks: list[Block] = [] if errors is None else _figures(calibration, errors)
+    kinds = calibration.layout.observed
+    axes = "Along the robot's base axes" if not kinds or kinds[0].along_axes else "Along the sensor's axes"
+    if kinds and not kinds[0].along_axes and kinds[0].width == 1:
+        axes = "The one number that was read"
+    blocks: list[Block] = [] if errors is None else _error_charts(calibration, errors)
     blocks.insert(
         min(1, len(blocks)),
         Chart(
             title=f"Measured less predicted, target {calibration.targets[0]}",
             figure=draw_residuals({calibration.provenance.campaign or "the campaign": {"fit": calibration}}),
-            note="A band about zero without steps, drifts or waves: what is left looks like chance. A step: something moved. "
-            f"{_axes(calibration)}, pose by pose.",
+            note="A band about zero without steps, drifts or waves: the residuals look like chance. A step: something moved. "
+            f"{axes}, pose by pose.",
         ),
     )
-    blocks.append(_table(calibration))
-    return Section(title="What is left at the fitted poses", blocks=tuple(blocks))
+    base, residuals = calibration.T_tracker_base[:3, :3], calibration.residuals
+    summaries = {
+        name: Validation.of_residuals(residuals[:, [t]], base, kinds[t : t + 1]).summary()
+        for t, name in enumerate(calibration.targets)
+        if not np.isnan(residuals[:, t]).all()
+    }
+    note = "Fit residuals underestimate the error; quote the held-out error. Any x, y and z are the axes of the robot's base."
+    blocks.append(tabulate_errors("Residuals of the fitted rows", summaries, of="target", note=note))
+    return Section(title="Fit residuals", blocks=tuple(blocks))
 
 
-def _figures(calibration: Calibration, errors: MeasuredErrors) -> list[Block]:
+def _error_charts(calibration: Calibration, errors: MeasuredErrors) -> list[Block]:
     return [
         Chart(
             title="Error of every measured pose, nominal and calibrated",
             figure=draw_before_after(errors),
-            note="Circles should lie far below the crosses, all of them: a circle among the crosses is a pose that the "
-            "calibration did not make better. Of several targets the worst one counts.",
+            note="All circles should lie far below the crosses: a circle among the crosses is a pose at which the calibration does "
+            "not reduce the error. Of several targets the worst one counts.",
         ),
         Chart(
-            title="What is left along each axis, by target",
+            title="Residuals along each axis, by target",
             figure=draw_by_axis(calibration, errors),
             note="Boxes about zero and alike: no axis and no target stands out. A box off zero: this target, or this "
             "direction, is measured differently. Half of the values are in the box; single points are far out.",
         ),
         Chart(
-            title="What is left over the position of each joint",
+            title="Residuals against joint angle",
             least_width=700,
             figure=draw_over_joints(calibration, errors),
-            note="A cloud that rises to one side, or waves, names the joint that errs there; an even one names none.",
+            note="A trend or wave indicates an error of this joint; a flat scatter does not.",
         ),
         Chart(
-            title="Error over the orientation of the tool",
+            title="Error against the rotation of the tool",
             figure=draw_over_orientation(calibration, errors),
-            note="Circles that rise to the right: the farther the tool is turned, the worse; then measure more orientations. "
-            "Poses far to the right are few in most campaigns.",
+            note="Circles that rise to the right: the error grows with the rotation; then measure more orientations. Most "
+            "campaigns have few poses far to the right.",
         ),
     ]
 
 
-def _axes(calibration: Calibration) -> str:
-    """What the residuals of the first target are along."""
-    kinds = calibration.layout.observed
+def draw_residuals(
+    calibrations: Mapping[str, Mapping[str, Calibration]], start: str = "", unit: LengthUnit = MILLIMETRES
+) -> go.Figure:
+    """Draw residuals of the first target, pose by pose: in base axes, the sensor's, or the one number that was read.
+
+    Args:
+        calibrations: a panel for each campaign, in it the models to choose from, in the same order in all.
+        start: beginning of the name of the model that is shown first; the last by default.
+        unit: of the residuals.
+    """
+    campaigns, models = list(calibrations), [list(panel) for panel in calibrations.values()]
+    count = len(campaigns)
+    titles = [f"measured in {label}" for label in campaigns] if count > 1 else None
+    figure = make_subplots(rows=count, cols=1, shared_xaxes=True, vertical_spacing=0.12, subplot_titles=titles)
+    shown = next((m for m, name in enumerate(models[0]) if start and name.startswith(start)), len(models[0]) - 1)
+    owner: list[int] = []
+    for row, (label, panel) in enumerate(calibrations.items(), start=1):
+        for m, (name, calibration) in enumerate(panel.items()):
+            values = _first_residuals(calibration) * unit.factor
+            several = values.shape[1] > 1
+            for k, (letter, colour) in enumerate(list(AXIS_COLOURS.items())[: values.shape[1]]):
+                owner.append(m)
+                add_series(
+                    figure, letter, np.arange(1, len(values) + 1), values[:, k], colour,
+                    hover=f"pose %{{x}}: %{{y:.{unit.digits}f}} {unit.name}",
+                    extra=f"{f'{letter}, ' if several else ''}{name}, {label}", legendgroup=letter, visible=m == shown,
+                    showlegend=row == 1 and values.shape[1] == 3, marker={"symbol": SHAPES[k], "size": 7}, row=row, col=1,
+                )  # fmt: skip
+    choose = count > 1 or len(models[0]) > 1
+    styled(figure, height=260 * count + 120, y=f"residual ({unit.name})", top=100 if choose else 60)
+    figure.update_layout(legend={"y": 1.06 if choose else 1.02})
+    figure.update_xaxes(title_text="measured pose", row=count, col=1)
+    # models of several campaigns may differ in their count of parameters
+    labels = [" / ".join(dict.fromkeys(names)) for names in zip(*models, strict=True)]
+    return switch(figure, {label: (show_one(owner, m),) for m, label in enumerate(labels)}, y=1.06, active=shown)
+
+
+def _first_residuals(calibration: Calibration) -> Float[np.ndarray, "n axes"]:
+    """Residuals of the first target, metres."""
+    residual, kinds = calibration.residuals[:, 0, :3], calibration.layout.observed
     if not kinds or kinds[0].along_axes:
-        return "Along the robot's base axes"
-    return "The one number that was read" if kinds[0].width == 1 else "Along the sensor's axes"
+        return residual @ calibration.T_tracker_base[:3, :3]
+    return residual[:, : kinds[0].width]
 
 
-def _table(calibration: Calibration) -> Table:
-    base, residuals = calibration.T_tracker_base[:3, :3], calibration.residuals
-    observed = calibration.layout.observed
-    summaries = {
-        name: Validation.of_residuals(residuals[:, [t]], base, observed[t : t + 1]).summary()
-        for t, name in enumerate(calibration.targets)
-        if not np.isnan(residuals[:, t]).all()
-    }
-    return tabulate_errors(
-        "Residuals of the fitted rows",
-        summaries,
-        of="target",
-        note="Residuals of fitted rows are a little too small; held-out rows are the measure. Any x, y and z are the axes of the "
-        "robot's base.",
+def draw_before_after(errors: MeasuredErrors) -> go.Figure:
+    """Draw the 3D error at every fitted row, nominal and calibrated; the worst target counts."""
+    figure = _draw_nominal_and_calibrated(errors, np.arange(1, len(errors.q) + 1), "pose %{x}")
+    return styled(figure, height=400, x="measured pose", y="3D error (mm)", zero=True, top=70)
+
+
+def draw_over_orientation(calibration: Calibration, errors: MeasuredErrors) -> go.Figure:
+    """Draw the 3D error over the tool's rotation from its mean orientation, nominal and calibrated."""
+    turned = turn_from_mean(calibration.model.poses(errors.q)[:, :3, :3])
+    figure = _draw_nominal_and_calibrated(errors, turned, "%{x:.0f}°")
+    styled(
+        figure, height=380, x="rotation of the tool from its mean orientation (°)", y="3D error (mm)", zero=True, top=70
     )
+    return figure.update_xaxes(rangemode="tozero")
 
 
-# A calibration's tables, for the terminal and for its page.
+def _draw_nominal_and_calibrated(errors: MeasuredErrors, x: Float[np.ndarray, " n"], hover: str) -> go.Figure:
+    figure = go.Figure()
+    for label, values, colour, shape in (
+        (NOMINAL, errors.before, VERMILION, "x-thin-open"),
+        ("calibrated", errors.after, BLUE, "circle"),
+    ):
+        length = 1e3 * np.linalg.norm(values[..., :3], axis=2)
+        length = np.where(np.isfinite(length), length, -1.0).max(axis=1)  # the worst of the targets that were seen
+        seen = length >= 0.0
+        size = 8 if seen.sum() < 200 else 5
+        marker = {"symbol": shape, "size": size, "line": {"width": 2, "color": colour}}
+        add_series(figure, label, x[seen], length[seen], colour, hover=f"{hover}: %{{y:.3f}} mm", marker=marker)
+    return figure
+
+
+def turn_from_mean(rotations: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, " n"]:
+    """Angle of each orientation from the mean of all, degrees."""
+    mean = se3.nearest_rotation(rotations.mean(axis=0))
+    return np.degrees(np.linalg.norm(se3.log(mean.T @ rotations), axis=1))
+
+
+def draw_over_joints(calibration: Calibration, errors: MeasuredErrors) -> go.Figure:
+    """Draw the 3D residual over each joint's position."""
+    robot, targets = calibration.model.robot, calibration.targets
+    columns = min(PANELS, len(robot.joints))
+    rows = -(-len(robot.joints) // columns)
+    titles = [
+        f"{name} ({'mm' if slides else '°'})" for name, slides in zip(robot.joint_names, robot.prismatic, strict=True)
+    ]
+    figure = make_subplots(
+        rows=rows, cols=columns, shared_yaxes=True, horizontal_spacing=0.05, vertical_spacing=0.32 / rows, subplot_titles=titles,
+    )  # fmt: skip
+    length = np.linalg.norm(errors.after[..., :3], axis=2) * 1e3
+    position = errors.q * np.where(robot.prismatic, 1e3, 180.0 / np.pi)
+    several = len(targets) > 1
+    for k in range(len(robot.joints)):
+        for t, target in enumerate(targets):
+            seen = np.isfinite(length[:, t])
+            add_series(
+                figure, target, position[seen, k], length[seen, t], SERIES[(t + 1) % len(SERIES)],
+                hover="%{x:.1f}: %{y:.3f} mm", legendgroup=target, showlegend=k == 0 and several,
+                marker={"symbol": SHAPES[t % len(SHAPES)], "size": 5}, row=k // columns + 1, col=k % columns + 1,
+            )  # fmt: skip
+    styled(figure, height=230 * rows + 90, zero=True, legend=several, top=100 if several else 60)
+    figure.update_layout(legend={"y": 1.0 + 0.14 / rows})
+    return figure.update_yaxes(title_text="residual (mm)", col=1)
+
+
+def draw_by_axis(calibration: Calibration, errors: MeasuredErrors) -> go.Figure:
+    """Draw the spread of the residuals along the axes of the robot's base, a panel for each target."""
+    targets = [t for t in range(len(calibration.targets)) if np.isfinite(errors.after[:, t, 0]).any()]
+    titles = [calibration.targets[t] for t in targets]
+    figure = make_subplots(rows=1, cols=len(targets), shared_yaxes=True, horizontal_spacing=0.04, subplot_titles=titles)
+    for col, t in enumerate(targets, start=1):
+        own = errors.after[np.isfinite(errors.after[:, t, 0]), t, :3] * 1e3
+        for axis, (letter, colour) in enumerate(AXIS_COLOURS.items()):
+            figure.add_box(
+                y=own[:, axis], x=[letter] * len(own), name=letter, showlegend=False, marker={"color": colour, "size": 4},
+                line={"width": 1.6}, boxpoints="outliers", hoverinfo="y", row=1, col=col,
+            )  # fmt: skip
+    styled(figure, height=360, legend=False)
+    return figure.update_yaxes(title_text="measured less predicted (mm)", col=1)
+
+
+# Tables of parameters and outliers, for the terminal and for the page.
 
 MODEL, READING = "model error", "reading"
 """Likely causes of an outlier."""
 
 SHARED_ERROR = (
-    "Model error: neighbouring rows or poses err alike, so that measuring again does not help; identify effects (--effects auto), "
-    "or measure more poses there. Where something moved for a while, taskcal doctor finds it."
+    "Model error: neighbouring rows or poses have similar errors, so that measuring again does not help; fit effects "
+    "(--effects auto), or measure more poses there. Where something moved for a while, taskcal doctor finds it."
 )
-SINGLE_ERROR = "Reading: it errs alone among its neighbours; measure again, or leave out."
+SINGLE_ERROR = "Reading: isolated among its neighbours; measure again, or leave out."
 MOSTLY_OUTLIERS = (
-    "Most points are outliers, so that no single row is at fault: the model errs by more than was stated, or robot, target or "
+    "Most points are outliers, so that no single row is at fault: the model error exceeds the stated one, or robot, target or "
     "tracker frame are not those that were calibrated."
 )
+COUNTED = "Rows of the campaign, counted from 0, and lines of its file, counted from 1."
 
 
 def tabulate_parameters(calibration: Calibration, *, leave_out: Callable[[str], bool] = lambda _: False) -> Table:
-    """Estimate, standard error and tolerance of every estimated parameter.
+    """Tabulate estimate, standard error and tolerance of every estimated parameter.
 
     Args:
         calibration: the calibration.
         leave_out: whether a parameter of this name is shown elsewhere.
     """
-    informed = informed_parameters(calibration)
-    rows: list[tuple[str, ...]] = []
-    for i in calibration.estimated:
-        p = calibration.model.parameters[i]
-        if leave_out(p.name):
-            continue
-        unit = p.shown
-        rows.append(
-            (
-                p.name,
-                p.symbol,
-                _signed(calibration.estimate[i] * unit.factor),
-                f"{calibration.standard_errors[i] * unit.factor:.4f}",
-                f"{p.tolerance * unit.factor:.4f}",
-                unit.name,
-                "not seen" if informed[p.name] is False else "",
-            )
-        )
-    return Table.of_rows(
+    informed, parameters = informed_parameters(calibration), calibration.model.parameters
+    rows = [i for i in calibration.estimated.tolist() if not leave_out(parameters[i].name)]
+
+    def shown(values: Float[np.ndarray, " p"]) -> Callable[[int], float]:
+        return lambda i: float(values[i]) * parameters[i].shown.factor
+
+    columns = (
+        Column("parameter", lambda i: parameters[i].name),
+        Column("symbol", lambda i: parameters[i].symbol),
+        Column("estimate", shown(calibration.estimate), "+.4f"),
+        Column("SE (1σ)", shown(calibration.standard_errors), ".4f"),
+        Column("tolerance", shown(calibration.model.tolerances), ".4f"),
+        Column("unit", lambda i: parameters[i].shown.name),
+        Column("", lambda i: "prior-dominated" if informed[parameters[i].name] is False else ""),
+    )
+    return Table.of(
         f"The {len(rows)} identified parameters",
-        ("parameter", "symbol", "estimate", "± 1σ", "tolerance", "unit", ""),
+        columns,
         rows,
-        text_columns=(0, 1, 5, 6),
-        note="Not seen: the measurements say nothing of it, its standard error is that of the prior.",
+        note="Prior-dominated: not determined by the measurements; the standard error (SE) is that of the prior.",
         folded=True,
     )
 
 
 def tabulate_outliers(calibration: Calibration) -> Table:
-    """Points that are too far off for chance, and whether the reading or the model is at fault."""
+    """Tabulate outliers of the fit, and whether the reading or the model is at fault."""
     mostly = are_most(len(calibration.outliers), int(np.isfinite(calibration.studentised).sum()))
     return tabulate_judged(calibration.outliers, calibration.shared_outliers, "residual mm", mostly=mostly)
 
@@ -614,7 +809,7 @@ def tabulate_outliers(calibration: Calibration) -> Table:
 def tabulate_judged(
     outliers: Sequence[Outlier], shared: Sequence[bool], length: str, *, mostly: bool, count: int | None = None
 ) -> Table:
-    """Outliers, each with its likely cause.
+    """Tabulate outliers, each with its likely cause.
 
     Args:
         outliers: the worst first.
@@ -624,162 +819,132 @@ def tabulate_judged(
         count: how many are listed; all by default.
     """
     causes = ["" if mostly else MODEL if alike else READING for alike in shared]
-    notes = ["Rows of the campaign, counted from 0, and lines of its file, counted from 1."]
-    if mostly:
-        notes.append(MOSTLY_OUTLIERS)
-    else:
-        notes += [{MODEL: SHARED_ERROR, READING: SINGLE_ERROR}[cause] for cause in dict.fromkeys(causes)]
-    rows = [
-        (
-            _number(outlier.row),
-            _number(outlier.line),
-            outlier.id,
-            outlier.target,
-            f"{outlier.residual * 1e3:.3f}",
-            f"{outlier.studentised:.1f}",
-            cause,
-        )
-        for outlier, cause in zip(outliers, causes, strict=True)
-    ][:count]
+    remedies = {MODEL: SHARED_ERROR, READING: SINGLE_ERROR, "": MOSTLY_OUTLIERS}
+    columns = (
+        Column("row", lambda judged: judged[0].row, "d"),
+        Column("line", lambda judged: judged[0].line, "d"),
+        Column("id", lambda judged: judged[0].id),
+        Column("target", lambda judged: judged[0].target),
+        millimetres(length, lambda judged: judged[0].residual),
+        Column("error / 1σ", lambda judged: judged[0].studentised, ".1f"),
+        Column("likely cause", lambda judged: judged[1]),
+    )
+    rows = list(zip(outliers, causes, strict=True))[:count]
     more = f", the {len(rows)} worst of {len(outliers)}" if len(rows) < len(outliers) else ""
-    header = ("row", "line", "id", "target", length, "over its 1σ", "likely cause")
-    title = f"Outliers, too far off for chance{more}"
-    return Table.of_rows(title, header, rows, text_columns=(2, 3, 6), note=" ".join(notes))
+    note = " ".join([COUNTED, *(remedies[cause] for cause in dict.fromkeys(causes))])
+    return Table.of(f"Outliers (significance level 1 % for the campaign){more}", columns, rows, note=note)
 
 
 def are_most(outliers: int, points: int) -> bool:
-    """Whether outliers are more than half of the points: then the uncertainty that was stated is wrong, not they."""
+    """Whether outliers are more than half of the points: then the stated uncertainty is wrong, not they."""
     return 2 * outliers > points
 
 
 def describe_outliers(shared: Sequence[bool], *, mostly: bool) -> str:
-    """How many there are, and what to do about them."""
+    """Count outliers by their cause, with what to do about them."""
     alone, alike = sum(not one for one in shared), sum(shared)
     if not shared:
         return "none"
     if mostly:
-        return f"{len(shared)} too far off for chance. {MOSTLY_OUTLIERS}"
-    advice = (
-        [f"{alike} together with {'its' if alike == 1 else 'their'} neighbours: {MODEL}, do not measure again"]
-        if alike
-        else []
-    )
-    advice += (
-        [f"{alone} alone among {'its' if alone == 1 else 'their'} neighbours: measure again, or leave out"]
-        if alone
-        else []
-    )
-    return f"{len(shared)} too far off for chance, {'; '.join(advice)}"
+        return f"{len(shared)} outliers. {MOSTLY_OUTLIERS}"
+    causes = [f"{alike} with similar errors nearby: {MODEL}, do not measure again"] if alike else []
+    causes += [f"{alone} isolated: measure again, or leave out"] if alone else []
+    return f"{len(shared)} outlier{'s' if len(shared) > 1 else ''}, {'; '.join(causes)}"
 
 
 def tabulate_left_out(calibration: Calibration) -> Table:
-    """Rows that were not fitted, since they contradict all others."""
-    return Table.of_rows(
-        "Rows that contradict all others, left out: measure again",
-        ("row", "line", "id", "off by mm", "over its 1σ"),
-        [
-            (_number(row.row), _number(row.line), row.id, f"{row.distance * 1e3:.2f}", f"{row.studentised:.0f}")
-            for row in calibration.left_out
-        ],
-        text_columns=(2,),
-        note="Rows of the campaign, counted from 0, and lines of its file, counted from 1.",
+    """Tabulate rejected rows, which contradict all others."""
+    columns = (
+        Column("row", "row", "d"),
+        Column("line", "line", "d"),
+        Column("id", "id"),
+        millimetres("error mm", "distance", ".2f"),
+        Column("error / 1σ", "studentised", ".0f"),
     )
+    title = "Gross errors, rejected: measure these rows again"
+    return Table.of(title, columns, calibration.left_out, note=COUNTED)
 
 
-def _number(number: int | None) -> str:
-    return "–" if number is None else str(number)
+# Target offsets that the poses do not determine.
 
-
-def _signed(value: float) -> str:
-    text = f"{value:+.4f}"
-    return text if float(text) else " 0.0000"
-
-
-# What the poses do not say of the targets' places on the tool, and what is taken instead, in words.
-
-CLEAR = 1e-6
-"""Share of a direction that counts as present or absent."""
+MAX_UNDETERMINED = 1e-6
+"""Share of a direction that counts as absent: of projectors, whose rounding is of the order of 1e-9."""
 
 
 def describe_unobservable(registration: Registration) -> tuple[str, ...]:
-    """For each target what the poses do not say of its place, empty where they say all.
+    """Describe non-identifiable target offsets and the values assumed for them; empty for a target that is determined.
 
-    In directions that the poses do not determine the target, or what all targets have in common, is held at the tool
-    point. In the others it is found from the data, however far off that is.
+    In directions that the poses do not determine, the target, or the mean of all targets, is held at the tool point. In
+    the others it is estimated, however far away it is.
     """
-    common = _common(registration.unobservable)
-    return tuple("" if located else _say(common) for located in registration.located)
+    sentence = _describe_common(registration.unobservable)
+    return tuple("" if located else sentence for located in registration.located)
 
 
-def _common(unlocated: Float[np.ndarray, "offsets offsets"]) -> tuple[int, Float[np.ndarray, "3 3"]] | None:
-    """Number of targets, and the projector onto the directions in which they are undetermined together; None otherwise."""
+def _describe_common(unlocated: Float[np.ndarray, "offsets offsets"]) -> str:
     count = len(unlocated) // 3
-    blocks = unlocated.reshape(count, 3, count, 3)
-    directions = np.einsum("tisj->ij", blocks) / count
-    same = np.kron(np.full((count, count), 1.0 / count), directions)
-    return (count, directions) if np.allclose(same, unlocated, atol=CLEAR) else None
-
-
-def _say(common: tuple[int, Float[np.ndarray, "3 3"]] | None) -> str:
-    if common is None:
-        return "the poses do not locate it in every direction: there it is taken as near to the tool point as the others allow"
-    count, directions = common
-    what = "it" if count == 1 else "the targets, but for their distances to each other"
-    taken = "it is" if count == 1 else "their middle is"
+    directions = np.einsum("tisj->ij", unlocated.reshape(count, 3, count, 3)) / count
+    common = np.kron(np.full((count, count), 1.0 / count), directions)
+    if not np.allclose(common, unlocated, atol=MAX_UNDETERMINED):
+        return "offset not identifiable in every direction from these poses; there held as near to the tool point as possible"
+    what = "offset" if count == 1 else "common offset of all targets"
     values, vectors = np.linalg.eigh(directions)
     rank = int((values > 0.5).sum())
     if rank == 3:
-        return f"the poses do not locate {what}: {taken} taken at the tool point"
-    if rank == 1:
-        along = _axis(vectors[:, -1])
-        return f"the poses do not locate {what}, along {along} of the tool: in that direction alone {taken} taken at the tool point"
-    across = _axis(vectors[:, 0])
-    return f"the poses do not locate {what}, across {across} of the tool: in those directions {taken} taken at the tool point"
+        return f"{what} not identifiable from these poses; held at the tool point"
+    where = f"along {_axis(vectors[:, -1])}" if rank == 1 else f"across {_axis(vectors[:, 0])}"
+    return f"{what} not identifiable {where} of the tool from these poses; held at the tool point there"
 
 
 def _axis(direction: Float[np.ndarray, " 3"]) -> str:
     """A direction in the tool frame, by the name of an axis where it is one."""
     largest = int(np.argmax(np.abs(direction)))
-    if abs(direction[largest]) > 1.0 - CLEAR:
+    if abs(direction[largest]) > 1.0 - MAX_UNDETERMINED:
         return "xyz"[largest]
     return "({:.2f} {:.2f} {:.2f})".format(*(direction * np.sign(direction[largest]) + 0.0))
 
 
-# What a reader wants of a calibration first: the verdict, four numbers, and what needs attention.
+# Summary: the verdict, four numbers, and what needs attention.
 
 
 def summary_section(calibration: Calibration, errors: MeasuredErrors | None, over: Uncertainty | None) -> Section:
-    """The section.
+    """Make the first section.
 
     Args:
         calibration: the calibration.
         errors: at the fitted rows; None where they are not known.
         over: uncertainty over a task, if one was named.
     """
-    before, after = _errors(calibration, errors)
+    before, after = _before_after(calibration, errors)
     held_out = calibration.held_out
+    sample = "held-out rows" if held_out is not None else "fitted rows"
+    what = "mean 3D prediction error" if after.in_space else "mean prediction error"
+    robot = calibration.model.robot
     blocks: list[Block] = []
+    numbers = [
+        (f"{after.mean * 1e3:.3f}", "mm", f"{what} of the calibrated model, {sample}"),
+        (f"{after.p95 * 1e3:.3f}", "mm", f"95th percentile of the error, {sample}"),
+        (f"{after.maximum * 1e3:.3f}", "mm", f"largest error, {sample}")
+        if over is None
+        else (f"{over.target * 1e3:.3f}", "mm", f"standard uncertainty of the target over {over.task} (3D, rms)"),
+    ]
     if before is not None:
-        robot = calibration.model.robot
-        n = None if held_out is None else len(after)
         name, means = robot.title or robot.name, (before.mean * 1e3, after.mean * 1e3)
-        blocks.append(Text((verdict(name, *means, n, in_space=after.in_space),)))
-    blocks.append(Numbers(_numbers(calibration, before, after, over)))
-    blocks.append(Points(_remarks(calibration)))
-    return Section(title="In short", blocks=tuple(blocks))
+        count = None if held_out is None else len(after)
+        blocks.append(Text((verdict(name, *means, count, in_space=after.in_space),)))
+        numbers.insert(0, (f"{before.mean * 1e3:.3f}", "mm", f"{what} of the nominal model (registered), {sample}"))
+    blocks += [Numbers(tuple(numbers)), Points(_remarks(calibration))]
+    return Section(title="Summary", blocks=tuple(blocks))
 
 
 def outliers_section(calibration: Calibration) -> Section:
-    """Rows and points that are too far off for chance."""
+    """Make the section of rejected rows and outliers."""
     tables = [one for one in (tabulate_left_out(calibration), tabulate_outliers(calibration)) if len(one)]
-    blocks: tuple[Block, ...] = tuple(tables) or (
-        Text(("No point is too far off for chance, and no row was left out.",)),
-    )
-    return Section(title="Outliers", blocks=blocks)
+    return Section(title="Outliers", blocks=tuple(tables) or (Text(("No outliers and no rejected rows.",)),))
 
 
-def _errors(calibration: Calibration, errors: MeasuredErrors | None) -> tuple[Validation | None, Validation]:
-    """Errors before and after: on rows that were not fitted where there are any."""
+def _before_after(calibration: Calibration, errors: MeasuredErrors | None) -> tuple[Validation | None, Validation]:
+    """Errors before and after: on held-out rows where there are any."""
     held_out = calibration.held_out
     if held_out is not None:
         return held_out.nominal_validation, held_out.validation
@@ -789,145 +954,132 @@ def _errors(calibration: Calibration, errors: MeasuredErrors | None) -> tuple[Va
     return None, Validation.of_residuals(calibration.residuals, base, kinds)
 
 
-def _numbers(
-    calibration: Calibration, before: Validation | None, after: Validation, over: Uncertainty | None
-) -> tuple[tuple[str, str, str], ...]:
-    """Four numbers: before, after, what 95 % stay below, and how far to trust a prediction."""
-    rows = "rows that were not fitted" if calibration.held_out is not None else "the fitted rows"
-    what = "mean 3D prediction error" if after.in_space else "mean prediction error"
-    items = [(f"{after.mean * 1e3:.3f}", "mm", f"{what} of the calibrated model, on {rows}")]
-    if before is not None:
-        items.insert(0, (f"{before.mean * 1e3:.3f}", "mm", f"{what} of the nominal model (registered), on {rows}"))
-    items.append((f"{after.p95 * 1e3:.3f}", "mm", "error that 95 % of these points stay below"))
-    if over is not None:
-        items.append(
-            (f"{over.target * 1e3:.3f}", "mm", f"uncertainty of the target over {over.task} (1σ in space, rms)")
-        )
-    else:
-        items.append((f"{after.maximum * 1e3:.3f}", "mm", "largest error of these points"))
-    return tuple(items)
-
-
 def _remarks(calibration: Calibration) -> tuple[str, ...]:
-    """What needs attention, and what the fit rests on."""
-    outliers, left_out = len(calibration.outliers), len(calibration.left_out)
+    """Statements that need attention, and what the fit rests on."""
+    outliers, rejected = len(calibration.outliers), len(calibration.left_out)
     said = [f"{remark[0].upper()}{remark[1:].rstrip('.')}." for remark in calibration.remarks]
-    if left_out:
-        said.append(f"{_counted(left_out, 'row')} left out, since no fit of the others has them there: see Outliers.")
+    if rejected:
+        said.append(f"{rejected} row{'s' if rejected > 1 else ''} rejected as gross errors: see Outliers.")
     if outliers:
         mostly = are_most(outliers, int(np.isfinite(calibration.studentised).sum()))
-        said.append(
-            f"Points: {describe_outliers(calibration.shared_outliers, mostly=mostly).rstrip('.')}. See Outliers."
-        )
+        said.append(f"{describe_outliers(calibration.shared_outliers, mostly=mostly).rstrip('.')}. See Outliers.")
     described = zip(calibration.targets, describe_unobservable(calibration.layout.registration), strict=True)
     said += [f"Target {name}: {sentence}." for name, sentence in described if sentence]
     rotation = "".join(f" and {e * 1e3:.3f} mrad" for e in calibration.model_error[1:])
-    size = (
-        f"{calibration.model_error[0] * 1e3:.3f} mm{rotation} per axis (1σ), " if any(calibration.model_error) else ""
-    )
+    position = calibration.model_error[0] * 1e3
+    size = f"{position:.3f} mm{rotation} per axis (1σ), " if any(calibration.model_error) else ""
     said.append(f"Model error: {size}{model_error_origin(calibration)}.")
     scale, origin = calibration.prior_scale, prior_scale_origin(calibration)
     if scale is not None:
         said.append(
-            f"Defects are about {scale:.2g} times what the tolerances say{f' ({origin})' if origin else ''}."
+            f"Prior standard deviations: {scale:.2g} times the tolerances{f' ({origin})' if origin else ''}."
             if calibration.group_deviations is None
-            else "Each group of parameters has a size of its own, found from the data."
+            else "Prior standard deviations: estimated for each group of parameters."
         )
     return tuple(said)
 
 
-def _counted(number: int, noun: str) -> str:
-    return (
-        f"1 {noun} was"
-        if number == 1 and noun == "row"
-        else f"1 {noun} is"
-        if number == 1
-        else (f"{number} {noun}s were" if noun == "row" else f"{number} {noun}s are")
-    )
+# Uncertainty budgets, and the uncertainty over a task.
 
-
-# An uncertainty budget, as a section of a page.
-
-_RULE = (
+_BUDGET_RULE = (
     "The sources are independent and add as squares (GUM, JCGM 100:2008, 5.1). A: from the residuals of this campaign; B: known "
     "beforehand."
 )
 
 
 def predicted_uncertainty_section(budget: UncertaintyBudget, where: str) -> Section:
-    """Of the positions that a calibration predicts.
+    """Make the section of the positions that a calibration predicts.
 
     Args:
         budget: of a predicted position.
         where: over which poses, in words.
     """
     text = (
-        f"How far the first target may be from where it is predicted, on average over {where}. {_RULE} The tracker's noise is in "
-        "the first line, as far as it went into the fit; measuring a point again adds the tracker's own."
+        f"Standard uncertainty of the predicted position of the first target, rms over {where}. {_BUDGET_RULE} The tracker's noise "
+        "is in the first line, as far as it went into the fit; measuring a point again adds the tracker's own."
     )
-    return _section("Uncertainty of a predicted position", text, budget)
+    return _budget_section("Uncertainty of a predicted position", text, budget)
 
 
 def corrected_uncertainty_section(budget: UncertaintyBudget) -> Section:
-    """Of the targets of a corrected program."""
+    """Make the section of the targets of a corrected program."""
     text = (
-        f"How far the tool may be from a target of the corrected program, on average over its targets. {_RULE} Tool and part are "
-        "as uncertain as the cell file says that they were measured, or else as they are built. Not in it: what cutting forces "
-        "bend, unless the calibration was told of them, and wear of the tool."
+        f"Standard uncertainty of the tool at a target of the corrected program, rms over its targets. {_BUDGET_RULE} Tool and "
+        "part are as uncertain as the cell file states, or else as they are built. Not included: deflection by cutting forces, "
+        "unless the calibration has them, and wear of the tool."
     )
-    return _section("Uncertainty of a corrected position", text, budget)
+    return _budget_section("Uncertainty of a corrected position", text, budget)
 
 
-def _section(title: str, text: str, budget: UncertaintyBudget) -> Section:
-    combined = budget.combined * 1e3
-    digits = decimals_of(combined)
+def _budget_section(title: str, text: str, budget: UncertaintyBudget) -> Section:
+    combined = budget.combined
+    form = f".{decimals_of(combined * 1e3)}f"
+    columns = (
+        Column("source", lambda row: row[0]),
+        Column("type", lambda row: row[1]),
+        millimetres("u, mm", lambda row: row[2], form),
+        Column("share %", lambda row: row[3], "s"),
+    )
+    ordered = sorted(budget.contributions, key=lambda one: -one.deviation)
     rows = [
-        (
-            one.source,
-            one.evaluation,
-            f"{one.deviation * 1e3:.{digits}f}",
-            f"{100.0 * one.deviation**2 / max(budget.combined**2, 1e-300):.0f}",
-        )
-        for one in sorted(budget.contributions, key=lambda one: -one.deviation)
+        (one.source, one.evaluation, one.deviation, f"{100.0 * one.deviation**2 / max(combined**2, 1e-300):.0f}")
+        for one in ordered
     ]
     rows += [
-        ("combined standard uncertainty, in space", "", f"{combined:.{digits}f}", "100"),
-        (
-            f"expanded uncertainty along one axis, k = {COVERAGE_FACTOR:g}",
-            "",
-            f"{budget.expanded * 1e3:.{digits}f}",
-            "",
-        ),
+        ("combined standard uncertainty u, 3D", "", combined, "100"),
+        (f"expanded uncertainty U along one axis (k = {COVERAGE_FACTOR:g})", "", budget.expanded, ""),
     ]
-    largest = max(budget.contributions, key=lambda one: one.deviation, default=None)
-    see = "" if largest is None else f" The largest part is {largest.source}."
-    return Section(
-        title=title,
-        blocks=(
-            Text((text + see,)),
-            Table.of_rows("Uncertainty budget", ("source", "type", "u, mm", "share %"), rows, text_columns=(0, 1)),
-        ),
+    see = f" The largest contribution is {ordered[0].source}." if ordered else ""
+    return Section(title=title, blocks=(Text((text + see,)), Table.of("Uncertainty budget", columns, rows)))
+
+
+def _task_section(over: Uncertainty) -> Section:
+    reach = f" {over.unreachable:.1%} of its poses are out of reach and left out." if over.unreachable else ""
+    text = (
+        f"Standard uncertainty over {over.task}, 3D, rms. Measured target in the tracker frame: {over.target * 1e3:.3f} mm; tool "
+        f"point in the tracker frame: {over.after * 1e3:.3f} mm. By the tolerances alone, in the robot's base: tool point "
+        f"{over.before * 1e3:.3f} mm. Model error adds to these.{reach}"
     )
+    difference = (
+        "Measurements of a single target locate that target, not its offset from the tool. The offset is estimated by the fit, so "
+        "that the tool point is only as certain as the tolerances of tool and last axis; several targets, or measured poses, "
+        "reduce its uncertainty."
+    )
+    if over.slices:
+        chart = Chart(
+            title="Uncertainty over the workspace (3D standard uncertainty)",
+            least_width=700,
+            figure=draw_maps(over.slices, over.maps),
+            note="Bright is worse: measure more poses there. In the tool orientation of the task's middle. White: out of the "
+            "robot's reach. Each view has its own scale of colours.",
+        )
+    else:
+        chart = Chart(
+            title="95 % intervals pose by pose",
+            figure=draw_bands(over.deviations),
+            note="The wider the band, the larger the uncertainty. Along the robot's base axes, about the prediction.",
+        )
+    return Section(title="TCP uncertainty over the task", blocks=(Text((text, difference)), chart))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Beside:
-    """What a page shows beside the calibration itself, each if it was asked for."""
+    """Additional parts of a calibration's page, each if it was asked for."""
 
     over: Uncertainty | None = None
     """Uncertainty over a task."""
     space: Workspace | None = None
     """The task's workspace."""
     remainder: ResidualAnalysis | None = None
-    """What is left on a campaign."""
+    """Residuals of a campaign."""
     rungs: Sequence[Rung] = ()
-    """What each part of the model is worth on that campaign."""
+    """Nested models, on that campaign."""
     header: Sequence[tuple[str, str]] = ()
-    """Whom and what the page is for: labels and what belongs to them."""
+    """Labelled lines at the head: customer, serial number and the like."""
 
 
 def calibration_page(calibration: Calibration, beside: Beside, *, version: str) -> Page:
-    """The page of a calibration.
+    """Make the page of a calibration.
 
     Args:
         calibration: the calibration.
@@ -946,7 +1098,7 @@ def calibration_page(calibration: Calibration, beside: Beside, *, version: str) 
     if errors is not None:
         sections.append(predicted_uncertainty_section(budget_at(calibration, calibration.q), "the measured poses"))
     if beside.over is not None:
-        sections.append(_task(beside.over))
+        sections.append(_task_section(beside.over))
     sections.append(parameters_section(calibration))
     if beside.rungs:
         sections.append(ladder_section(beside.rungs))
@@ -960,33 +1112,3 @@ def calibration_page(calibration: Calibration, beside: Beside, *, version: str) 
         footer=f"Page by Taskcal {version}; calibration by Taskcal {source.version}, {source.created}.",
         header=tuple(beside.header),
     )
-
-
-def _task(over: Uncertainty) -> Section:
-    reach = f" {over.unreachable:.1%} of its poses are out of reach and left out." if over.unreachable else ""
-    text = (
-        f"Standard deviations over {over.task} in space, root mean square, in the tracker's frame: the measured target is "
-        f"known to {over.target * 1e3:.3f} mm, the tool point to {over.after * 1e3:.3f} mm. By the tolerances alone, in the "
-        f"robot's own base, the tool point is known to {over.before * 1e3:.3f} mm. Model error comes on top.{reach}"
-    )
-    difference = (
-        "Measurements of a single point say where that point is, not where it sits on the tool. That is found with the fit, so "
-        "that the tool point itself is known only as far as the tolerances of tool and last axis say; several targets, or "
-        "measured poses, make it sharper."
-    )
-    chart: Block
-    if over.slices:
-        chart = Chart(
-            title="Uncertainty over the workspace (1σ in space)",
-            least_width=700,
-            figure=draw_maps(over.slices, over.maps),
-            note="Bright is worse: go there with care, or measure more poses there. In the tool orientation of the task's "
-            "middle. White: out of the robot's reach there. Each view has its own scale of colours.",
-        )
-    else:
-        chart = Chart(
-            title="Uncertainty pose by pose (±1.96σ)",
-            figure=draw_bands(over.deviations),
-            note="The wider the band, the less is known of the tool there. Along the robot's base axes, about what is predicted.",
-        )
-    return Section(title="How well the tool is known over the task", blocks=(Text((text, difference)), chart))

@@ -2,7 +2,7 @@
 
 import math
 import textwrap
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -10,6 +10,42 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
 
     from taskcal.identification.calibration import Calibration
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table, declared once for page, terminal and studio."""
+
+    label: str
+    value: str | Callable[[Any], object]
+    """Key of a row that is a mapping, attribute of any other, or a function of the row."""
+    form: str = ""
+    """Format of its numbers; a column of words has none, and is set flush left."""
+    factor: float = 1.0
+    """From the unit of the rows to that of the label."""
+    optional: bool = False
+    """Whether it is left out where no row has a value."""
+
+    def of(self, row: Any) -> Any:
+        """The value in a row; None where it has none."""
+        if callable(self.value):
+            return self.value(row)
+        return row.get(self.value) if isinstance(row, Mapping) else getattr(row, self.value)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+
+    def cell(self, row: Any) -> str:
+        """The value in a row as text."""
+        value = self.of(row)
+        if value is None or (isinstance(value, float) and not math.isfinite(value)):
+            return "–"
+        if not self.form or isinstance(value, str):
+            return str(value)
+        text = format(value if self.factor == 1.0 else value * self.factor, self.form)
+        return text.lstrip("+-") if self.form.endswith("f") and float(text) == 0.0 else text  # zero has no sign
+
+
+def millimetres(label: str, value: str | Callable[[Any], object], form: str = ".3f") -> Column:
+    """A column of lengths in metres."""
+    return Column(label, value, form, 1e3)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,33 +65,43 @@ class Table:
     """Whether a page shows it only on demand."""
 
     @classmethod
+    def of(
+        cls, title: str, columns: Iterable[Column], rows: Iterable[Any], *, note: str = "", folded: bool = False
+    ) -> "Table":
+        """A table of columns, each of which takes its value from every row."""
+        rows = list(rows)
+        shown = [c for c in columns if not c.optional or not rows or any(c.of(row) is not None for row in rows)]
+        return cls.of_rows(
+            title,
+            tuple(column.label for column in shown),
+            [tuple(column.cell(row) for column in shown) for row in rows],
+            text_columns=tuple(k for k, column in enumerate(shown) if not column.form),
+            note=note,
+            folded=folded,
+        )
+
+    @classmethod
     def of_rows(
         cls,
         title: str,
         header: tuple[str, ...],
-        rows: list[tuple[str, ...]],
+        rows: Iterable[tuple[str, ...]],
         *,
         text_columns: tuple[int, ...] = (0,),
         note: str = "",
         folded: bool = False,
     ) -> "Table":
-        """A table without groups."""
-        return cls(
-            title=title,
-            header=header,
-            groups=(("", tuple(rows)),),
-            text_columns=text_columns,
-            note=note,
-            folded=folded,
-        )
+        """A table of texts without groups."""
+        groups = (("", tuple(rows)),)
+        return cls(title=title, header=header, groups=groups, text_columns=text_columns, note=note, folded=folded)
 
     @property
     def rows(self) -> tuple[tuple[str, ...], ...]:
-        """Those of all groups, without the headings."""
+        """Rows of all groups, without the headings."""
         return tuple(row for _, rows in self.groups for row in rows)
 
     def __len__(self) -> int:
-        return sum(len(rows) for _, rows in self.groups)
+        return len(self.rows)
 
 
 @dataclass(frozen=True)
@@ -352,24 +398,27 @@ def signed(value: float, digits: int) -> str:
     return text if float(text.replace("−", "-")) else f"{0.0:.{digits}f}"
 
 
-# Where the figures of model error and prior scale come from, in words.
+# Models and their uncertainty in words.
+
+NOMINAL = "nominal (registered)"
+"""The nominal model, with tracker frame and targets fitted to the measurements."""
 
 
 def model_error_origin(calibration: "Calibration") -> str:
-    """Whether the model error was given, found, or none was found."""
+    """Whether the model error was given, estimated, or is not significant."""
     if calibration.provenance.options.get("model_error", "estimate") != "estimate":
         return "as given"
     if not any(calibration.model_error):
-        return "none shows beside the tracker's noise"
-    return f"what geometry {'and effects leave' if calibration.model.effects else 'leaves'} unexplained"
+        return "not significant (below tracker noise)"
+    return f"residuals of geometry{' and effects' if calibration.model.effects else ''} beyond tracker noise"
 
 
 def state_model_error(millimetres: float, origin: str, milliradians: float | None = None) -> str:
-    """The model error that a plan, a study or a choice of parameters rests on, and where it comes from."""
+    """State the model error on which a plan, a study or a choice of parameters is based, and its origin."""
     rotation = "" if milliradians is None else f" and {milliradians:.3g} mrad"
     return f"{millimetres:.3g} mm{rotation} per axis at every pose: {origin}"
 
 
 def prior_scale_origin(calibration: "Calibration") -> str:
-    """What is to be added to the prior's scale, if anything."""
+    """An addition to the prior's scale: whether it was given."""
     return "as given" if calibration.provenance.options.get("prior_scale", "estimate") != "estimate" else ""

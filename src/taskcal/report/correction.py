@@ -1,4 +1,4 @@
-"""A correction as a page: errors before and after, where they are, and what was left alone."""
+"""A correction as a page and as tables: errors before and after, their uncertainty, and motions left unchanged."""
 
 import os
 import re
@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-from jaxtyping import Float
 
 from robot_programs.core.program import Program
 from robot_programs.core.source import Place
@@ -16,247 +15,195 @@ from taskcal.correction.correction import Correction, Deviations
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.uncertainty_budget import evaluation_of_model_error
 from taskcal.report.calibration import corrected_uncertainty_section
-from taskcal.report.content import Block, Chart, Numbers, Points, Scene, Section, Table, Text
+from taskcal.report.content import Block, Chart, Column, Numbers, Points, Scene, Section, Table, Text
 from taskcal.report.page import Page
-from taskcal.report.scene import coloured_points, spread_rows, to_mm
-from taskcal.report.theme import BLUE, GREY, ORANGE, VERMILION, styled, with_decades
+from taskcal.report.scene import coloured_points, spread_rows, strokes
+from taskcal.report.theme import BLUE, GREY, ORANGE, VERMILION, add_series, styled, with_decades
 
-# Figures of a corrected program: its error along the way, and where it goes.
+# Errors of a corrected program along its path, and in space.
 
-FLOOR = 1e-5
-"""Smaller errors are drawn as this, millimetres: what is left there is the rounding of the program's numbers."""
+MIN_DRAWN_MM = 1e-5
+"""Smaller errors are drawn as this: below it there is only the rounding of the program's numbers."""
 
-MOST = 20_000
+MAX_POINTS = 20_000
 """Points of a curve; more are thinned out."""
 
-MOST_IN_SPACE = 4000
+MAX_POINTS_IN_SPACE = 4000
 """Points in space; more would only hide each other."""
 
 
-def draw_errors_along(correction: Correction) -> go.Figure:
-    """Predicted error in space along the program, before and after."""
-    lines = {"before": correction.before, "after": correction.after}
-    return draw_errors(correction.program, lines, "predicted error (mm)")
-
-
 def draw_errors(program: Program, lines: Mapping[str, Deviations], title: str) -> go.Figure:
-    """Error in space along a program, in two or three lines by what they are called, on a logarithmic scale."""
+    """Draw the 3D error along a program, in two or three lines by their labels, on a logarithmic scale."""
     figure = go.Figure()
     colours = (VERMILION, ORANGE, BLUE) if len(lines) > 2 else (VERMILION, BLUE)
     for (label, deviations), colour in zip(lines.items(), colours, strict=True):
-        rows = _thinned(len(deviations.error))
-        line = [program.moves[i].place.line for i in deviations.move[rows]]
-        figure.add_trace(
-            go.Scatter(
-                x=deviations.move[rows] + deviations.share[rows],
-                y=np.maximum(deviations.length[rows] * 1e3, FLOOR),
-                mode="lines",
-                name=label,
-                line={"color": colour, "width": 1.2},
-                customdata=line,
-                hovertemplate="line %{customdata}: %{y:.3f} mm<extra>" + label + "</extra>",
-            )
-        )
-    figure.update_xaxes(title_text="motion, in the order of the program")
-    return with_decades(styled(figure, height=420), title)
+        rows = spread_rows(len(deviations.error), MAX_POINTS)
+        add_series(
+            figure, label, deviations.move[rows] + deviations.share[rows], np.maximum(deviations.length[rows] * 1e3, MIN_DRAWN_MM),
+            colour, mode="lines", width=1.2, hover="line %{customdata}: %{y:.3f} mm",
+            customdata=[program.moves[i].place.line for i in deviations.move[rows]],
+        )  # fmt: skip
+    return with_decades(styled(figure, height=420, x="motion, in the order of the program"), title)
 
 
 def draw_errors_per_axis(correction: Correction) -> go.Figure:
-    """Distribution of the errors along the part's axes at targets, before and after."""
+    """Draw the distribution of the errors along the part's axes at targets, before and after correction."""
     figure = go.Figure()
     for label, deviations, colour in (("before", correction.before, VERMILION), ("after", correction.after, BLUE)):
-        rows = np.flatnonzero(deviations.at_target)
+        errors = deviations.error[np.flatnonzero(deviations.at_target)] * 1e3
         for axis, name in enumerate("XYZ"):
-            figure.add_trace(
-                go.Box(
-                    x=[name] * len(rows),
-                    y=deviations.error[rows, axis] * 1e3,
-                    name=label,
-                    legendgroup=label,
-                    showlegend=axis == 0,
-                    offsetgroup=label,
-                    marker={"color": colour, "size": 3},
-                    line={"width": 1.2},
-                    boxpoints=False,
-                )
-            )
+            figure.add_box(
+                x=[name] * len(errors), y=errors[:, axis], name=label, legendgroup=label, showlegend=axis == 0, offsetgroup=label,
+                marker={"color": colour, "size": 3}, line={"width": 1.2}, boxpoints=False,
+            )  # fmt: skip
     figure.update_layout(boxmode="group")
-    figure.update_yaxes(title_text="true less wanted (mm)")
-    figure.update_xaxes(title_text="axis of the part")
-    return styled(figure, height=380)
+    return styled(figure, height=380, x="axis of the part", y="true less programmed (mm)")
 
 
 def draw_program(correction: Correction) -> Scene:
-    """Where the program takes the tool, coloured by its error before; in each part's own frame."""
-    deviations = correction.before
-    position = _positions(correction, deviations)
-    moves = correction.program.moves
+    """Draw the programmed path, coloured by its error before correction; in each part's own frame."""
+    deviations, moves = correction.before, correction.program.moves
+    position = correction.wanted.at(deviations.move, deviations.share)[:, :3, 3]
     own = np.array([moves[i].part.name for i in deviations.move])
     top = float(deviations.length.max() * 1e3) if len(deviations.error) else 1.0
     layers: list[Mapping[str, Any]] = []
     for name in dict.fromkeys(own.tolist()):
         rows = np.flatnonzero((own == name) & np.isfinite(position[:, 0]))
-        rows = rows[spread_rows(len(rows), MOST_IN_SPACE)]
+        rows = rows[spread_rows(len(rows), MAX_POINTS_IN_SPACE)]
         if len(rows):
             length = deviations.length[rows] * 1e3
             lines = [moves[i].place.line for i in deviations.move[rows]]
             tips = [f"line {line}: {error:.3f} mm" for line, error in zip(lines, length, strict=True)]
             label = f"{name or 'base'}: error before, dark 0 to bright {top:.3f} mm"
-            way = {"kind": "strokes", "label": f"{name or 'base'}: way", "colour": GREY, "width": 2}
-            layers.append({**way, "at": [to_mm(position[rows])]})
+            layers.append(strokes(f"{name or 'base'}: path", [position[rows]], GREY))
             layers.append(coloured_points(label, position[rows], length, (0.0, top), tips))
     return Scene(
-        title="Where the program goes",
+        title="Programmed path and error",
         layers=tuple(layers),
-        note="Bright points are those that the robot misses most without the correction; a bright corner is where the part "
-        "would be worst. Every part in its own frame.",
+        note="Bright points have the largest error without the correction. Every part in its own frame.",
     )
 
 
-def _positions(correction: Correction, deviations: Deviations) -> Float[np.ndarray, "k 3"]:
-    """Wanted tool points in the part."""
-    return correction.wanted.at(deviations.move, deviations.share)[:, :3, 3]
+# A correction as tables.
 
+ERRORS = (
+    Column("", lambda row: row[0]),
+    *(
+        Column(label, lambda row, key=key: row[1][key], form)
+        for label, key, form in (
+            ("points", "count", "d"),
+            ("max mm", "max_mm", ".4f"),
+            ("rms mm", "rms_mm", ".4f"),
+            ("mean mm", "mean_mm", ".4f"),
+            *((f"max {axis} mm", f"max_{axis}_mm", ".4f") for axis in "xyz"),
+            ("max turn °", "max_turn_deg", ".4f"),
+        )
+    ),
+)
 
-def _thinned(count: int) -> np.ndarray:
-    return np.unique(np.linspace(0, count - 1, min(count, MOST)).astype(int)) if count else np.zeros(0, dtype=int)
-
-
-# What a correction does to a program, as tables.
-
-_COLUMNS = ("max_mm", "rms_mm", "mean_mm", "max_x_mm", "max_y_mm", "max_z_mm", "max_turn_deg")
+TARGETS = (
+    Column("line", lambda t: f"{Path(t['file']).name}:{t['line']}"),
+    Column("target", "target"),
+    Column("motion", "kind"),
+    Column("tool", "tool"),
+    Column("frame", "frame"),
+    Column("before mm", "before_mm", ".4f"),
+    Column("after mm", "after_mm", ".4f"),
+    Column("u mm", "uncertainty_rms_mm", ".4f"),
+    Column("moved mm", "shift_mm", ".4f"),
+    Column("joints °", "joint_change_deg", ".4f"),
+    Column("motions", "written_as", "d"),
+)
 
 
 def state_expected(correction: Correction) -> list[tuple[str, str]]:
-    """The error to be expected before and after, with the uncertainty and where it comes from; label and text."""
+    """State the expected error before and after, with the uncertainty and its sources; label and text."""
     if not len(correction.before.error):
-        return [("to be expected", "not known: the robot reaches no target of the program; the reasons stand below")]
+        return [
+            ("expected error", "not known: the robot reaches no target of the program; the reasons are listed below")
+        ]
     budget = correction.budget
+    expected = f"{budget.before * 1e3:.3f} mm before, {budget.after * 1e3:.3f} mm after (3D rms at targets, uncertainty included)"
+    size = f"{np.sqrt(budget.correction) * 1e3:.3f} mm rms, standard uncertainty {budget.uncertainty * 1e3:.3f} mm"
     shares = ", ".join(f"{name} {share:.0%}" for name, share in budget.shares.items())
-    return [
-        (
-            "to be expected",
-            f"{budget.before * 1e3:.3f} mm before, {budget.after * 1e3:.3f} mm after (rms in space at the targets)",
-        ),
-        ("corrected", f"{np.sqrt(budget.correction) * 1e3:.3f} mm, known to ± {budget.uncertainty * 1e3:.3f} mm"),
-        ("± comes from", shares),
-    ]
+    return [("expected error", expected), ("correction", size), ("uncertainty budget", shares)]
 
 
 def state_uncertain(correction: Correction) -> str:
-    """Why a correction is not worth writing, and what to measure."""
+    """State why a correction is not significant, and what to measure."""
     budget = correction.budget
-    share = max(budget.shares.items(), key=lambda item: item[1])
+    source, share = max(budget.shares.items(), key=lambda item: item[1])
     return (
-        f"the correction of {np.sqrt(budget.correction) * 1e3:.3f} mm is smaller than its uncertainty of "
-        f"{budget.uncertainty * 1e3:.3f} mm (rms), of which {share[1]:.0%} is {share[0]}: {budget.remedy}"
+        f"the correction of {np.sqrt(budget.correction) * 1e3:.3f} mm rms is smaller than its standard uncertainty of "
+        f"{budget.uncertainty * 1e3:.3f} mm, of which {share:.0%} is {source}: {budget.remedy}"
     )
 
 
 def tabulate_errors(correction: Correction) -> Table:
-    """Predicted errors before and after, at targets and between them."""
+    """Tabulate predicted errors before and after, at targets and between them."""
     summary = correction.summary()
-    rows: list[tuple[str, ...]] = []
-    for where, label in (("targets", "at targets"), ("between", "between targets")):
-        for when in ("before", "after"):
-            deviations = summary[when][where]
-            if deviations is not None:
-                rows.append(
-                    (f"{label}, {when}", str(deviations["count"]), *(f"{deviations[key]:.4f}" for key in _COLUMNS))
-                )
-    return Table.of_rows(
+    rows = [
+        (f"{label}, {when}", summary[when][where])
+        for where, label in (("targets", "at targets"), ("between", "between targets"))
+        for when in ("before", "after")
+        if summary[when][where] is not None
+    ]
+    return Table.of(
         "Predicted error of the true tool, without its uncertainty",
-        ("", "points", "max mm", "rms mm", "mean mm", "max x", "max y", "max z", "max turn °"),
+        ERRORS,
         rows,
-        note="In the part's axes. Between targets, what lies along the way is left out. At a target that a zone rounds, the middle "
-        "of the corner counts.",
+        note="In the part's axes. Between targets, deviations along the path do not count. At a target that a zone rounds, the "
+        "middle of the corner counts.",
     )
 
 
 def tabulate_targets(correction: Correction, count: int | None = None) -> Table:
-    """Targets with the largest errors before, or all of them in the order of the program."""
+    """Tabulate targets with the largest errors before, or all of them in the order of the program."""
     targets = correction.targets()
+    everything = count is None or len(targets) < count
     if count is not None:
         targets = sorted(targets, key=lambda t: -(t["before_mm"] or 0.0))[:count]
-    rows = [
-        (
-            f"{Path(t['file']).name}:{t['line']}",
-            t["target"],
-            t["kind"],
-            t["tool"],
-            t["frame"],
-            _number(t["before_mm"]),
-            _number(t["after_mm"]),
-            _number(t["uncertainty_rms_mm"]),
-            _number(t["shift_mm"]),
-            _number(t["joint_change_deg"]),
-            str(t["written_as"]),
-        )
-        for t in targets
-    ]
-    title = "Targets" if count is None or len(rows) < count else f"The {len(rows)} targets with the largest errors"
-    return Table.of_rows(
-        title,
-        (
-            "line",
-            "target",
-            "motion",
-            "tool",
-            "frame",
-            "before mm",
-            "after mm",
-            "± rms mm",
-            "moved mm",
-            "joints °",
-            "as",
-        ),
-        rows,
-        text_columns=(0, 1, 2, 3, 4),
-        note="± rms: what the calibration must expect at the target. As: motions that one became.",
+    return Table.of(
+        "Targets" if everything else f"The {len(targets)} targets with the largest errors",
+        TARGETS,
+        targets,
+        note="u: standard uncertainty at the target, 3D rms. Motions: number written for one.",
         folded=count is None,
     )
 
 
 def tabulate_correction(correction: Correction) -> list[tuple[str, str]]:
-    """What else there is to say, label and text."""
-    motion, robot = correction.motion, correction.motion.robot
-    summary = correction.summary()
+    """State everything else about a correction, label and text."""
+    motion, summary = correction.motion, correction.summary()
+    pieces = int(correction.pieces[correction.corrected].sum())
+    unchanged = summary["moves"] - summary["corrected"] - summary["refused"]
     facts = [("relative to", statement) for statement in correction.statements]
-    facts.append(
+    facts += [
         (
             "motions",
-            f"{summary['moves']}, of which {summary['corrected']} corrected and written as "
-            f"{int(correction.pieces[correction.corrected].sum())}, {summary['refused']} refused, "
-            f"{summary['moves'] - summary['corrected'] - summary['refused']} as they were; "
-            f"{summary['unresolved']} remarks on what was not read",
-        )
-    )
-    more = int(correction.pieces[correction.corrected].sum()) - summary["corrected"]
-    facts.append(
+            f"{summary['moves']}: {summary['corrected']} corrected and written as {pieces}, {summary['refused']} rejected, "
+            f"{unchanged} unchanged; {summary['unresolved']} statements not interpreted",
+        ),
         (
             "lines and arcs",
-            f"divided until the true tool keeps to them within {summary['tolerance_mm']:.3f} mm: {more} motions more",
-        )
-    )
-    facts.append(
+            f"divided until the true tool deviates by at most {summary['tolerance_mm']:.3f} mm: "
+            f"{pieces - summary['corrected']} more motions",
+        ),
         (
             "largest change",
             f"{summary['largest_shift_mm']:.3f} mm, {summary['largest_turn_deg']:.3f}°, "
             f"a joint by {summary['largest_joint_change_deg']:.3f}°",
-        )
-    )
-    for label, key, unit in (("joint speed", "joint_speed", "/s"), ("joint acceleration", "joint_acceleration", "/s²")):
-        deviations = summary[key]
-        if not deviations:
-            facts.append((label, "not known: no speed is programmed along lines and arcs"))
-            continue
-        scale = dict(zip(robot.joint_names, ("mm" if slides else "°" for slides in robot.prismatic), strict=True))
+        ),
+    ]
+    robot = motion.robot
+    units = dict(zip(robot.joint_names, ("mm" if slides else "°" for slides in robot.prismatic), strict=True))
+    for label, key, per in (("joint speed", "joint_speed", "/s"), ("joint acceleration", "joint_acceleration", "/s²")):
         words = [
-            f"{name} {entry['largest']:.1f}{scale[name]}{unit}"
+            f"{name} {entry['largest']:.1f}{units[name]}{per}"
             + (f" of {entry['limit']:.0f}" if entry["limit"] is not None else "")
-            for name, entry in deviations.items()
+            for name, entry in summary[key].items()
         ]
-        facts.append((label, ", ".join(words)))
+        facts.append((label, ", ".join(words) or "not known: no speed is programmed along lines and arcs"))
     if np.isfinite(motion.conditioning):
         facts.append(
             ("nearest to singular", f"ratio {motion.conditioning:.3f} of the Jacobian's singular values; 0 is singular")
@@ -264,13 +211,9 @@ def tabulate_correction(correction: Correction) -> list[tuple[str, str]]:
     return facts
 
 
-def _number(value: float | None) -> str:
-    return "" if value is None or not np.isfinite(value) else f"{value:.4f}"
-
-
 # Remarks on many places of a program, as few lines: each reason once, with how often and where first.
 
-SHOWN = 3
+MAX_PLACES = 3
 """Places that are named of each reason beside the first."""
 
 _DIFFERENT = re.compile(
@@ -311,9 +254,9 @@ def _line(group: list[tuple[Place, str]]) -> str:
     among = _common_folder(place.path for place, _ in group)
     places = [
         f"{place.line}" if place.path == first.path else f"{_from(among, place.path)}:{place.line}"
-        for place in others[:SHOWN]
+        for place in others[:MAX_PLACES]
     ]
-    more = f"and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
+    more = f"and {len(others) - MAX_PLACES} more" if len(others) > MAX_PLACES else ""
     at = ", ".join([*places, *([more] if more else [])])
     return f"{first}: {text} ({len(group)} times; also in {'line' if others[0].path == first.path else 'file'} {at})"
 
@@ -330,7 +273,7 @@ def _from(folder: Path | None, path: Path) -> Path:
 
 
 def correction_page(correction: Correction, calibration: Calibration, *, version: str) -> Page:
-    """The page of a correction.
+    """Make the page of a correction.
 
     Args:
         correction: the corrected program.
@@ -339,15 +282,14 @@ def correction_page(correction: Correction, calibration: Calibration, *, version
     """
     robot = calibration.model.robot
     names = ", ".join(source.path.name for source in correction.program.sources)
+    sections = [_summary(correction), _errors(correction)]
+    if len(correction.before.error):
+        budget = correction.budget.of_targets(evaluation_of_model_error(calibration))
+        sections.append(corrected_uncertainty_section(budget))
+    sections += [_unchanged(correction), Section(title="Targets", blocks=(tabulate_targets(correction),))]
     return Page(
         title=f"Correction of {names}",
-        sections=(
-            _summary(correction),
-            _errors(correction),
-            *_uncertainty(correction, calibration),
-            _left(correction),
-            _targets(correction),
-        ),
+        sections=tuple(sections),
         lead=f"For the {robot.title or robot.name}, by the calibration of {calibration.provenance.campaign or 'a campaign'}.",
         footer=f"Page by Taskcal {version}; calibration of {calibration.provenance.created}.",
     )
@@ -356,36 +298,32 @@ def correction_page(correction: Correction, calibration: Calibration, *, version
 def _summary(correction: Correction) -> Section:
     summary, budget = correction.summary(), correction.budget
     expected = (
-        (f"{budget.before * 1e3:.3f}", "mm", "error to be expected before (rms in space at the targets)"),
-        (f"{budget.after * 1e3:.3f}", "mm", "error to be expected after, uncertainty included"),
-        (
-            f"{budget.uncertainty * 1e3:.3f}",
-            "mm",
-            "of uncertainty: what the calibration must expect beyond its prediction",
-        ),
+        (f"{budget.before * 1e3:.3f}", "mm", "expected error before (3D rms at targets)"),
+        (f"{budget.after * 1e3:.3f}", "mm", "expected error after, uncertainty included"),
+        (f"{budget.uncertainty * 1e3:.3f}", "mm", "standard uncertainty of the correction (3D rms)"),
     )
     items = (
         *(expected if len(correction.before.error) else ()),
-        (f"{summary['largest_shift_mm']:.3f}", "mm", "farthest that a target was moved"),
-        (str(summary["refused"]), "", "motions refused, and left as they were"),
-        (str(summary["unresolved"]), "", "remarks on motions and texts that were not read, and were left as they were"),
+        (f"{summary['largest_shift_mm']:.3f}", "mm", "largest shift of a target"),
+        (str(summary["refused"]), "", "motions rejected, and left unchanged"),
+        (str(summary["unresolved"]), "", "statements not interpreted, and left unchanged"),
     )
-    facts = Table.of_rows(
-        "The correction", ("", ""), [*state_expected(correction), *tabulate_correction(correction)], text_columns=(0, 1)
-    )
-    doubt = (Text((f"Look out: {state_uncertain(correction)}.",)),) if correction.uncertain else ()
-    return Section(title="In short", blocks=(Numbers(items), *doubt, facts))
+    facts = [*state_expected(correction), *tabulate_correction(correction)]
+    doubt = (Text((f"Not significant: {state_uncertain(correction)}.",)),) if correction.uncertain else ()
+    table = Table.of_rows("The correction", ("", ""), facts, text_columns=(0, 1))
+    return Section(title="Summary", blocks=(Numbers(items), *doubt, table))
 
 
 def _errors(correction: Correction) -> Section:
     blocks: list[Block] = [tabulate_errors(correction)]
     if len(correction.before.error):
+        lines = {"before": correction.before, "after": correction.after}
         blocks += [
             Chart(
                 title="Predicted error along the program",
-                figure=draw_errors_along(correction),
-                note="The lower line should lie well below the upper one along the whole program; where it does not, see "
-                "what was left alone. Distance of the true tool from where it is wanted; between targets, from its way.",
+                figure=draw_errors(correction.program, lines, "predicted 3D error (mm)"),
+                note="The lower line should lie well below the upper one along the whole program; where it does not, see the "
+                "motions left unchanged. At targets: distance of the true tool from the programmed position; else from the path.",
             ),
             Chart(
                 title="Errors at targets along the part's axes",
@@ -398,26 +336,14 @@ def _errors(correction: Correction) -> Section:
     return Section(title="Errors", blocks=tuple(blocks))
 
 
-def _uncertainty(correction: Correction, calibration: Calibration) -> tuple[Section, ...]:
-    if not len(correction.before.error):
-        return ()
-    budget = correction.budget.of_targets(evaluation_of_model_error(calibration))
-    return (corrected_uncertainty_section(budget),)
-
-
-def _left(correction: Correction) -> Section:
+def _unchanged(correction: Correction) -> Section:
     moves = correction.program.moves
-    refused = group_remarks((moves[i].place, why) for i, why in sorted(correction.rejected.items()))
+    rejected = group_remarks((moves[i].place, why) for i, why in sorted(correction.rejected.items()))
     diagnostics = group_remarks((diagnostic.place, diagnostic.text) for diagnostic in correction.diagnostics)
     blocks: list[Block] = []
-    if refused:
-        blocks += [Text(("These motions stay as they were:",)), Points(tuple(refused))]
-    if diagnostics:
-        blocks += [Text(("To be looked at:",)), Points(tuple(diagnostics))]
-    if not blocks:
-        blocks.append(Text(("Every motion was corrected, and nothing else is to be said.",)))
-    return Section(title="What was left alone", blocks=tuple(blocks))
-
-
-def _targets(correction: Correction) -> Section:
-    return Section(title="Targets", blocks=(tabulate_targets(correction),))
+    for title, lines in (("Rejected motions:", rejected), ("Diagnostics:", diagnostics)):
+        if lines:
+            blocks += [Text((title,)), Points(tuple(lines))]
+    return Section(
+        title="Motions left unchanged", blocks=tuple(blocks) or (Text(("None: every motion was corrected.",)),)
+    )

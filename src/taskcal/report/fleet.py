@@ -1,43 +1,38 @@
-"""What a fleet of robots shows, for the terminal."""
+"""Tables of a fleet of robots, for the terminal."""
 
 from taskcal.planning.fleet import Change, Fleet
-from taskcal.report.content import Table
+from taskcal.report.content import Column, Table, millimetres
 
-MOST_ROWS = 100
-"""Beyond which only robots that somebody should look at are listed."""
+MAX_ROWS = 100
+"""Calibrations beyond which only robots that somebody should look at are listed."""
 
-MOST_NAMED = 20
+MAX_NAMED = 20
 """Changes and outliers that are listed."""
 
-HEADER = ("robot", "date", "rows", "nominal", "fitted", "held out", "stated σ", "verdict", "changed by")
 SPARE = (4, 2, 3)
 """Columns that the first table can do without where it is too wide."""
 
 
 def tabulate_fleet(fleet: Fleet) -> Table:
-    """A row for each calibration; of many only those of robots that are not good, have changed, or are unlike the others."""
+    """Tabulate each calibration; of many only those of robots that are not good, have changed, or are unlike the others."""
     changes = {change.after: change for change in fleet.changes}
     wanted = robots_to_look_at(fleet)
-    short = len(fleet.calibrations) > MOST_ROWS
-    rows = [
-        (
-            one.robot,
-            one.date[:10],
-            str(one.rows),
-            _length(one.nominal),
-            _length(one.fitted),
-            _length(one.held_out),
-            _length(one.stated),
-            one.verdict,
-            _changed(fleet, changes.get(one.file)),
-        )
-        for one in fleet.calibrations
-        if not short or one.robot in wanted
-    ]
-    title = f"Fleet {fleet.folder}: mean error in space, mm"
+    short = len(fleet.calibrations) > MAX_ROWS
+    columns = (
+        Column("robot", "robot"),
+        Column("date", lambda one: one.date[:10]),
+        Column("rows", "rows", "d"),
+        millimetres("nominal", "nominal"),
+        millimetres("fitted", "fitted"),
+        millimetres("held out", "held_out"),
+        millimetres("stated σ", "stated"),
+        Column("verdict", "verdict"),
+        Column("changed by", lambda one: _changed(fleet, changes.get(one.file))),
+    )
+    title = f"Fleet {fleet.folder}: mean 3D error, mm"
     if short:
         title += f" (the {len(wanted)} of {len(fleet.robots)} robots that need a look; all are in --json and -o)"
-    return Table.of_rows(title, HEADER, rows, text_columns=(0, 1, 7, 8))
+    return Table.of(title, columns, [one for one in fleet.calibrations if not short or one.robot in wanted])
 
 
 def robots_to_look_at(fleet: Fleet) -> list[str]:
@@ -53,64 +48,48 @@ def robots_to_look_at(fleet: Fleet) -> list[str]:
 
 
 def tabulate_fleet_changes(fleet: Fleet) -> Table:
-    """Robots that have changed from one calibration to the next, the most first."""
+    """Tabulate robots that have changed from one calibration to the next, the most first."""
     changed = [change for change in fleet.changes if fleet.verdict_of(change) != "unchanged"]
     changed.sort(key=lambda change: -change.excess)
-    rows = [
-        (
-            change.robot,
-            change.after,
-            fleet.verdict_of(change),
-            f"{change.rms * 1e3:.3f}",
-            f"{change.expected * 1e3:.3f}",
-            _resemblance(change),
-        )
-        for change in changed[:MOST_NAMED]
-    ]
-    return Table.of_rows(
-        f"Changed since the calibration before ({_of(len(rows), len(changed))}), rms in space, mm",
-        ("robot", "calibration", "how much", "by", "by chance", "looks like"),
-        rows,
-        text_columns=(0, 1, 2, 5),
+    columns = (
+        Column("robot", "robot"),
+        Column("calibration", "after"),
+        Column("verdict", fleet.verdict_of),
+        millimetres("change", "rms"),
+        millimetres("expected by chance", "expected"),
+        Column("consistent with", _resemblance),
+    )
+    rows = changed[:MAX_NAMED]
+    return Table.of(
+        f"Changed since the previous calibration ({_of(len(rows), len(changed))}), 3D rms, mm", columns, rows
     )
 
 
 def tabulate_outliers_of_fleet(fleet: Fleet) -> Table:
-    """Parameters of robots that are unlike those of the others."""
-    rows = [
-        (
-            one.robot,
-            one.name,
-            f"{one.value * one.unit.factor:+.4f}",
-            f"{one.centre * one.unit.factor:+.4f}",
-            f"{one.spread * one.unit.factor:.4f}",
-            one.unit.name,
-            f"{one.z:+.1f}",
-        )
-        for one in fleet.outliers[:MOST_NAMED]
-    ]
-    return Table.of_rows(
-        f"Unlike the others ({_of(len(rows), len(fleet.outliers))})",
-        ("robot", "parameter", "value", "fleet", "spread", "unit", "over 1σ"),
-        rows,
-        text_columns=(0, 1, 5),
+    """Tabulate parameters of robots that are unlike those of the others."""
+    columns = (
+        Column("robot", "robot"),
+        Column("parameter", "name"),
+        Column("value", lambda one: one.value * one.unit.factor, "+.4f"),
+        Column("fleet median", lambda one: one.centre * one.unit.factor, "+.4f"),
+        Column("spread (1σ)", lambda one: one.spread * one.unit.factor, ".4f"),
+        Column("unit", lambda one: one.unit.name),
+        Column("deviation / 1σ", "z", "+.1f"),
     )
+    rows = fleet.outliers[:MAX_NAMED]
+    return Table.of(f"Outliers of the fleet ({_of(len(rows), len(fleet.outliers))})", columns, rows)
 
 
 def describe_level(fleet: Fleet) -> str:
-    """How rare a false alarm is."""
+    """State the probability of a false alarm."""
     return (
-        f"a robot is called changed where chance alone does as much with a probability below {fleet.level:.2g}: 1 % in all of "
-        f"{len(fleet.changes)} comparisons; unlike the others where one anywhere in a fleet of like robots has one below 1 %"
+        f"a robot is called changed if p < {fleet.level:.2g}: 1 % in all of {len(fleet.changes)} comparisons; an outlier if p < 1 "
+        "% anywhere in a fleet of equal robots"
     )
 
 
 def _of(shown: int, all_in_all: int) -> str:
     return str(all_in_all) if shown == all_in_all else f"{shown} of {all_in_all}"
-
-
-def _length(metres: float | None) -> str:
-    return "–" if metres is None else f"{metres * 1e3:.3f}"
 
 
 def _changed(fleet: Fleet, change: Change | None) -> str:

@@ -1,11 +1,12 @@
-"""A calibrated robot in space: itself at measured poses, where it was measured, and how far it was off before and after."""
+"""Scenes in space: a calibrated robot at measured poses with its errors, and layers that several scenes share."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.validation import MeasuredErrors
 from taskcal.report.content import Scene
@@ -13,8 +14,6 @@ from taskcal.report.theme import BLUE, INK, PURPLE, VERMILION
 from taskcal.robot.mechanism import trace_skeleton
 from taskcal.robot.robot import Robot
 from taskcal.task.workspace import Workspace
-
-# Layers that several scenes in space share.
 
 
 def to_mm(points: Float[np.ndarray, "k 3"]) -> list[list[float]]:
@@ -27,18 +26,17 @@ def spread_rows(count: int, most: int) -> np.ndarray:
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int)) if count else np.zeros(0, dtype=int)
 
 
+def strokes(
+    label: str, lines: Iterable[Float[np.ndarray, "k 3"]], colour: str, *, width: float = 2, dash: bool = False
+) -> Mapping[str, Any]:
+    """Lines through points, metres."""
+    at = [to_mm(line) for line in lines]
+    return {"kind": "strokes", "label": label, "colour": colour, "width": width, "dash": dash, "at": at}
+
+
 def workspace_layer(space: Workspace) -> Mapping[str, Any]:
     """The edges of a workspace."""
-    edges = outline(space)
-    gaps = np.flatnonzero(np.isnan(edges[:, 0]))
-    strokes = [to_mm(stroke[np.isfinite(stroke[:, 0])]) for stroke in np.split(edges, gaps)]
-    return {
-        "kind": "strokes",
-        "label": "workspace of the task",
-        "colour": PURPLE,
-        "width": 2.2,
-        "at": [stroke for stroke in strokes if stroke],
-    }
+    return strokes("workspace of the task", outline(space), PURPLE, width=2.2)
 
 
 def coloured_points(
@@ -69,21 +67,18 @@ def coloured_points(
     }
 
 
-def outline(space: Workspace) -> Float[np.ndarray, "k 3"]:
-    """Edges of a workspace in the base, metres; NaN between the strokes."""
+def outline(space: Workspace) -> list[Float[np.ndarray, "k 3"]]:
+    """Edges of a workspace in the base, metres: strokes through their points."""
     if space.shape == "box":
-        corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) - 0.5
-        rings = [np.c_[corners, np.full(5, side)] for side in (-0.5, 0.5)]
-        posts = [np.array([[*corner, -0.5], [*corner, 0.5]]) for corner in corners[:4]]
+        around = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) - 0.5
+        posts = around[:4]
     else:
         angle = np.linspace(0.0, 2.0 * np.pi, 49)
-        circle = 0.5 * np.c_[np.cos(angle), np.sin(angle)]
-        rings = [np.c_[circle, np.full(49, side)] for side in (-0.5, 0.5)]
-        posts = [np.array([[*circle[k], -0.5], [*circle[k], 0.5]]) for k in (0, 12, 24, 36)]
-    gap = np.full((1, 3), np.nan)
-    local = np.concatenate([part for stroke in (*rings, *posts) for part in (stroke, gap)]) * space.size
-    in_frame = space.center + local @ space.turned.T
-    return in_frame @ space.T_base_frame[:3, :3].T + space.T_base_frame[:3, 3]
+        around = 0.5 * np.c_[np.cos(angle), np.sin(angle)]
+        posts = around[:48:12]
+    edges = [np.c_[around, np.full(len(around), side)] for side in (-0.5, 0.5)]
+    edges += [np.array([[*post, -0.5], [*post, 0.5]]) for post in posts]
+    return [se3.apply(space.T_base_frame, space.center + (edge * space.size) @ space.turned.T) for edge in edges]
 
 
 MAX_POSES = 60
@@ -92,18 +87,18 @@ MAX_POSES = 60
 MAX_ARROWS = 400
 """Of each kind; of more points some are shown, spread evenly over the rows."""
 
-THICKNESS = 0.025
-"""Radius at which the first link is drawn, over the robot's reach."""
+LINK_RADIUS = 0.025
+"""Radius at which the first link is drawn, over the robot's reach: thin, so that it hides little."""
 
 ARROW = 0.06
 """Length at which the median error is drawn at first, over the robot's reach."""
 
-FAR = 1.6
-"""Reaches beyond which the tracker is only pointed at."""
+MAX_DISTANCE = 1.6
+"""Of a tracker that is drawn where it is, over the robot's reach; the scene would shrink for one farther away."""
 
 
 def robot_scene(calibration: Calibration, errors: MeasuredErrors, space: Workspace | None) -> Scene:
-    """The robot with its errors.
+    """Draw the robot at measured poses, the measured points and their errors.
 
     Args:
         calibration: the calibration.
@@ -119,21 +114,26 @@ def robot_scene(calibration: Calibration, errors: MeasuredErrors, space: Workspa
     at = errors.points.reshape(-1, 3)[seen]
     targets = after.shape[0] // len(errors.q)
     tips = [
-        f"id {calibration.ids[k // targets]}, {calibration.targets[k % targets]}: {_length(before[k]):.3f} mm before, "
-        f"{_length(after[k]):.3f} mm after"
+        f"id {calibration.ids[k // targets]}, {calibration.targets[k % targets]}: {_length(before[k]):.3f} mm nominal, "
+        f"{_length(after[k]):.3f} mm calibrated"
         for k in seen
     ]
+
+    def arrows(label: str, errors: Float[np.ndarray, "k 3"], colour: str, **line: float) -> Mapping[str, Any]:
+        by = np.round(errors * 1e3, 5).tolist()
+        return {"kind": "arrows", "label": label, "colour": colour, "dash": False, **line, "at": to_mm(at), "by": by}
+
     layers: list[Mapping[str, Any]] = [
         {"kind": "points", "label": "measured points", "colour": INK, "size": 2.2, "at": to_mm(at), "tips": tips},
-        _arrows("error before", before[seen], at, VERMILION, width=1.3, dash=True),
-        _arrows("error after", after[seen], at, BLUE, width=2.4),
+        arrows("error, nominal (registered)", before[seen], VERMILION, width=1.3, dash=True),
+        arrows("error, calibrated", after[seen], BLUE, width=2.4),
     ]
     if space is not None:
         layers.append(workspace_layer(space))
     layers.append(_tracker(calibration))
     typical = float(np.median(np.linalg.norm(before[seen], axis=1))) if len(seen) else 0.0
     return Scene(
-        title="The robot, where it was measured, and how far it was off",
+        title="Measured points and errors",
         poses=draw_robot(robot, errors.q[rows], names),
         radius=link_radius(robot) * 1e3,
         layers=tuple(layers),
@@ -152,9 +152,9 @@ def _note(calibration: Calibration, shown: int, points: int) -> str:
         else ""
     )
     return (
-        "Look at the arrows: dashed ones show where the nominal robot was off, solid ones what is left, both from the predicted "
-        f"to the measured point and drawn much longer than they are.{some} Fixed parts are drawn as straight lines of the robot's "
-        f"own dimensions, not as its castings.{loosely}"
+        "Dashed arrows: error of the nominal model; solid arrows: error of the calibrated one, both from the predicted to the "
+        f"measured point and enlarged.{some} Links are drawn as straight lines of the robot's dimensions."
+        f"{loosely}"
     )
 
 
@@ -189,27 +189,7 @@ def _corners(link: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "m 3"]:
 
 def link_radius(robot: Robot) -> float:
     """At which the first link is drawn, metres: thin, so that it hides little."""
-    return THICKNESS * robot.reach
-
-
-def _arrows(
-    label: str,
-    errors: Float[np.ndarray, "k 3"],
-    at: Float[np.ndarray, "k 3"],
-    colour: str,
-    *,
-    width: float,
-    dash: bool = False,
-) -> Mapping[str, Any]:
-    return {
-        "kind": "arrows",
-        "label": label,
-        "colour": colour,
-        "width": width,
-        "dash": dash,
-        "at": to_mm(at),
-        "by": np.round(errors * 1e3, 5).tolist(),
-    }
+    return LINK_RADIUS * robot.reach
 
 
 def _tracker(calibration: Calibration) -> Mapping[str, Any]:
@@ -217,10 +197,10 @@ def _tracker(calibration: Calibration) -> Mapping[str, Any]:
     T, reach = calibration.T_tracker_base, calibration.model.robot.reach
     at = -T[:3, :3].T @ T[:3, 3]
     away = float(np.linalg.norm(at))
-    if away <= FAR * reach:
+    if away <= MAX_DISTANCE * reach:
         label = "origin of the measuring frame" if away < 0.1 * reach else "tracker"
         return {"kind": "marker", "label": label, "colour": INK, "at": to_mm(at[None])}
-    end = at / away * FAR * reach
+    end = at / away * MAX_DISTANCE * reach
     return {"kind": "marker", "label": f"to the tracker, {away:.1f} m away", "colour": INK, "at": to_mm(end[None])}
 
 

@@ -1,93 +1,209 @@
-"""Sensitivity as a page: what every parameter does to the tool, which can be told apart, and where in the task it matters."""
+"""Sensitivity as a page: what every parameter does to the tool, which are determined, and where in the task it matters."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
-from taskcal.analysis.distinguishable_directions import ToldApart
+import numpy as np
+import plotly.graph_objects as go
+from jaxtyping import Float
+from plotly.subplots import make_subplots
+
+from taskcal.analysis.distinguishable_directions import Direction, ToldApart
 from taskcal.analysis.elimination_table import EliminationTable, describe_combination
+from taskcal.analysis.identifiability import NEGLIGIBLE, Identifiability
 from taskcal.analysis.sensitivity import MeasuringNoise, Sensitivity
 from taskcal.planning.task_map import TaskCurves, TaskMaps
-from taskcal.report.content import Chart, Numbers, Section, Table, Text
-from taskcal.report.fit_figures import draw_effects, draw_singular_values
+from taskcal.report.content import Chart, Column, Numbers, Section, Table, Text
 from taskcal.report.page import Page
 from taskcal.report.task import task_section
+from taskcal.report.theme import AXIS_COLOURS, GREY, INK, SERIES, SHAPES, add_series, styled, switch
+from taskcal.robot.parameter import Parameter
 
-# What a measurement with noise tells apart, for the terminal and for pages.
+# Figures of a model over some poses: how much each parameter moves the tool, and how many are independent.
 
-WEAKEST_SHOWN, TERMS_SHOWN = 5, 5
+MAX_TICKED = 70
+"""Parameters whose names are all written on an axis; more would lie over each other."""
+
+SMALLEST_DRAWN = 1e-18
+"""Singular values are drawn no lower; exact zeros have no logarithm."""
+
+
+def draw_effects(found: Sensitivity) -> go.Figure:
+    """Largest and root mean square effect of every parameter on X, Y, Z and in space, for its tolerance or per unit."""
+    kinds = {
+        "largest over the poses": (found.maximum, found.maximum_in_space),
+        "root mean square": (found.rms_per_axis, found.rms),
+    }
+    panels = {
+        title: (
+            1e3 * np.vstack([per_axis(scaled=True), in_space(scaled=True)]),
+            found.to_shown() * np.vstack([per_axis(), in_space()]),
+        )
+        for title, (per_axis, in_space) in kinds.items()
+    }
+    titles = {"for its tolerance": "effect of its tolerance (mm)", "per unit": "effect per unit (mm/mm, mm/mrad …)"}
+    return _draw_bars(found.model.parameters, panels, titles, height=780)
+
+
+def draw_sensitivities(found: Mapping[str, Sensitivity], eliminations: Mapping[str, Identifiability]) -> go.Figure:
+    """Largest effect of each parameter on X, Y and Z, for its tolerance or per unit.
+
+    Args:
+        found: a panel for each set of poses.
+        eliminations: of the same sets; parameters that they do not keep are drawn pale.
+    """
+    parameters = next(iter(found.values())).model.parameters
+    panels = {f"poses in {label}": (1e6 * one.maximum(scaled=True), one.maximum()) for label, one in found.items()}
+    titles = {"scaled by tolerance": "largest influence (µm)", "per unit": "influence (mm/mm, mm/mrad)"}
+    pale = [[1.0 if p.name in eliminations[label].kept else 0.35 for p in parameters] for label in found]
+    return _draw_bars(parameters, panels, titles, height=350 * len(found) + 80, opacity=pale)
+
+
+def _draw_bars(
+    parameters: Sequence[Parameter],
+    panels: Mapping[str, tuple[Float[np.ndarray, "axes p"], Float[np.ndarray, "axes p"]]],
+    titles: Mapping[str, str],
+    *,
+    height: int,
+    opacity: Sequence[Sequence[float]] = (),
+) -> go.Figure:
+    """Bars of every parameter along each axis, and a line in space where there is a fourth row.
+
+    Args:
+        parameters: of the model.
+        panels: values for the tolerance and per unit, by the panel's title.
+        titles: of the vertical axis for either, by the button's label.
+        height: of the figure, CSS pixels.
+        opacity: of the bars in each panel.
+    """
+    names = [p.symbol or p.name for p in parameters]
+    hover = [p.name + (f" ({p.symbol})" if p.symbol else "") for p in parameters]
+    figure = make_subplots(
+        rows=len(panels), cols=1, shared_xaxes=True, vertical_spacing=0.16, subplot_titles=list(panels)
+    )
+    for row, (scaled, _) in enumerate(panels.values(), start=1):
+        for values, letter in zip(scaled, (*AXIS_COLOURS, "in space"), strict=False):
+            shared = {"name": letter, "legendgroup": letter, "showlegend": row == 1, "customdata": hover}
+            shown = f"%{{customdata}}: %{{y:.4g}}<extra>{letter}</extra>"
+            place = {"row": row, "col": 1}
+            if letter in AXIS_COLOURS:
+                marker = {"color": AXIS_COLOURS[letter], "opacity": opacity[row - 1] if opacity else 1.0}
+                figure.add_bar(x=names, y=values, marker=marker, hovertemplate=shown, **shared, **place)
+            else:
+                marker = {"symbol": "line-ew-open", "size": 14, "color": INK, "line": {"width": 2}}
+                figure.add_scatter(
+                    x=names, y=values, mode="markers", marker=marker, hovertemplate=shown, **shared, **place
+                )
+    axes = [f"yaxis{'' if row == 0 else row + 1}.title.text" for row in range(len(panels))]
+    choices = {
+        label: ({"y": [line.tolist() for panel in panels.values() for line in panel[k]]}, dict.fromkeys(axes, title))
+        for k, (label, title) in enumerate(titles.items())
+    }
+    styled(figure, height=height, y=next(iter(titles.values())), top=100)
+    figure.update_layout(barmode="group", bargap=0.2, legend={"y": 1.05})
+    figure.update_xaxes(
+        tickangle=-60, tickfont={"size": 12 if len(names) < 40 else 10}, showticklabels=True, showgrid=False,
+        dtick=1 if len(names) < MAX_TICKED else None,
+    )  # fmt: skip
+    return switch(figure, choices, y=1.05)
+
+
+def draw_singular_values(eliminations: Mapping[str, Identifiability]) -> go.Figure:
+    """Singular values of the stacked sensitivities, columns of unit length: the gap that decides the rank."""
+    figure = go.Figure()
+    for k, (label, found) in enumerate(eliminations.items()):
+        values = np.maximum(found.singular_values, SMALLEST_DRAWN)
+        colour = SERIES[k % len(SERIES)]
+        filled = np.where(np.arange(len(values)) < found.rank, colour, "white").tolist()
+        add_series(
+            figure, f"{label}: {found.rank} of {len(values)} count", np.arange(1, len(values) + 1), values, filled,
+            hover="%{x}: %{y:.2e}", extra=label,
+            marker={"line": {"color": colour, "width": 1.6}, "symbol": SHAPES[k % len(SHAPES)], "size": 9},
+        )  # fmt: skip
+    largest = max(found.singular_values.max(initial=0.0) for found in eliminations.values())
+    count = max(len(found.names) for found in eliminations.values())
+    limit = [NEGLIGIBLE * largest] * 2
+    add_series(
+        figure, "limit: 10⁻⁹ of the largest", [0.5, count + 0.5], limit, GREY, mode="lines", dash="dash", width=1.5
+    )
+    styled(figure, height=420, x="number of the singular value", y="singular value (columns of unit length)")
+    figure.update_xaxes(range=[0, count + 1])
+    return figure.update_yaxes(type="log", exponentformat="power", dtick=3, range=[-18.7, 1.3])
+
+
+# What a measurement with noise determines, for the terminal and for pages.
+
+MAX_DIRECTIONS, MAX_TERMS = 5, 5
 """Directions that are shown, and terms of each."""
 
 
 def tabulate_told_apart(told_apart: ToldApart, symbols: Mapping[str, str]) -> Table:
-    """The directions that a measurement says least of.
+    """The directions that a measurement determines least.
 
     Args:
-        told_apart: what it tells apart.
+        told_apart: the directions.
         symbols: of parameters by name, where they have any.
     """
-    rows: list[tuple[str, ...]] = []
-    for direction in told_apart.directions[:WEAKEST_SHOWN]:
+
+    def combination(direction: Direction) -> str:
         terms = list(direction.leading.items())
-        shown = {name: round(share, 2) for name, share in terms[:TERMS_SHOWN]}
-        more = " …" if len(terms) > TERMS_SHOWN else ""
-        combination = describe_combination(shown, symbols) + more
-        rows.append((combination, f"{direction.left:.3f}", "yes" if direction.information > 1.0 else "no"))
-    return Table.of_rows(
-        "Directions that such a measurement says least of, in units of the tolerances",
-        ("direction", "σ left", "told apart"),
-        rows,
-        text_columns=(0, 2),
+        shown = {name: round(share, 2) for name, share in terms[:MAX_TERMS]}
+        return describe_combination(shown, symbols) + (" …" if len(terms) > MAX_TERMS else "")
+
+    columns = (
+        Column("direction", combination),
+        Column("posterior/prior σ", "left", ".3f"),
+        Column("determined", lambda direction: "yes" if direction.information > 1.0 else "no"),
+    )
+    return Table.of(
+        "Least determined parameter directions (prior-normalised)", columns, told_apart.directions[:MAX_DIRECTIONS]
     )
 
 
 def count_told_apart(told_apart: ToldApart) -> str:
-    """How many directions are told apart, in words."""
+    """Count the directions that are determined, in words."""
     return (
-        f"{told_apart.count} of {len(told_apart.directions)}: less than half of the tolerances' variance would be left"
+        f"{told_apart.count} of {len(told_apart.directions)} directions are determined: less than half of the prior variance "
+        "remains"
     )
 
 
 # The table of single parameters' effects over some poses.
 
 
-def tabulate_effects(sensitivities: Sensitivity) -> Table:
+def tabulate_effects(found: Sensitivity) -> Table:
     """Largest and root mean square effect of every parameter: per unit, and for its tolerance."""
-    raw = [
-        *sensitivities.maximum(),
-        sensitivities.maximum_in_space(),
-        *sensitivities.rms_per_axis(),
-        sensitivities.rms(),
-    ]
-    scaled = [
-        *sensitivities.maximum(scaled=True),
-        sensitivities.maximum_in_space(scaled=True),
-        *sensitivities.rms_per_axis(scaled=True),
-        sensitivities.rms(scaled=True),
-    ]
-    to_shown = sensitivities.to_shown()
-    rows: list[tuple[str, ...]] = []
-    for i, p in enumerate(sensitivities.model.parameters):
-        rows.append(
-            (
-                p.label,
-                p.shown.influence,
-                *(f"{values[i] * to_shown[i]:.3f}" for values in raw),
-                f"{p.tolerance * p.shown.factor:g} {p.shown.name}",
-                *(f"{values[i] * 1e3:.3f}" for values in scaled),
-            )
+    raw, scaled = (
+        np.vstack(
+            [
+                found.maximum(scaled=each),
+                found.maximum_in_space(scaled=each),
+                found.rms_per_axis(scaled=each),
+                found.rms(scaled=each),
+            ]
         )
+        * (1e3 if each else found.to_shown())
+        for each in (False, True)
+    )
+    parameters = found.model.parameters
     kinds = [f"{kind}\n{axis}" for kind in ("largest", "rms") for axis in ("X", "Y", "Z", "space")]
-    return Table.of_rows(
-        f"All {len(rows)} parameters in numbers",
-        ("parameter", "unit", *kinds, "tolerance", *(f"{kind} mm" for kind in kinds)),
-        rows,
-        text_columns=(0, 1),
+    columns = (
+        Column("parameter", lambda i: parameters[i].label),
+        Column("unit", lambda i: parameters[i].shown.influence),
+        *(Column(kind, values.__getitem__, ".3f") for kind, values in zip(kinds, raw, strict=True)),
+        Column("tolerance", lambda i: f"{parameters[i].tolerance * parameters[i].shown.factor:g} {parameters[i].shown.name}", "s"),
+        *(Column(f"{kind} mm", values.__getitem__, ".3f") for kind, values in zip(kinds, scaled, strict=True)),
+    )  # fmt: skip
+    return Table.of(
+        f"All {len(parameters)} parameters in numbers",
+        columns,
+        range(len(parameters)),
         note="Per unit of the parameter; then in mm for a defect of one tolerance (1σ).",
         folded=True,
     )
 
 
 def sensitivity_page(
-    sensitivity: Sensitivity,
+    found: Sensitivity,
     table: EliminationTable,
     told_apart: ToldApart,
     noise: MeasuringNoise,
@@ -96,19 +212,19 @@ def sensitivity_page(
     poses: str,
     version: str,
 ) -> Page:
-    """The page of a sensitivity analysis.
+    """Make the page of a sensitivity analysis.
 
     Args:
-        sensitivity: over some poses.
-        table: what these poses can tell apart.
-        told_apart: how much of it a measurement with noise tells apart.
+        found: sensitivity over some poses.
+        table: exact linear dependence at these poses.
+        told_apart: directions that a measurement with noise determines.
         noise: of that measurement.
         maps: errors over the task, if there is one.
         poses: which poses these are, in words.
         version: of the package, for the footer.
     """
-    model = sensitivity.model
-    sections = [_effects(sensitivity, table, told_apart), _elimination(sensitivity, table, told_apart, noise)]
+    model = found.model
+    sections = [_effects(found, table, told_apart), _elimination(found, table, told_apart, noise)]
     if maps is not None:
         measured = "the task's own poses" if isinstance(maps, TaskCurves) else "60 poses spread over the task"
         sections.append(task_section(model, maps, f"all {len(model)} parameters", measured))
@@ -121,75 +237,58 @@ def sensitivity_page(
     )
 
 
-def _effects(sensitivity: Sensitivity, table: EliminationTable, told_apart: ToldApart) -> Section:
-    """What every parameter does."""
-    model, eliminated = sensitivity.model, next(iter(table.eliminations.values()))
-    largest = sensitivity.maximum_in_space(scaled=True)
-    strongest = model.parameters[int(largest.argmax())]
+def _effects(found: Sensitivity, table: EliminationTable, told_apart: ToldApart) -> Section:
+    """Effects of every parameter."""
+    model, eliminated = found.model, next(iter(table.eliminations.values()))
+    largest = found.maximum_in_space(scaled=True)
+    numbers = (
+        (model.parameters[int(largest.argmax())].name, "", f"has the largest effect: {largest.max() * 1e3:.3f} mm"),
+        (f"{eliminated.rank} of {len(model)}", "", "parameters are linearly independent at these poses"),
+        (f"{told_apart.count} of {eliminated.rank}", "", "directions are determined by a measurement with noise"),
+        (f"{eliminated.condition_number:.0f}", "", "condition number of the independent parameters, columns of unit length"),
+    )  # fmt: skip
     return Section(
-        title="What each parameter does",
+        title="Effect of each parameter",
         blocks=(
-            Numbers(
-                (
-                    (strongest.name, "", f"moves the tool most for its tolerance: {largest.max() * 1e3:.3f} mm"),
-                    (f"{eliminated.rank} of {len(model)}", "", "parameters are independent at these poses"),
-                    (
-                        f"{told_apart.count} of {eliminated.rank}",
-                        "",
-                        "directions are told apart by a measurement's noise",
-                    ),
-                    (f"{eliminated.condition_number:.0f}", "", "is their condition number, columns of unit length"),
-                )
-            ),
+            Numbers(numbers),
             Chart(
                 title="Effect of every parameter on the tool point",
                 least_width=700,
-                figure=draw_effects(sensitivity),
-                note="A high bar: an ordinary defect moves the tool far. Without a bar: it does nothing at these "
-                "poses. Along the robot's "
-                "base axes and in space, nominal robot. A tolerance is one standard deviation.",
+                figure=draw_effects(found),
+                note="A high bar: an ordinary defect moves the tool far. No bar: the parameter has no effect at these poses. Along "
+                "the base axes and in space, nominal model. A tolerance is one standard deviation.",
             ),
-            tabulate_effects(sensitivity),
+            tabulate_effects(found),
         ),
     )
 
 
-def _elimination(
-    sensitivity: Sensitivity, table: EliminationTable, told_apart: ToldApart, noise: MeasuringNoise
-) -> Section:
-    """What is independent exactly, and what of it the noise can tell apart."""
-    model = sensitivity.model
+def _elimination(found: Sensitivity, table: EliminationTable, told_apart: ToldApart, noise: MeasuringNoise) -> Section:
+    """Exactly independent parameters, and the directions that noise leaves determined."""
     label, eliminated = next(iter(table.eliminations.items()))
-    rows = [(r.name, r.symbol, r.published, r.repeats, r.eliminated[label]) for r in table.rows]
-    columns: list[str] = ["parameter", "symbol", "published", "repeats", "full elimination"]
-    if not model.robot.published.source:
-        columns, rows = [c for c in columns if c != "published"], [row[:2] + row[3:] for row in rows]
-    symbols = {p.name: p.symbol or p.name for p in model.parameters}
+    columns = [
+        Column("parameter", "name"),
+        Column("symbol", "symbol"),
+        *([Column("published", "published")] if found.model.robot.published.source else []),
+        Column("equal to", "repeats"),
+        Column("full elimination", lambda row: row.eliminated[label]),
+    ]
+    counts = (
+        f"{len(eliminated.zero)} parameters have no effect on the tool point, {len(eliminated.dependent)} equal a combination of "
+        f"others, {len(eliminated.kept)} are independent. Tracker frame and targets, which are dependent on some of these too, are "
+        "not counted here."
+    )
     return Section(
-        title="What the poses can tell apart",
+        title="Identifiable parameters",
         blocks=(
-            Text(
-                (
-                    f"{len(eliminated.zero)} parameters do nothing to the tool point, {len(eliminated.dependent)} equal a "
-                    f"combination of others, {len(eliminated.kept)} are independent. The tracker's frame and the targets, "
-                    "which repeat some of these too, are not counted here.",
-                    f"Told apart by a measurement at these poses are {count_told_apart(told_apart)}. Its noise is "
-                    f"{noise.describe()}.",
-                )
-            ),
-            tabulate_told_apart(told_apart, symbols),
+            Text((counts, f"{count_told_apart(told_apart)}. Noise of the measurement: {noise.describe()}.")),
+            tabulate_told_apart(told_apart, {p.name: p.symbol or p.name for p in found.model.parameters}),
             Chart(
                 title="Singular values",
                 figure=draw_singular_values(table.eliminations),
                 note="Filled marks count: so many parameters are independent. A wide gap below them: the number is beyond doubt. "
-                "Filled marks far to the right and low: exactly independent, but the noise of a measurement drowns them.",
+                "Filled marks far to the right and low: exactly independent, but lost in the noise of a measurement.",
             ),
-            Table.of_rows(
-                f"Elimination of all {len(rows)} parameters",
-                tuple(columns),
-                rows,
-                text_columns=tuple(range(len(columns))),
-                folded=True,
-            ),
+            Table.of(f"Elimination of all {len(table.rows)} parameters", columns, table.rows, folded=True),
         ),
     )

@@ -9,62 +9,50 @@ from jaxtyping import Float
 from plotly.subplots import make_subplots
 
 from taskcal.planning.task_map import Maps, Slice, TaskCurves, TaskMaps
-from taskcal.report.content import Block, Chart, Section, Text
-from taskcal.report.theme import AXIS_COLOURS, SERIES, label_panels, styled, switch, with_decades
+from taskcal.report.content import COVERAGE, NOMINAL, Block, Chart, Section, Text
+from taskcal.report.theme import (
+    AXIS_COLOURS,
+    SERIES,
+    add_series,
+    draw_slices,
+    show_one,
+    styled,
+    switch,
+    with_decades,
+)
 from taskcal.robot.error_model import ErrorModel
 
-COLOURS = "Viridis"
+MAX_MARKED = 60
+"""Poses up to which a curve has a mark at each; more would run together."""
 
 
 def draw_maps(slices: Sequence[Slice], views: Mapping[str, Maps], *, from_zero: bool = False) -> go.Figure:
-    """Heat maps over slices of a workspace, a colour scale for each view, the same in all slices.
+    """Draw heat maps over slices of a workspace, a colour scale for each view, the same in all slices.
 
     Args:
         slices: planes through the middle of the workspace.
         views: what to choose from, each with a map in metres for every slice.
         from_zero: begin the scales at zero instead of the smallest value.
     """
-    figure = make_subplots(
-        rows=1,
-        cols=len(slices),
-        horizontal_spacing=0.14,
-        subplot_titles=[f"{at.plane[0].upper()}–{at.plane[1].upper()} through the middle" for at in slices],
-    )
+    titles = [f"{at.plane[0].upper()}–{at.plane[1].upper()} through the middle" for at in slices]
+    figure = make_subplots(rows=1, cols=len(slices), horizontal_spacing=0.14, subplot_titles=titles)
     drawn = {label: [_millimetres(values) for values in maps] for label, maps in views.items()}
-    ranges = {label: _range(maps, from_zero) for label, maps in drawn.items()}
-    first = next(iter(drawn))
-    for col, (at, values) in enumerate(zip(slices, drawn[first], strict=True), start=1):
-        figure.add_heatmap(
-            x=at.u * 1e3,
-            y=at.v * 1e3,
-            z=values,
-            coloraxis="coloraxis",
-            zsmooth="best" if np.all(at.reached) else False,
-            hovertemplate="%{x:.0f}, %{y:.0f} mm: %{z:.3g} mm<extra></extra>",
-            row=1,
-            col=col,
-        )
-        figure.update_xaxes(title_text=f"{at.plane[0].upper()} from the middle (mm)", row=1, col=col)
-        figure.update_yaxes(title_text=f"{at.plane[1].upper()} (mm)", row=1, col=col, title_standoff=4)
-        anchor = "x" if col == 1 else f"x{col}"
-        figure.update_yaxes(scaleanchor=anchor, constrain="domain", row=1, col=col)
-        figure.update_xaxes(constrain="domain", row=1, col=col)
     several = len(drawn) > 1
     styled(figure, height=430 + 40 * several, legend=False, top=60 + 50 * several)
-    low, high = ranges[first]
-    figure.update_layout(
-        coloraxis={"colorscale": COLOURS, "colorbar": {"title": {"text": "mm"}, "len": 1.0}, "cmin": low, "cmax": high}
-    )
-    figure.update_xaxes(showgrid=False)
-    figure.update_yaxes(showgrid=False, zeroline=False)
-    if several:
-        switch(figure, {label: _choice(maps, ranges[label]) for label, maps in drawn.items()}, y=1.12)
-    return label_panels(figure)
-
-
-def _choice(maps: Sequence[np.ndarray], span: tuple[float, float]) -> tuple[dict[str, Any], dict[str, Any]]:
-    plain = [[[None if np.isnan(v) else v for v in row] for row in values.tolist()] for values in maps]
-    return {"z": plain}, {"coloraxis.cmin": span[0], "coloraxis.cmax": span[1]}
+    for col, (at, values) in enumerate(zip(slices, next(iter(drawn.values())), strict=True), start=1):
+        place = {"row": 1, "col": col, "constrain": "domain"}
+        figure.add_heatmap(
+            x=at.u * 1e3, y=at.v * 1e3, z=values, coloraxis="coloraxis", zsmooth="best" if np.all(at.reached) else False,
+            hovertemplate="%{x:.0f}, %{y:.0f} mm: %{z:.3g} mm<extra></extra>", row=1, col=col,
+        )  # fmt: skip
+        figure.update_xaxes(title_text=f"{at.plane[0].upper()} from the middle (mm)", **place)
+        figure.update_yaxes(
+            title_text=f"{at.plane[1].upper()} (mm)",
+            title_standoff=4,
+            scaleanchor="x" if col == 1 else f"x{col}",
+            **place,
+        )
+    return draw_slices(figure, drawn, {label: _span(maps, from_zero) for label, maps in drawn.items()}, y=1.12)
 
 
 def _millimetres(values: Float[np.ndarray, "v u"]) -> Float[np.ndarray, "v u"]:
@@ -74,38 +62,31 @@ def _millimetres(values: Float[np.ndarray, "v u"]) -> Float[np.ndarray, "v u"]:
     return np.round(scaled, max(0, 4 - int(np.ceil(np.log10(max(top, 1e-6))))))
 
 
-def _range(maps: Sequence[np.ndarray], from_zero: bool) -> tuple[float, float]:
+def _span(maps: Sequence[np.ndarray], from_zero: bool) -> tuple[float, float, str]:
     every = np.concatenate([values[~np.isnan(values)] for values in maps])
     if not len(every):
-        return 0.0, 1.0
+        return 0.0, 1.0, "mm"
     low, high = 0.0 if from_zero else float(every.min()), float(every.max())
-    return (low, high) if high > low else (low, low + 1.0)
+    return low, high if high > low else low + 1.0, "mm"
 
 
 def draw_curves(curves: Mapping[str, Float[np.ndarray, " n"]]) -> go.Figure:
-    """Errors in space pose by pose, along a path or a list.
+    """Draw 3D errors pose by pose, along a path or a list.
 
     Args:
         curves: values by what they are, metres.
     """
     figure = go.Figure()
     for k, (label, values) in enumerate(curves.items()):
-        figure.add_scatter(
-            x=np.arange(len(values)),
-            y=values * 1e3,
-            mode="lines+markers" if len(values) < 60 else "lines",
-            name=label,
-            line={"color": SERIES[k % len(SERIES)], "width": 2.2},
-            hovertemplate="pose %{x}: %{y:.3f} mm<extra>" + label + "</extra>",
-        )
-    styled(figure, height=420, top=80)
-    figure.update_xaxes(title_text="pose of the task")
-    with_decades(figure, "error in space (mm)")
-    return figure
+        mode = "lines+markers" if len(values) < MAX_MARKED else "lines"
+        add_series(
+            figure, label, np.arange(len(values)), values * 1e3, SERIES[k % len(SERIES)], mode=mode, hover="pose %{x}: %{y:.3f} mm"
+        )  # fmt: skip
+    return with_decades(styled(figure, height=420, x="pose of the task", top=80), "3D error (mm)")
 
 
 def draw_bands(bands: Mapping[str, Float[np.ndarray, "n 3"]]) -> go.Figure:
-    """Intervals of 95 % about zero on X, Y and Z, pose by pose.
+    """Draw intervals of 95 % about zero on X, Y and Z, pose by pose.
 
     Args:
         bands: standard deviations per axis by what they are, metres; the widest first. One is shown at a time at first,
@@ -117,49 +98,39 @@ def draw_bands(bands: Mapping[str, Float[np.ndarray, "n 3"]]) -> go.Figure:
     fills = ("rgba(122,122,122,0.30)", "rgba(0,114,178,0.45)", "rgba(213,94,0,0.5)")
     for row, axis in enumerate(AXIS_COLOURS, start=1):
         for k, (label, deviation) in enumerate(bands.items()):
-            half = 1.96e3 * deviation[:, row - 1]
-            x = np.arange(len(half))
+            half = COVERAGE * 1e3 * deviation[:, row - 1]
+            x, fill = np.arange(len(half)), fills[k % len(fills)]
             owner += [k, k]
-            figure.add_scatter(
-                x=np.concatenate([x, x[::-1]]),
-                y=np.concatenate([half, -half[::-1]]),
-                fill="toself",
-                fillcolor=fills[k % 3],
-                line={"width": 0.5, "color": fills[k % 3]},
-                mode="lines",
-                name=label,
-                legendgroup=label,
-                showlegend=row == 1,
-                visible=k == last,
-                hoverinfo="skip",
-                row=row,
-                col=1,
-            )
-            figure.add_scatter(
-                x=x,
-                y=half,
-                visible=k == last,
-                mode="lines",
-                line={"width": 0},
+            both_x, both_y = np.concatenate([x, x[::-1]]), np.concatenate([half, -half[::-1]])
+            shared: dict[str, Any] = {"mode": "lines", "visible": k == last, "row": row, "col": 1}
+            add_series(
+                figure, label, both_x, both_y, fill, fill="toself", fillcolor=fill, width=0.5, legendgroup=label,
+                showlegend=row == 1, **shared,
+            )  # fmt: skip
+            hover = "pose %{x}: ±%{y:.3f} mm (95 %)"
+            add_series(
+                figure,
+                label,
+                x,
+                half,
+                fill,
+                hover=hover,
+                extra=f"{axis}, {label}",
+                width=0.0,
                 showlegend=False,
-                hovertemplate="pose %{x}: ±%{y:.3f} mm<extra>" + f"{axis}, {label}</extra>",
-                row=row,
-                col=1,
+                **shared,
             )
-    styled(figure, height=580, top=100)
-    figure.update_yaxes(title_text="mm")
-    if len(bands) > 1:
-        choices = {label: ({"visible": [o == k for o in owner]},) for k, label in reversed(list(enumerate(bands)))}
-        switch(figure, choices | {"together": ({"visible": [True] * len(owner)},)}, y=1.04)
+    styled(figure, height=580, y="mm", top=100)
+    choices: dict[str, Sequence[Any]] = {label: (show_one(owner, k),) for k, label in reversed(list(enumerate(bands)))}
     figure.update_xaxes(title_text="pose of the task", row=3, col=1)
-    return label_panels(figure)
+    return switch(figure, choices | {"together": ({"visible": [True] * len(owner)},)}, y=1.04) if last else figure
 
 
-# The part of a report that says where in a task the errors are.
+# The section of a report on the errors within a task.
 
 
 def task_section(model: ErrorModel, maps: TaskMaps | TaskCurves, identified: str, measured: str) -> Section:
-    """Where in the task the errors are.
+    """Make the section of expected errors over a task.
 
     Args:
         model: the model.
@@ -167,47 +138,47 @@ def task_section(model: ErrorModel, maps: TaskMaps | TaskCurves, identified: str
         identified: which parameters are identified, in words.
         measured: at which poses, in words.
     """
-    frames = (
-        "Before is what remains when the measurements only serve to find the tracker's frame and the targets, after when "
-        f"{identified} are identified as well, from {measured}. Both are root mean squares to be expected in the tracker's frame, "
-        "in closed form; the tolerances alone are in the robot's own base, where nothing is fitted."
+    meaning = Text(
+        (
+            "Nominal (registered): the measurements only determine tracker frame and targets. Identified: "
+            f"{identified} are estimated as well, from {measured}. Both are expected 3D rms errors in the tracker frame, in closed "
+            "form; tolerances alone are in the robot's base, where nothing is fitted.",
+        )
     )
     blocks: tuple[Block, ...]
     if isinstance(maps, TaskCurves):
-        curves = {"tolerances alone": maps.tolerance, "before": maps.before, "after": maps.after}
+        curves = {"tolerances alone": maps.tolerance, NOMINAL: maps.before, "identified": maps.after}
         blocks = (
-            Text((frames,)),
+            meaning,
             Chart(
-                title="Error to be expected, pose by pose",
+                title="Expected error, pose by pose",
                 figure=draw_curves(curves),
-                note="The farther the lowest line lies below the others, the more identification is worth there. "
+                note="The farther the lowest line lies below the others, the more identification reduces the error there. "
                 "Logarithmic scale.",
             ),
         )
     else:
-        shown = "Bright is worse. Drawn in one tool orientation, that of the task's middle. White: out of the robot's reach there."
         labels = {p.name: p.label for p in model.parameters}
         # the strongest first: it is what a reader sees before choosing
         strongest = sorted(
             maps.effects, key=lambda name: -max(float(np.nanmax(m, initial=0.0)) for m in maps.effects[name])
         )
+        views = {"identified": maps.after, NOMINAL: maps.before, "tolerances": maps.tolerance}
         blocks = (
-            Text((frames,)),
+            meaning,
             Chart(
-                title="Error to be expected before identification and after",
+                title="Expected error before and after identification",
                 least_width=700,
-                figure=draw_maps(
-                    maps.slices, {"after": maps.after, "before": maps.before, "tolerances": maps.tolerance}
-                ),
-                note=f"{shown} Each view has its own scale of colours.",
+                figure=draw_maps(maps.slices, views),
+                note="Bright is worse. Drawn in one tool orientation, that of the task's middle. White: out of the robot's reach "
+                "there. Each view has its own scale of colours.",
             ),
             Chart(
-                title="Effect of a single parameter's tolerance in space",
+                title="3D effect of a single parameter's tolerance",
                 least_width=700,
                 figure=draw_maps(maps.coarse, {labels[name]: maps.effects[name] for name in strongest}, from_zero=True),
-                note="One colour all over: the defect moves the whole task alike. Bright corners: it matters there "
-                "most. Choose the "
-                "parameter in the list, which begins with the strongest. Each has its own scale of colours.",
+                note="One colour all over: the defect moves the whole task equally. Bright corners: it matters there most. Choose "
+                "the parameter in the list, which begins with the strongest. Each has its own scale of colours.",
             ),
         )
-    return Section(title="Where in the task", blocks=blocks)
+    return Section(title="Errors over the task", blocks=blocks)

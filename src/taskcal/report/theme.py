@@ -12,36 +12,96 @@ BLUE, ORANGE, GREEN, VERMILION, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", 
 INK, GRID = "#1f2933", "#e3e7eb"
 
 AXIS_COLOURS = {"X": BLUE, "Y": ORANGE, "Z": GREEN}
-AXIS_SHAPES = {"X": "circle", "Y": "square", "Z": "diamond"}
+SHAPES = ("circle", "square", "diamond", "triangle-up", "cross", "x")
+"""Of series, which differ without colour, too."""
 SERIES = (VERMILION, BLUE, GREEN, PURPLE, ORANGE, GREY)
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 
 
-def styled(figure: go.Figure, *, height: int, legend: bool = True, top: int = 60) -> go.Figure:
-    """The figure with the house's layout: white, with light grids, its legend above."""
-    figure.update_layout(
-        template="none",
-        height=height,
-        font={"family": FONT, "size": 14, "color": INK},
-        margin={"l": 70, "r": 20, "t": top, "b": 60},
-        showlegend=legend,
-        legend={"orientation": "h", "yanchor": "bottom", "y": 1.02, "xanchor": "left", "x": 0.0},
-        hoverlabel={"font": {"family": FONT, "size": 13}},
-        paper_bgcolor="white",
-        plot_bgcolor="white",
-        bargap=0.25,
-    )
-    axis: dict[str, Any] = {
-        "gridcolor": GRID,
-        "zerolinecolor": "#b8c1ca",
-        "linecolor": "#b8c1ca",
-        "ticks": "outside",
-        "ticklen": 4,
+_AXIS = {
+    "automargin": True,
+    "gridcolor": GRID,
+    "zerolinecolor": "#b8c1ca",
+    "linecolor": "#b8c1ca",
+    "ticks": "outside",
+    "ticklen": 4,
+    "title": {"font": {"size": 14}},
+}
+
+TEMPLATE = go.layout.Template(
+    layout={
+        "font": {"family": FONT, "size": 14, "color": INK},
+        "paper_bgcolor": "white",
+        "plot_bgcolor": "white",
+        "bargap": 0.25,
+        "legend": {"orientation": "h", "yanchor": "bottom", "y": 1.02, "xanchor": "left", "x": 0.0},
+        "hoverlabel": {"font": {"family": FONT, "size": 13}},
+        "xaxis": {**_AXIS, "zeroline": False},
+        "yaxis": _AXIS,
+        "coloraxis": {"colorscale": "Viridis"},
     }
-    axis["title"] = {"font": {"size": 14}}
-    figure.update_xaxes(automargin=True, zeroline=False, **axis)
-    figure.update_yaxes(automargin=True, **axis)
-    return figure
+)
+"""White, with light grids and the legend above."""
+
+
+def styled(
+    figure: go.Figure, *, height: int, x: str = "", y: str = "", zero: bool = False, legend: bool = True, top: int = 60
+) -> go.Figure:
+    """The figure in the template of all reports.
+
+    Args:
+        figure: with its panels.
+        height: CSS pixels.
+        x: title of the horizontal axes, if all have one.
+        y: title of the vertical axes, likewise.
+        zero: whether vertical axes begin at zero.
+        legend: whether there is one.
+        top: margin above the panels, CSS pixels.
+    """
+    figure.update_layout(
+        template=TEMPLATE, height=height, margin={"l": 70, "r": 20, "t": top, "b": 60}, showlegend=legend
+    )
+    figure.update_annotations(font={"size": 14})  # titles of panels, which are larger otherwise
+    if x:
+        figure.update_xaxes(title_text=x)
+    if y:
+        figure.update_yaxes(title_text=y)
+    return figure.update_yaxes(rangemode="tozero") if zero else figure
+
+
+def add_series(
+    figure: go.Figure,
+    name: str,
+    x: Any,
+    y: Any,
+    colour: Any,
+    *,
+    hover: str = "",
+    mode: str = "markers",
+    extra: str = "",
+    dash: str = "solid",
+    width: float = 2.2,
+    **options: Any,
+) -> go.Figure:
+    """Add points or a line.
+
+    Args:
+        figure: to which.
+        name: in the legend.
+        x: horizontal values.
+        y: vertical values.
+        colour: of points and line.
+        hover: template of the numbers that are shown at a point; nothing is shown without one.
+        mode: ``markers``, ``lines`` or both.
+        extra: beside the numbers at a point; the name by default.
+        dash: of the line.
+        width: of the line.
+        options: of `go.Scatter`, or of its panel; a dictionary `marker` is added to the colour.
+    """
+    marker = {"color": colour, **options.pop("marker", {})}
+    line = {"line": {"color": colour, "width": width, "dash": dash}} if "lines" in mode else {}
+    shown = {"hovertemplate": f"{hover}<extra>{extra or name}</extra>"} if hover else {"hoverinfo": "skip"}
+    return figure.add_scatter(x=x, y=y, name=name, mode=mode, marker=marker, **{**line, **shown, **options})
 
 
 def with_decades(figure: go.Figure, title: str) -> go.Figure:
@@ -51,8 +111,7 @@ def with_decades(figure: go.Figure, title: str) -> go.Figure:
         figure: with all its traces, their values in millimetres or micrometres.
         title: of the axis.
     """
-    columns = [getattr(trace, "y", None) for trace in figure.data]
-    drawn = [np.asarray(column, dtype=float).ravel() for column in columns if column is not None]
+    drawn = [np.asarray(trace.y, dtype=float).ravel() for trace in figure.data if trace.y is not None]
     values = np.concatenate([np.empty(0), *drawn])
     ticks = _ticks(values[np.isfinite(values) & (values > 0.0)])
     return figure.update_yaxes(type="log", title_text=title, tickvals=ticks, ticktext=[f"{tick:.7g}" for tick in ticks])
@@ -70,33 +129,58 @@ def _ticks(values: Float[np.ndarray, " n"]) -> list[float]:
     return [number * step for number in range(max(first, 1), int(1.4 * most / step) + 2)]
 
 
-def switch(figure: go.Figure, choices: Mapping[str, Sequence[Any]], *, y: float, x: float = 1.0) -> go.Figure:
+def switch(figure: go.Figure, choices: Mapping[str, Sequence[Any]], *, y: float, active: int = 0) -> go.Figure:
     """The figure with a row of buttons above it, or a list where they are many; each choice has its update."""
     buttons = [{"label": label, "method": "update", "args": list(arguments)} for label, arguments in choices.items()]
-    figure.update_layout(
-        updatemenus=[
-            {
-                "type": "buttons" if len(buttons) < 4 else "dropdown",
-                "direction": "right" if len(buttons) < 4 else "down",
-                "buttons": buttons,
-                "x": x,
-                "xanchor": "right",
-                "y": y,
-                "yanchor": "bottom",
-                "pad": {"r": 0, "t": 0, "b": 4},
-                "bgcolor": "white",
-                "bordercolor": "#b8c1ca",
-                "font": {"size": 13},
-            }
-        ]
-    )
-    return figure
+    few = len(buttons) < 4
+    menu = {
+        "type": "buttons" if few else "dropdown",
+        "direction": "right" if few else "down",
+        "buttons": buttons,
+        "active": active,
+        "x": 1.0,
+        "xanchor": "right",
+        "y": y,
+        "yanchor": "bottom",
+        "pad": {"r": 0, "t": 0, "b": 4},
+        "bgcolor": "white",
+        "bordercolor": "#b8c1ca",
+        "font": {"size": 13},
+    }
+    return figure.update_layout(updatemenus=[menu]) if len(buttons) > 1 else figure
 
 
-def label_panels(figure: go.Figure) -> go.Figure:
-    """Panel titles of a figure with several panels, set flush left and in the text's size."""
-    figure.update_annotations(font={"family": FONT, "size": 14, "color": INK})
-    return figure
+def show_one(owner: Sequence[int], which: int) -> dict[str, list[bool]]:
+    """Update of a `switch` that shows the traces of one choice, and those of none (−1), which stay."""
+    return {"visible": [o in (which, -1) for o in owner]}
+
+
+def draw_slices(
+    figure: go.Figure,
+    maps: Mapping[str, Sequence[np.ndarray]],
+    spans: Mapping[str, tuple[float, float, str]],
+    *,
+    y: float,
+) -> go.Figure:
+    """Give the heat maps of a figure one scale of colours for each view, and a button for each.
+
+    Args:
+        figure: with a heat map of the first view in each panel.
+        maps: of each view, one for each panel.
+        spans: smallest and largest value of each view, and its unit.
+        y: where the buttons are.
+    """
+    choices: dict[str, Sequence[Any]] = {}
+    for label, values in maps.items():
+        plain = [np.where(np.isnan(each), None, each.astype(object)).tolist() for each in values]  # JSON has no NaN
+        low, high, unit = spans[label]
+        scale = {"coloraxis.cmin": low, "coloraxis.cmax": high, "coloraxis.colorbar.title.text": unit}
+        choices[label] = ({"z": plain}, scale)
+    low, high, unit = next(iter(spans.values()))
+    figure.update_layout(coloraxis={"cmin": low, "cmax": high, "colorbar": {"title": {"text": unit}}})
+    figure.update_xaxes(showgrid=False)
+    figure.update_yaxes(showgrid=False, zeroline=False)
+    return switch(figure, choices, y=y)
 
 
 def styled_space(figure: go.Figure, *, distance: float) -> go.Figure:

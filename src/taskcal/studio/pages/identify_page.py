@@ -10,7 +10,7 @@ from nicegui import ui
 
 from taskcal.errors import TaskcalError
 from taskcal.io.files import write_whole
-from taskcal.report.calibration import COLUMNS, tabulate_errors
+from taskcal.report.calibration import ERRORS
 from taskcal.studio.controls import button, choice, facts, line_of_text, message, number, table, text, tick
 from taskcal.studio.project import LAYOUT, RESULT, Choices, Project
 from taskcal.studio.run_panel import show_run
@@ -130,7 +130,4 @@ def _compare(project: Project, texts: Texts) -> None:
 
 def _error(summary: Mapping[str, float] | None, key: str) -> str:
     """An error as the command line's table has it; a dash where nothing was held out."""
-    if summary is None:
-        return "–"
-    shown = tabulate_errors("", {"": summary})
-    return shown.rows[0][shown.header.index(COLUMNS[key])]
+    return next(column.cell(summary or {}) for column in ERRORS if column.value == key)

@@ -15,12 +15,12 @@ from taskcal.identification.calibration import Calibration, load_calibration
 from taskcal.identification.validation import measured_errors
 from taskcal.report.calibration import (
     describe_held_out,
+    draw_over_joints,
     tabulate_errors,
     tabulate_left_out,
     tabulate_outliers,
     tabulate_parameters,
 )
-from taskcal.report.fit_figures import draw_over_joints
 from taskcal.studio.controls import ValueInput, choice, facts, message, table, tabulated, text
 from taskcal.studio.pages.identify_page import read_result
 from taskcal.studio.pages.measurements_page import in_project
