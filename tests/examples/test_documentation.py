@@ -102,6 +102,8 @@ def test_the_plan_of_the_guide_is_worth_what_it_says(tmp_path):
         robot.write("\n" + tolerances)
     (printed,) = taskcal("plan --robot my-robot.toml --task task.toml --count 40 -o plan.csv", folder=tmp_path)
     shown = blocks("docs/how-to/choose-measuring-poses.md", "text")[0]
-    for line in ("this plan", "random poses", "poses spread evenly", "nominal robot, frames found"):
-        (said,), (found,) = (re.findall(rf"^ *{line} +([\d.]+)", text, re.MULTILINE) for text in (shown, printed))
+    for line in ("this plan", "random poses", "space-filling poses", "nominal (registered)"):
+        (said,), (found,) = (
+            re.findall(rf"^ *{re.escape(line)} +([\d.]+)", text, re.MULTILINE) for text in (shown, printed)
+        )
         assert float(found) == pytest.approx(float(said), rel=0.01), line

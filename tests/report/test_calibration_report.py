@@ -44,4 +44,4 @@ def test_the_model_error_of_poses_stands_in_milliradians_too(of_poses):
 def test_columns_that_nobody_has_are_left_out():
     table = tabulate_errors("errors", {"a": {"mean_mm": 1.0, "n": 3}, "b": {"mean_mm": 2.0, "max_mrad": 0.5}})
     assert table.header == ("rows", "mean mm", "max mrad", "points")
-    assert table.rows == (("a", "1.000", "", "3"), ("b", "2.000", "0.500", ""))
+    assert table.rows == (("a", "1.000", "–", "3"), ("b", "2.000", "0.500", "–"))

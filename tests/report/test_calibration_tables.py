@@ -70,8 +70,8 @@ def test_outliers_of_most_points_advise_no_measurement() -> None:
     ("shared", "said"),
     [
         ((), "none"),
-        ((False,), "1 too far off for chance, 1 alone among its neighbours: measure again, or leave out"),
-        ((True, True), "2 too far off for chance, 2 together with their neighbours: model error, do not measure again"),
+        ((False,), "1 outlier, 1 isolated: measure again, or leave out"),
+        ((True, True), "2 outliers, 2 with similar errors nearby: model error, do not measure again"),
     ],
     ids=["none", "reading", "model"],
 )

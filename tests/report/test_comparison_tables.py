@@ -38,9 +38,9 @@ UNCHANGED, SMALL, CHANGED = compared(0.3, 0.0), compared(0.001, 4.5e-4), compare
 @pytest.mark.parametrize(
     ("comparison", "words"),
     [
-        (UNCHANGED, "nothing shows: they differ by 0.500 mm rms in space, their uncertainties alone would give 0.300 mm"),
-        (SMALL, "a little: they differ by 0.500 mm rms in space, more than their uncertainties explain (0.300 mm), but by less"),
-        (CHANGED, "the robot has changed: 0.500 mm rms in space, where their uncertainties alone would give 0.300 mm"),
+        (UNCHANGED, "no significant change: 3D rms difference 0.500 mm, expected from the uncertainties 0.300 mm"),
+        (SMALL, "small change: 3D rms difference 0.500 mm, significant (expected 0.300 mm), but smaller than the model error"),
+        (CHANGED, "the robot has changed: 3D rms difference 0.500 mm, expected from the uncertainties 0.300 mm"),
     ],
     ids=["unchanged", "small", "changed"],
 )  # fmt: skip
@@ -51,10 +51,10 @@ def test_the_verdict_is_said_with_its_figures(comparison, words):
 @pytest.mark.parametrize(
     ("comparison", "accuracy", "words"),
     [
-        (UNCHANGED, 1e-4, "no: nothing has changed, and 0.1 mm is not in question"),
-        (CHANGED, 3e-4, "yes: what changed, 0.400 mm rms, is beyond 0.3 mm; use the new calibration"),
-        (CHANGED, 5e-4, "no: what changed, 0.400 mm rms, is within 0.5 mm"),
-        (SMALL, 5e-4, "no: what changed, 0.400 mm rms, is within 0.5 mm"),
+        (UNCHANGED, 1e-4, "no: no significant change against 0.1 mm"),
+        (CHANGED, 3e-4, "yes: change 0.400 mm rms exceeds 0.3 mm; use the new calibration"),
+        (CHANGED, 5e-4, "no: change 0.400 mm rms is within 0.5 mm"),
+        (SMALL, 5e-4, "no: change 0.400 mm rms is within 0.5 mm"),
     ],
 )
 def test_whether_the_robot_is_due_is_said_against_the_accuracy(comparison, accuracy, words):
@@ -70,13 +70,13 @@ def test_parameters_are_said_in_their_own_units():
 @pytest.mark.parametrize(
     ("chance", "said"),
     [
-        (0.0, "below 0.001"),
-        (1.6e-146, "below 0.001"),
-        (0.00099, "below 0.001"),
-        (0.001, "of 0.001"),
-        (0.994, "of 0.99"),
-        (0.9999, "above 0.99"),
+        (0.0, "< 0.001"),
+        (1.6e-146, "< 0.001"),
+        (0.00099, "< 0.001"),
+        (0.001, "= 0.001"),
+        (0.994, "= 0.99"),
+        (0.9999, "> 0.99"),
     ],
 )
 def test_describe_chance_gives_a_bound_if_nearly_0_or_1(chance: float, said: str) -> None:
-    assert describe_chance(compared(chance, 0.0)).endswith(f"with a probability {said}")
+    assert describe_chance(compared(chance, 0.0)).endswith(f"p (no change) {said}")

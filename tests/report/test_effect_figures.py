@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from taskcal.analysis.sensitivity import Sensitivity
-from taskcal.report.fit_figures import draw_effects
-from taskcal.report.sensitivity import tabulate_effects
+from taskcal.report.sensitivity import draw_effects, tabulate_effects
 from taskcal.report.task import draw_bands
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel

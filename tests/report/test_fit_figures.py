@@ -7,7 +7,7 @@ import pytest
 
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.identify import identify
-from taskcal.report.fit_figures import draw_parameters, draw_residuals
+from taskcal.report.calibration import draw_parameters, draw_residuals
 from taskcal.robot.error_model import ErrorModel
 from taskcal.virtual.cell import Truth, simulate
 from tests.report.axis_titles import axis_titles

@@ -18,11 +18,11 @@ def of_lengths(mm, part, folds=0, by="neighbours"):
 
 def test_the_sentence_has_mean_spread_and_the_best_and_worst_part():
     sentence = describe_held_out(of_lengths([0.1, 0.1, 0.3, 0.3], [0, 0, 1, 1]))
-    assert "2 groups of neighbouring poses, not seen by the fit" in sentence
-    assert "0.200 ± 0.100 mm (1σ)" in sentence
+    assert "2 groups of neighbouring poses, excluded from the fit" in sentence
+    assert "mean 0.200 mm, standard error 0.100 mm" in sentence
     assert "from 0.100 to 0.300 mm" in sentence
     assert "3 folds of blocks" in describe_held_out(of_lengths([0.1, 0.2, 0.3], [0, 1, 2], folds=3, by="blocks"))
-    assert "does not tell how far" in describe_held_out(of_lengths([0.1, 0.2], [0, 0]))
+    assert "has no standard error" in describe_held_out(of_lengths([0.1, 0.2], [0, 0]))
 
 
 def test_the_page_shows_them_or_says_how_to_get_them(fitted):

@@ -7,7 +7,7 @@ import pytest
 
 from taskcal.analysis.elimination_table import EliminationTable, tabulate_elimination
 from taskcal.analysis.sensitivity import Sensitivity, sensitivity
-from taskcal.report.fit_figures import draw_sensitivities, draw_singular_values
+from taskcal.report.sensitivity import draw_sensitivities, draw_singular_values
 from taskcal.robot.error_model import ErrorModel
 from tests.report.axis_titles import axis_titles
 

@@ -54,11 +54,11 @@ def test_one_axis_is_a_curve_and_none_has_no_figure():
     assert list(before.x) == [-200.0, 0.0, 200.0]
     one = PartPlacements(name="square", now=placed(0.0), all=(placed(0.0),))
     page = placement_page(one, "robot", calibrated=True, version="0")
-    assert [section.title for section in page.sections] == ["Where to put it"]
+    assert [section.title for section in page.sections] == ["Best placements"]
 
 
 def test_a_page_says_why_placements_fall_away():
     found = PartPlacements(name="square", now=placed(0.0), all=tuple(placed(x) for x in XS))
     page = placement_page(found, "robot", calibrated=True, version="0").html()
-    assert "Placements that cannot be used" in page
+    assert "Rejected placements" in page
     assert "square.csv:2: out of reach" in page

@@ -7,8 +7,7 @@ import pytest
 
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.residual_analysis import Explained, ResidualAnalysis
-from taskcal.report.calibration import residual_analysis_section
-from taskcal.report.fit_figures import draw_against, draw_parameters, draw_shares
+from taskcal.report.calibration import draw_against, draw_parameters, draw_shares, residual_analysis_section
 from taskcal.report.theme import BLUE
 
 
@@ -29,7 +28,7 @@ def test_shares_and_the_first_quantity(fitted: tuple[Calibration, ResidualAnalys
     assert bars.y[-1] == "position of J3: turn of J3"
     assert bars.x[-1] == pytest.approx(100 * first.share)
     figure = draw_against(found)
-    assert figure.layout.yaxis.title.text == "remainder (mrad)"
+    assert figure.layout.yaxis.title.text == "residual (mrad)"
     assert figure.layout.xaxis.title.text == "position of J3 (°)"
     points, line = figure.data[:2]
     assert np.all(np.diff(line.x) >= 0.0)
@@ -52,5 +51,5 @@ def test_bars_are_blue_where_the_sentences_call_the_share_proven(fitted: tuple[C
     for found, blue in ((nothing, 0), (something, 1)):
         assert list(draw_shares(found).data[0].marker.color).count(BLUE) == blue
         words = str([getattr(block, "items", ()) for block in residual_analysis_section(found, "80 poses").blocks])
-        assert ("Nothing that was tried is proven to explain 1 % of it." in words) == (blue == 0)
+        assert ("No tested quantity explains 1 % of it significantly." in words) == (blue == 0)
         assert words.count("of the variance") == blue

@@ -23,12 +23,12 @@ def test_everything_that_was_measured_is_in_it(name: str) -> None:
     n = int(np.isfinite(errors.after[..., 0]).sum())
     assert len(content["poses"]) == len(errors.q)
     assert (
-        len(layers["error before"]["by"])
-        == len(layers["error after"]["by"])
+        len(layers["error, nominal (registered)"]["by"])
+        == len(layers["error, calibrated"]["by"])
         == len(layers["measured points"]["at"])
         == n
     )
-    np.testing.assert_allclose(layers["error after"]["by"], 1e3 * errors.after.reshape(-1, 3), atol=1e-5)
+    np.testing.assert_allclose(layers["error, calibrated"]["by"], 1e3 * errors.after.reshape(-1, 3), atol=1e-5)
     np.testing.assert_allclose(layers["measured points"]["at"], 1e3 * errors.points.reshape(-1, 3), atol=0.051)
     assert any(layer["kind"] == "marker" for layer in content["layers"])
     joints = len(calibration.model.robot.joints)

@@ -14,11 +14,11 @@ def test_each_column_is_what_it_is_called():
     (row,) = table.rows
     cells = dict(zip(table.header, row, strict=True))
     assert (cells["plan"], cells["poses"], cells["model"]) == ("grid", "12", "all")
-    assert float(cells["median"]) == pytest.approx(0.025)
-    assert float(cells["rms"]) == pytest.approx(np.sqrt(np.mean(GEOMETRY**2)), abs=6e-4)
-    assert float(cells["at a pose"]) == pytest.approx(np.sqrt(np.mean(GEOMETRY**2) + 0.05**2), abs=6e-4)
-    assert float(cells["5 % below"]) < float(cells["median"]) < float(cells["95 % below"])
-    assert "'milling', 4 virtual robots" in table.title
+    assert float(cells["median mm"]) == pytest.approx(0.025)
+    assert float(cells["rms mm"]) == pytest.approx(np.sqrt(np.mean(GEOMETRY**2)), abs=6e-4)
+    assert float(cells["at a pose mm"]) == pytest.approx(np.sqrt(np.mean(GEOMETRY**2) + 0.05**2), abs=6e-4)
+    assert float(cells["p05 mm"]) < float(cells["median mm"]) < float(cells["p95 mm"])
+    assert "'milling', 4 simulated robots" in table.title
 
 
 def test_the_accuracy_is_judged_with_the_model_error():

@@ -13,7 +13,7 @@ def test_the_weakest_directions_come_first_each_with_what_is_left_of_its_deviati
     assert [row[0] for row in table.rows] == ["c", "b", "α"]
     assert [float(row[1]) for row in table.rows] == pytest.approx([1.04**-0.5, 5**-0.5, 37**-0.5], abs=5e-4)
     assert [row[2] for row in table.rows] == ["no", "yes", "yes"]
-    assert count_told_apart(told_apart).startswith("2 of 3: ")
+    assert count_told_apart(told_apart).startswith("2 of 3 directions are determined: ")
 
 
 def test_few_directions_and_few_terms_of_each_are_shown():

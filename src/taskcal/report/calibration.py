@@ -366,7 +366,7 @@ def draw_parameters(calibrations: Mapping[str, Calibration], truth: Float[np.nda
     figure.update_layout(legend={"y": 1.0 + 0.12 / count})
     owner: list[int] = []
     for row, ((effect, unit), columns) in enumerate(groups.items(), start=1):
-        place = {"row": row, "col": 1}
+        place: dict[str, Any] = {"row": row, "col": 1}
         names = [model.parameters[i].symbol or model.parameters[i].name for i in columns]
         shared: dict[str, Any] = {
             "customdata": [model.parameters[i].name for i in columns],
@@ -497,7 +497,7 @@ def _findings(analysis: ResidualAnalysis) -> tuple[str, ...]:
         f"{e.regressor.name}, by the {e.regressor.moves}: {100 * e.share:.0f} % of the variance." for e in proven[:5]
     ]
     if not proven:
-        out = [f"No tested quantity explains {100 * MIN_SHARE:.0f} % of the variance significantly."]
+        out = [f"No tested quantity explains {100 * MIN_SHARE:.0f} % of it significantly."]
     if analysis.non_rigid is not None and analysis.rigid is not None and analysis.rigid > 3.0 * analysis.non_rigid:
         out.append(
             "The targets move as one body: the residual is motion of the robot or its stand, not of single readings."

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -84,7 +85,7 @@ def _maps(found: PartPlacements, through: PlacedPart, axes: Sequence[int]) -> go
         by_place = {tuple(_at(placed)[k] for k in plane): placed for placed in within}
         for label, (key, _) in views.items():
             drawn[label].append(np.array([[_value(by_place[a, b], key) for a in u] for b in v], dtype=float))
-        place = {"row": 1, "col": col}
+        place: dict[str, Any] = {"row": 1, "col": col}
         hover = "%{x:.0f}, %{y:.0f}: %{z:.3g}<extra></extra>"
         first = drawn[next(iter(views))][-1]
         figure.add_heatmap(x=u, y=v, z=first, coloraxis="coloraxis", hovertemplate=hover, **place)

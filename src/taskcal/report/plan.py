@@ -62,20 +62,13 @@ def draw_by_count(plan: Plan) -> go.Figure:
     )  # fmt: skip
     low, mean, high = (1e3 * value for value in (plan.random.min(), plan.random.mean(), plan.random.max()))
     spread = {"symmetric": False, "array": [high - mean], "arrayminus": [mean - low], "width": 6, "thickness": 1.8}
-    for name, value, colour, marker, more in (
-        (
-            f"random poses: mean and range of {len(plan.random)} plans",
-            mean,
-            ORANGE,
-            ("square", 10),
-            {"error_y": spread},
-        ),
-        ("space-filling poses", 1e3 * plan.grid, GREEN, ("triangle-up", 12), {}),
-        ("this plan, after exchange and refinement", 1e3 * plan.expected, VERMILION, ("diamond", 12), {}),
+    for name, value, colour, symbol, size, bar in (
+        (f"random poses: mean and range of {len(plan.random)} plans", mean, ORANGE, "square", 10, spread),
+        ("space-filling poses", 1e3 * plan.grid, GREEN, "triangle-up", 12, None),
+        ("this plan, after exchange and refinement", 1e3 * plan.expected, VERMILION, "diamond", 12, None),
     ):
-        symbol, size = marker
-        style = {"symbol": symbol, "size": size}
-        add_series(figure, name, [count], [value], colour, hover="%{y:.3f} mm", marker=style, **more)
+        marker = {"symbol": symbol, "size": size}
+        add_series(figure, name, [count], [value], colour, hover="%{y:.3f} mm", marker=marker, error_y=bar)
     levels = [(plan.before, _start(plan), GREY, "dot")]
     if plan.geometry_allowance:
         less = ", less the model error" if plan.model_error else ""

@@ -40,7 +40,7 @@ def draw_maps(slices: Sequence[Slice], views: Mapping[str, Maps], *, from_zero: 
     several = len(drawn) > 1
     styled(figure, height=430 + 40 * several, legend=False, top=60 + 50 * several)
     for col, (at, values) in enumerate(zip(slices, next(iter(drawn.values())), strict=True), start=1):
-        place = {"row": 1, "col": col, "constrain": "domain"}
+        place: dict[str, Any] = {"row": 1, "col": col, "constrain": "domain"}
         figure.add_heatmap(
             x=at.u * 1e3, y=at.v * 1e3, z=values, coloraxis="coloraxis", zsmooth="best" if np.all(at.reached) else False,
             hovertemplate="%{x:.0f}, %{y:.0f} mm: %{z:.3g} mm<extra></extra>", row=1, col=col,

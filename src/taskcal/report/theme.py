@@ -111,7 +111,8 @@ def with_decades(figure: go.Figure, title: str) -> go.Figure:
         figure: with all its traces, their values in millimetres or micrometres.
         title: of the axis.
     """
-    drawn = [np.asarray(trace.y, dtype=float).ravel() for trace in figure.data if trace.y is not None]
+    columns = [getattr(trace, "y", None) for trace in figure.data]
+    drawn = [np.asarray(column, dtype=float).ravel() for column in columns if column is not None]
     values = np.concatenate([np.empty(0), *drawn])
     ticks = _ticks(values[np.isfinite(values) & (values > 0.0)])
     return figure.update_yaxes(type="log", title_text=title, tickvals=ticks, ticktext=[f"{tick:.7g}" for tick in ticks])
@@ -172,7 +173,8 @@ def draw_slices(
     """
     choices: dict[str, Sequence[Any]] = {}
     for label, values in maps.items():
-        plain = [np.where(np.isnan(each), None, each.astype(object)).tolist() for each in values]  # JSON has no NaN
+        # JSON has no NaN
+        plain = [[[None if np.isnan(v) else v for v in row] for row in each.tolist()] for each in values]
         low, high, unit = spans[label]
         scale = {"coloraxis.cmin": low, "coloraxis.cmax": high, "coloraxis.colorbar.title.text": unit}
         choices[label] = ({"z": plain}, scale)

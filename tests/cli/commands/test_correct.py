@@ -115,7 +115,7 @@ def test_a_correction_smaller_than_its_uncertainty_is_not_written(
     ended = run("correct", "-c", cell / "cal.json", *around, part, "-o", out, "--json")
     assert ended.status == 1
     assert not out.exists()
-    assert "is smaller than its uncertainty" in ended.err
+    assert "is smaller than its standard uncertainty" in ended.err
     assert "--accept-uncertain" in ended.err
     expected = ended.json["expected"]
     assert ended.json["written"] == []
@@ -127,7 +127,7 @@ def test_a_correction_smaller_than_its_uncertainty_is_not_written(
     assert "is tool: measure the tool against the reflectors, and state it in a cell file (--cell" in ended.err
     people = run("correct", "--accept-uncertain", "-c", cell / "cal.json", *around, part, "-o", out)
     assert (people.status, out.exists()) == (0, True)
-    assert people.out.index("to be expected") < people.out.index("Predicted error")
+    assert people.out.index("expected error") < people.out.index("Predicted error")
 
 
 def test_a_dry_run_writes_nothing_and_prints_the_tables(run: Run, cell: Path, part: Path, tmp_path: Path):
@@ -140,7 +140,7 @@ def test_a_dry_run_writes_nothing_and_prints_the_tables(run: Run, cell: Path, pa
     assert sorted(path.name for path in tmp_path.iterdir()) == ["page.html", "part.mod"]
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "Correction of part.mod" in page
-    assert "Where the program goes" in page
+    assert "Programmed path and error" in page
 
 
 @pytest.mark.slow
@@ -197,7 +197,7 @@ def test_where_no_target_is_reached_no_error_is_stated(run: Run, cell, robot, tm
     assert "not known: the robot reaches no target of the program" in " ".join(ended.out.split())
     assert "0.000 mm before" not in ended.out
     assert "rms mm" not in ended.out
-    assert "error to be expected before" not in (tmp_path / "page.html").read_text()
+    assert "expected error before" not in (tmp_path / "page.html").read_text()
 
 
 def test_an_unknown_frame_is_named_by_file_and_line_and_left(run: Run, cell, robot, tmp_path):

@@ -366,7 +366,7 @@ def test_what_the_data_do_not_see_is_said(run: Run, cell: Path, tmp_path: Path) 
         assert p["seen"] == (p[f"standard_error_{p['unit']}"] < 0.95 * prior)
     unseen = sum(not value for value in seen.values())
     ended = run(*fit, "--parameters")
-    assert ended.out.count("mm     not seen") + ended.out.count("mrad   not seen") == unseen
+    assert ended.out.count("mm     prior-dominated") + ended.out.count("mrad   prior-dominated") == unseen
     assert f"{unseen} parameters: the data say next to nothing of them" in " ".join(ended.out.split())
     assert {p["seen"] for p in run(*fit, "--prior", "none", "--json").json["parameters"]} == {None}
 
@@ -374,10 +374,10 @@ def test_what_the_data_do_not_see_is_said(run: Run, cell: Path, tmp_path: Path) 
 def test_a_figure_that_was_given_is_not_said_to_be_found(run: Run, cell: Path, tmp_path: Path) -> None:
     fit = ["identify", "--robot", IRB6660, cell / "one.csv"]
     found = run(*fit, "-o", tmp_path / "found.json").out
-    assert "none shows beside the tracker's noise" in found
+    assert "not significant (below tracker noise)" in found
     assert "as given" not in found
     given = run(*fit, "-o", tmp_path / "given.json", "--model-error-mm", "0.05", "--prior-scale", "2").out
     assert "0.05 mm per axis (1σ), as given" in given
     assert "2 times the tolerances, as given" in given
     nothing = run(*fit, "-o", tmp_path / "nothing.json", "--keep", "none", "--prior", "none").out
-    assert "geometry leaves unexplained" in nothing
+    assert "residuals of geometry beyond tracker noise" in nothing

@@ -59,6 +59,6 @@ def test_the_page_of_a_region_has_a_figure_and_a_table(run: Run, cell: Path, tmp
     assert ended.status == 0, ended.err
     assert ended.json["report"] == str(page)
     text = words.read_text(encoding="utf-8")
-    assert "Figure: What is to be expected over the region" in text
+    assert "Figure: Expected error over the region" in text
     assert "**Best of 2 placements" in text
     assert page.read_text(encoding="utf-8").count("<figure>") == 1

@@ -66,7 +66,7 @@ def test_a_point_that_is_wrong_is_named(run: Run, cell: Path, tmp_path: Path) ->
     assert [(o["row"], o["line"], o["id"]) for o in ended.json["outliers"]] == [(7, 9, "7")]
     text = run("validate", cell / "cal.json", tmp_path / "bad.csv").out
     assert "Outliers" in text
-    assert "1 too far off for chance" in " ".join(text.split())
+    assert "1 outlier, 1 isolated" in " ".join(text.split())
 
 
 def test_the_table_for_people(run: Run, cell: Path) -> None:
