@@ -24,6 +24,7 @@ ONE_IMPORTER = {
         "taskcal.identification.group_search",
         "taskcal.planning.experiment",
         "taskcal.reading.inference",
+        "taskcal.reading.rows",
         "taskcal.registration.together",
         "taskcal.cli.options.correction",
         "taskcal.cli.fit_report",

@@ -47,13 +47,13 @@ LENGTHS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "cm": 1e-2, "in": 0.0254, "ft": 0.3
 ANGLES = {"deg": 0.017453292519943295, "rad": 1.0, "mrad": 1e-3, "gon": 0.015707963267948967}
 """Radians in each unit of angle."""
 
-FARTHEST = 100.0
+MAX_COORDINATE_M = 100.0
 """Largest coordinate of a measurement, metres: beyond any robot, and the range of the instruments that measure one."""
 
 TIMES = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 """Seconds in each unit of time."""
 
-LONGEST_NAME = 200
+MAX_NAME_LETTERS = 200
 """Letters of a column's name that may mean something; longer ones are text."""
 
 UNITS = {
@@ -71,7 +71,7 @@ UNITS = {
 
 def split_unit(name: str) -> tuple[str, str | None]:
     """A column's name in small letters, its words parted by one blank, and its unit where it ends with one; nothing of a text."""
-    if len(name) > LONGEST_NAME:
+    if len(name) > MAX_NAME_LETTERS:
         return "", None
     text = name.strip().casefold()
     bracketed = re.fullmatch(r"(.*?)\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*", text)
@@ -462,8 +462,8 @@ def _target(words: str | None, name: str) -> str:
 
 # Units that a file states above its table, as in ``// Units: Millimeters``.
 
-_LONGEST_LINE = 300
-_MOST_LINES = 200
+MAX_UNIT_LINE_LETTERS = 300
+MAX_UNIT_LINES = 200
 """Above a table, that may state units."""
 
 _UNITS_LINE = re.compile(r"\b(?:units?|einheit(?:en)?)\b(?P<rest>.*)", re.IGNORECASE)
@@ -490,8 +490,8 @@ def stated_units(preamble: Sequence[str]) -> StatedUnits:
     """The unit of length and that of angle that the lines above a table state; None where none does, or two differ."""
     named: set[str] = set()
     said: list[str] = []
-    for line in preamble[:_MOST_LINES]:
-        units = set(_units_of(line)) if len(line) <= _LONGEST_LINE else set()
+    for line in preamble[:MAX_UNIT_LINES]:
+        units = set(_units_of(line)) if len(line) <= MAX_UNIT_LINE_LETTERS else set()
         if units:
             named |= units
             said.append(line.strip())
@@ -520,7 +520,7 @@ def _units_of(line: str) -> Iterable[str]:
 
 _PARTED = re.compile(r"(?P<pose>.*[^\s_\-./:])(?:::|[\s_\-./:])(?P<target>[^\s_\-./:]+)")
 
-MOST_TARGETS = 20
+MAX_NAMED_TARGETS = 20
 """On one tool; more names are those of something else."""
 
 
@@ -554,12 +554,12 @@ def parts_of_names(names: Sequence[str]) -> tuple[tuple[str, ...] | None, tuple[
 
 
 def each_in_most(poses: Sequence[str], targets: Sequence[str]) -> bool:
-    """Whether there are several poses, at most `MOST_TARGETS` targets and two at least, and each target is in most poses."""
+    """Whether there are several poses, at most `MAX_NAMED_TARGETS` targets and two at least, and each target is in most poses."""
     seen_in: dict[str, set[str]] = {}
     for pose, target in zip(poses, targets, strict=True):
         seen_in.setdefault(target, set()).add(pose)
     count = len(set(poses))
-    return 2 <= len(seen_in) <= MOST_TARGETS and count > 1 and min(map(len, seen_in.values())) > count / 2
+    return 2 <= len(seen_in) <= MAX_NAMED_TARGETS and count > 1 and min(map(len, seen_in.values())) > count / 2
 
 
 def are_poses_and_targets(poses: Sequence[str], targets: Sequence[str]) -> bool:

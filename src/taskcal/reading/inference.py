@@ -1,17 +1,21 @@
-"""Joints in one file and points in another: which rows belong together."""
+"""What the robot's kinematics decides of readings: units, which rows of two files belong together, the convention of angles.
+
+Each step follows the reading of files, and notes what it decided. They fit, and so import the compiler.
+"""
 
 import itertools
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.campaigns.campaign import Campaign
-from taskcal.errors import CampaignError, FileError, TaskcalError
+from taskcal.errors import CampaignError, FileError, TaskcalError, shown
 from taskcal.geometry import se3
 from taskcal.geometry.point_registration import Moments, closed_form, closed_form_rotations
-from taskcal.reading.columns import ANGLES, LENGTHS, split_names
+from taskcal.reading.columns import ANGLES, LENGTHS, MAX_COORDINATE_M, StatedUnits, split_names, stated_units
 from taskcal.reading.readings import Readings
 from taskcal.registration.registration import register
 from taskcal.robot.error_model import ErrorModel
@@ -19,15 +23,21 @@ from taskcal.robot.robot import Robot
 
 # Units that a file does not state, told by what the robot can have done.
 
-_TWO_TURNS = 4 * np.pi + 0.01
-_LIKELY = ("mm", "m", "in")
-_WINDOW = 1.8
+MAX_JOINT_RAD = 4 * np.pi + 0.01
+"""Joint position, at most, that a controller shows: two turns."""
+
+LIKELY_UNITS = ("mm", "m", "in")
+"""Of points that state none."""
+
+MAX_SCATTER_RATIO = 1.8
 """Largest factor between the scatter of points and that of the flange, which a tool's length can explain over many poses. Inches,
 millimetres and metres lie further apart."""
-_MIN_POSES = 4
-_FARTHEST = 50.0
+MIN_SCATTERED_POSES = 4
+"""Poses at least whose scatter is compared. A convention: a tool's length explains that of fewer."""
+
+MAX_SCATTER_M = 50.0
 """Scatter, metres, at most, of points that one instrument measures. A convention: beyond any robot's workspace."""
-_FAR_BETTER = 0.2
+MAX_MISFIT_RATIO = 0.2
 """Ratio of two misfits, at most, where the better one decides. A nominal robot misses by hundredths of the scatter in the right
 units, by tenths in others. A convention."""
 
@@ -52,11 +62,11 @@ def infer_units(
         Every pair of units under which they fit; one where it can be told.
     """
     angles = [angle] if angle else [unit for unit in ("deg", "rad") if _possible(robot, q, unit)]
-    lengths = [length] if length else list(_LIKELY)
+    lengths = [length] if length else list(LIKELY_UNITS)
     if points is None:
         return list(itertools.product(angles, ["mm"]))
     seen = ~np.isnan(points[:, 0])
-    if seen.sum() < _MIN_POSES:
+    if seen.sum() < MIN_SCATTERED_POSES:
         return list(itertools.product(angles, lengths))
     measured = _scatter(points[seen])
     out: list[tuple[str, str]] = []
@@ -65,7 +75,7 @@ def infer_units(
         out += [
             (unit, other)
             for other in lengths
-            if flange > 0 and 1 / _WINDOW < measured * LENGTHS[other] / flange < _WINDOW
+            if flange > 0 and 1 / MAX_SCATTER_RATIO < measured * LENGTHS[other] / flange < MAX_SCATTER_RATIO
         ]
     return out if len(out) < 2 else _clearly_best(robot, q[seen], points[seen], out)
 
@@ -82,7 +92,7 @@ def infer_length(robot: Robot, points: Float[np.ndarray, "n 3"]) -> str | None:
         return None
     scatter = _scatter(seen)
     reached = [unit for unit in ("mm", "m") if 0.01 < scatter * LENGTHS[unit] / robot.reach < 2.0]
-    measured = [unit for unit in ("mm", "m") if 1e-3 < scatter * LENGTHS[unit] < _FARTHEST]
+    measured = [unit for unit in ("mm", "m") if 1e-3 < scatter * LENGTHS[unit] < MAX_SCATTER_M]
     return next((units[0] for units in (reached, measured) if len(units) == 1), None)
 
 
@@ -91,7 +101,7 @@ def _clearly_best(
 ) -> list[tuple[str, str]]:
     """The pair under which the nominal robot fits far better than under any other; all where there is none."""
     misfits = sorted((_unit_misfit(robot, q, points, *pair), pair) for pair in pairs)
-    return [misfits[0][1]] if misfits[0][0] < _FAR_BETTER * misfits[1][0] else pairs
+    return [misfits[0][1]] if misfits[0][0] < MAX_MISFIT_RATIO * misfits[1][0] else pairs
 
 
 def _unit_misfit(robot: Robot, q: np.ndarray, points: np.ndarray, angle: str, length: str) -> float:
@@ -112,7 +122,7 @@ def _in_radians(robot: Robot, q: np.ndarray, unit: str) -> np.ndarray:
 def _possible(robot: Robot, q: np.ndarray, unit: str) -> bool:
     """Whether no joint turns further than its limits, or two turns."""
     turned = _in_radians(robot, q, unit)
-    return bool((np.abs(turned[:, ~np.array(robot.prismatic)]) <= _TWO_TURNS).all()) and not robot.outside_limits(
+    return bool((np.abs(turned[:, ~np.array(robot.prismatic)]) <= MAX_JOINT_RAD).all()) and not robot.outside_limits(
         turned
     )
 
@@ -121,6 +131,205 @@ def _scatter(points: np.ndarray) -> float:
     """Root mean square distance from the mean."""
     return float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))
 
+
+def with_stated_units(readings: Readings, robot: Robot) -> Readings:
+    """Readings in radians and metres as far as the file states above its table what its columns do not.
+
+    Raises:
+        FileError: the points would not spread as the robot does in the unit stated, but would in another, or are beyond any robot.
+    """
+    stated = stated_units(readings.preamble)
+    angle = None if readings.joint_unit_stated else stated.angle
+    length = None if readings.length_unit_stated else stated.length
+    if angle is None and length is None:
+        return readings
+    _refuse_contradiction(readings, stated, robot, angle, length)
+    q, notes = readings.q, []
+    if angle is not None and q is not None:
+        q = np.where(robot.prismatic, q, q * ANGLES[angle])
+        notes.append(f"joints are read in {angle}")
+    scale = 1.0 if length is None else LENGTHS[length]
+    if length is not None:
+        notes.append(f"positions are read in {length}")
+    where = f", as stated above the table: '{shown(stated.where, 60)}'"
+    out = replace(
+        readings,
+        q=q,
+        points={name: points * scale for name, points in readings.points.items()},
+        uncertainty={
+            name: u if name in readings.uncertainty_stated else u * scale for name, u in readings.uncertainty.items()
+        },
+        joint_unit_stated=readings.joint_unit_stated or angle is not None,
+        length_unit_stated=readings.length_unit_stated or length is not None,
+    ).noted(" and ".join(notes) + where)
+    if out.length_unit_stated:
+        refuse_far(out)
+    return out
+
+
+def refuse_far(readings: Readings) -> None:
+    """See that all positions, in metres, are within those of any robot.
+
+    Raises:
+        FileError: one is not.
+    """
+    for name, points in readings.points.items():
+        for row, axis in np.argwhere(np.abs(points) > MAX_COORDINATE_M)[:1].tolist():
+            message = f"{points[row, axis]:g} m is beyond ±{MAX_COORDINATE_M:g} m; check the cell and its unit"
+            column = f"{name} {'xyz'[axis]}"
+            raise FileError(readings.path, message, line=int(readings.lines[row]), column=column)
+
+
+def _refuse_contradiction(
+    readings: Readings, stated: StatedUnits, robot: Robot, angle: str | None, length: str | None
+) -> None:
+    if readings.q is None or not readings.points:
+        return
+    known_angle = "rad" if readings.joint_unit_stated else None
+    known_length = "m" if readings.length_unit_stated else None
+    for target, points in readings.points.items():
+        fitting = infer_units(robot, readings.q, known_angle, points, known_length)
+        if len(fitting) == 1 and any(
+            unit is not None and unit != fits and (unit in LIKELY_UNITS or unit in ANGLES)
+            for unit, fits in zip((angle, length), fitting[0], strict=True)
+        ):
+            named = " and ".join(unit for unit in (angle, length) if unit)
+            fits = " and ".join(unit for unit, asked in zip(fitting[0], (angle, length), strict=True) if asked)
+            whose = f"points of '{shown(target)}'" if len(readings.points) > 1 else "points"
+            message = (
+                f"states {named} above the table ('{shown(stated.where, 60)}'), but {robot.name} moved as far as the {whose} only "
+                f"if they are {fits}: write the right unit into the columns' names"
+            )
+            raise FileError(readings.path, message)
+
+
+MIN_MOVED_M = 0.01
+"""Displacement, metres, at most, of a point that stands still. A convention: stands bend and bases drift by less."""
+
+MAX_IN_RADIANS = 10.0
+"""Joint position, at most, taken for radians: a turn and a half. A convention: joints that stay within it in degrees hardly
+move."""
+
+
+def with_inferred_units(readings: Readings, robot: Robot) -> Readings:
+    """Readings in radians and metres.
+
+    Raises:
+        FileError: a unit is stated nowhere and cannot be told.
+    """
+    if readings.joint_unit_stated and readings.length_unit_stated:
+        return readings
+    if readings.q is None:
+        return _with_length(readings, robot)
+    points = next(iter(readings.points.values()), None)
+    angle = "rad" if readings.joint_unit_stated else None
+    length = "m" if readings.length_unit_stated else None
+    fitting = infer_units(robot, readings.q, angle, points, length)
+    angles = {unit for unit, _ in fitting or infer_units(robot, readings.q, angle, None, length)}
+    if not readings.joint_unit_stated and len(angles) != 1:
+        column = readings.joint_columns[int(np.argmin(robot.prismatic))]
+        message = f"the unit is not stated; name the column {column}_deg or {column}_rad"
+        raise FileError(readings.path, message, line=1, column=column)
+    if not fitting and points is not None and angles == {"deg"} and not readings.joint_unit_stated:
+        _refuse_small_angles(readings, robot, readings.q)
+    if points is not None and not readings.length_unit_stated and len({unit for _, unit in fitting}) != 1:
+        raise FileError(readings.path, _unit_of_points(fitting), line=1, column="x")
+    notes: list[str] = []
+    q = readings.q
+    if not readings.joint_unit_stated:
+        (unit,) = angles
+        q = np.where(robot.prismatic, q, q * ANGLES[unit])
+        notes.append(f"joints without a unit are read as {'degrees' if unit == 'deg' else 'radians'}, by their size")
+    out = replace(readings, q=q, joint_unit_stated=True).noted(*notes)
+    if points is None or readings.length_unit_stated:
+        return out
+    return _scaled(out, _unit_of_each(out, robot, fitting[0][1]), f"by how far {robot.name} moved")
+
+
+def _unit_of_each(readings: Readings, robot: Robot, first: str) -> dict[str, str]:
+    """The unit of each target's positions, by its own motion, or that of the first where it does not move.
+
+    Raises:
+        FileError: a target moves, but in no unit as far as the robot.
+    """
+    assert readings.q is not None
+    out: dict[str, str] = {}
+    for name, points in readings.points.items():
+        units = {unit for _, unit in infer_units(robot, readings.q, "rad", points, None)}
+        out[name] = first if first in units or not units else min(units)
+        moved = float(np.nanmax(np.ptp(points[~np.isnan(points[:, 0])], axis=0), initial=0.0)) * LENGTHS[first]
+        if (len(units - {first}) > 1 and first not in units) or (not units and moved > MIN_MOVED_M):
+            column = f"{name}_x"
+            raise FileError(
+                readings.path, f"the unit is not stated; name the column {column}_mm", line=1, column=column
+            )
+    return out
+
+
+def _refuse_small_angles(readings: Readings, robot: Robot, q: np.ndarray) -> None:
+    """Angles that look like radians, are beyond the robot's limits as such, and as degrees would hardly move it."""
+    turning = ~np.array(robot.prismatic)
+    if np.abs(q[:, turning]).max() > MAX_IN_RADIANS:
+        return
+    row, reason = robot.outside_limits(q)[0]
+    column = readings.joint_columns[int(np.argmax(turning))]
+    message = (
+        f"the unit is not stated: as degrees the joints would not move the flange as far as the points, as radians {reason}; "
+        f"name the column {column}_deg or {column}_rad, and look at this row"
+    )
+    raise FileError(readings.path, message, line=int(readings.lines[row]), column=column)
+
+
+def _with_length(readings: Readings, robot: Robot) -> Readings:
+    """Points alone in metres, by the robot's reach."""
+    unit = infer_length(robot, next(iter(readings.points.values())))
+    if unit is None:
+        raise FileError(readings.path, _unit_of_points([("", "mm"), ("", "m")]), line=1, column="x")
+    return _scaled(readings, dict.fromkeys(readings.points, unit), f"by the reach of {robot.name}")
+
+
+def _scaled(readings: Readings, units: Mapping[str, str], why: str) -> Readings:
+    """Readings whose positions are in a unit for each target, in metres.
+
+    Raises:
+        FileError: units differ, and an uncertainty without one is of all targets; a position is beyond any robot.
+    """
+    several = len(set(units.values())) > 1
+    if several and "" in readings.uncertainty.keys() - readings.uncertainty_stated:
+        raise FileError(readings.path, "the unit of the uncertainty is not stated; name its column u_mm", line=1)
+    scale = {name: LENGTHS[unit] for name, unit in units.items()}
+    points = {name: values * scale[name] for name, values in readings.points.items()}
+    by_case = {name.casefold(): factor for name, factor in scale.items()}
+    each = (
+        ", ".join(f"{name} in {unit}" for name, unit in units.items())
+        if several
+        else f"in {next(iter(units.values()))}"
+    )
+    out = replace(
+        readings,
+        points=points,
+        uncertainty={
+            name: values
+            * (1.0 if name in readings.uncertainty_stated else by_case.get(name, next(iter(scale.values()))))
+            for name, values in readings.uncertainty.items()
+        },
+        length_unit_stated=True,
+    ).noted(f"positions without a unit are read {each}, {why}")
+    refuse_far(out)
+    return out
+
+
+def _unit_of_points(fitting: list[tuple[str, str]]) -> str:
+    """Why positions have no unit."""
+    if fitting:
+        return "the unit is not stated; name the column x_mm"
+    return (
+        "the unit is not stated, and in mm, m or inches the points would not spread as the robot's flange does; name the "
+        "columns x_mm y_mm z_mm, or look at the joints (their units, order and signs)"
+    )
+
+
+# Which rows of two files belong together.
 
 WINDOW = 10
 """Successive rows that are fitted to find a shift: a frame and a target have nine unknowns, ten points 30 coordinates."""
@@ -134,7 +343,7 @@ MAX_SHIFT = 30
 MIN_SHARE = 0.8
 """Share of the shorter file's rows, at least, that must agree. A convention: fewer rows in common are mostly two campaigns."""
 
-_PER_REACH = 0.01
+MAX_MISFIT_SHARE = 0.01
 """Misfit of a nominal robot over its reach, at most, with rows that belong together. A convention: 20 mm of a reach of 2 m; of
 other rows it is tenths of the reach."""
 
@@ -166,8 +375,6 @@ def pair(joints: Readings, points: Readings, robot: Robot) -> Readings:
         uncertainty_stated=others.uncertainty_stated,
         rotations=others.rotations,
         open_angles=others.open_angles,
-        rotated=others.rotated,
-        other_rotations=others.other_rotations,
         left_lengths=(*mine.left_lengths, *others.left_lengths),
         temperature=others.temperature if mine.temperature is None else mine.temperature,
         time=others.time if mine.time is None else mine.time,
@@ -184,7 +391,7 @@ def _with_poses_of(joints: Readings, points: Readings) -> Readings:
     if split is None or len(set(split[0]) & set(joints.ids)) < MIN_SHARE * len(set(split[0])):
         return points
     note = f"ids such as '{points.ids[0]}' are read as pose '{split[0][0]}' and target '{split[1][0]}'"
-    return replace(points, ids=split[0], targets_by_row=split[1], notes=(*points.notes, note))
+    return replace(points, ids=split[0], targets_by_row=split[1]).noted(note)
 
 
 def _lacking(joints: Readings, points: Readings) -> str:
@@ -254,7 +461,7 @@ def _agreement(joints: Readings, points: Readings, robot: Robot) -> str:
     (measured,) = points.points.values()
     misfits = [_misfit(ErrorModel(robot).poses(q), scaled) for q, scaled in _in_si(joints, points, robot, measured)]
     least = min(misfits, default=0.0)
-    if least < _PER_REACH * robot.reach:
+    if least < MAX_MISFIT_SHARE * robot.reach:
         return ""
     return f"; the nominal robot misses them by {least * 1e3:.0f} mm: if their order differs, give both files ids"
 
@@ -273,7 +480,7 @@ def _by_geometry(joints: Readings, points: Readings, robot: Robot) -> tuple[np.n
             for q, scaled in _in_si(joints, points, robot, measured)
             for T in [model.poses(q)]
             for start, other in _windows(len(q), len(scaled))
-            if _misfit(T[start : start + WINDOW], scaled[other : other + WINDOW]) < _PER_REACH * robot.reach
+            if _misfit(T[start : start + WINDOW], scaled[other : other + WINDOW]) < MAX_MISFIT_SHARE * robot.reach
         ),
         None,
     )
@@ -307,7 +514,7 @@ def _in_si(
     """Both in radians and metres, in every unit that can be meant."""
     assert joints.q is not None
     angles = [unit for unit, _ in infer_units(robot, joints.q, "rad" if joints.joint_unit_stated else None, None, None)]
-    lengths = ["m"] if points.length_unit_stated else ["mm", "m", "in"]
+    lengths = ["m"] if points.length_unit_stated else [*LIKELY_UNITS]
     return [
         (np.where(robot.prismatic, joints.q, joints.q * ANGLES[angle]), measured * LENGTHS[length])
         for angle in angles
@@ -373,17 +580,13 @@ MIN_POSES = 6
 """Poses at least: two frames have six unknowns, each pose tells three angles. A convention: three times as many equations as
 unknowns."""
 
-MOST_POSES = 200
+MAX_POSES = 200
 """Poses, at most, that are looked at, spread over all. A convention that bounds the time."""
 
-FITS_RAD = float(np.radians(5.0))
+MAX_MISFIT_RAD = float(np.radians(5.0))
 """Root mean square misfit of a nominal robot at most; it misses by tenths of a degree under the right convention."""
 
-FAR_BETTER = 0.2
-"""Ratio of the best misfit to the next, at most, where the best decides. A convention: a nominal robot misses by tenths of a
-degree under the right one."""
-
-CALCULATED_RAD = 1e-5
+MAX_CALCULATED_RAD = 1e-5
 """Misfit under which angles of no certain meaning are the controller's own: no robot is built and measured so well."""
 
 
@@ -404,39 +607,35 @@ def with_convention(readings: Readings, robot: Robot) -> Readings:
     readings = replace(readings, open_angles=None)
     if not ranked or not _decides([misfits[form] for form in ranked]):
         none_fits = ""
-        if ranked and (least := misfits[ranked[0]]) > FITS_RAD:
+        if ranked and (least := misfits[ranked[0]]) > MAX_MISFIT_RAD:
             none_fits = f"; none fits the nominal robot: even as {ranked[0]} it misses them by {np.degrees(least):.0f}°"
         return _as_assumed(readings, angles.columns, angles.assumed, list(angles.meanings), none_fits)
     best, second = ranked[:2]
     off, other_off = np.degrees(misfits[best]), np.degrees(misfits[second])
     compared = f"the nominal robot misses them by {off:.2f}°, as {second} by {other_off:.2f}°"
-    if angles.assumed is None and (misfits[best] < CALCULATED_RAD or len(readings.points) > 1):
+    if angles.assumed is None and (misfits[best] < MAX_CALCULATED_RAD or len(readings.points) > 1):
         why = (
             "several targets are measured" if len(readings.points) > 1 else "they are what the nominal robot calculates"
         )
-        return _noted(readings, f"{angles.columns} are left out, since {why}; --angles {best} uses them")
+        return readings.noted(f"{angles.columns} are left out, since {why}; --angles {best} uses them")
     note = f"{angles.columns} are read as {best}, by what fits: {compared}; --angles changes that"
-    return replace(_noted(readings, note), rotations=angles.meanings[best])
+    return replace(readings, rotations={"": angles.meanings[best]}).noted(note)
 
 
 def _as_assumed(readings: Readings, columns: str, assumed: str | None, forms: list[str], misfit: str) -> Readings:
     if assumed is None:
         why = "they may be angles about fixed or moving axes or a rotation vector, in degrees or radians"
-        return _noted(
-            readings, f"{columns} are left out, since {why}; to use them state --angles {' | '.join(forms)}{misfit}"
+        return readings.noted(
+            f"{columns} are left out, since {why}; to use them state --angles {' | '.join(forms)}{misfit}"
         )
     others = " or ".join(form for form in forms if form != assumed)
     note = f"{columns} are read as {assumed}, the usual meaning of these names; if they are {others}, state --angles{misfit}"
-    return _noted(readings, note)
-
-
-def _noted(readings: Readings, note: str) -> Readings:
-    return replace(readings, notes=(*readings.notes, note))
+    return readings.noted(note)
 
 
 def _decides(misfits: list[float]) -> bool:
     """Whether the first of rising misfits is small, and far smaller than the second."""
-    return len(misfits) > 1 and misfits[0] <= min(FITS_RAD, FAR_BETTER * misfits[1])
+    return len(misfits) > 1 and misfits[0] <= min(MAX_MISFIT_RAD, MAX_MISFIT_RATIO * misfits[1])
 
 
 def _misfits(readings: Readings, robot: Robot) -> dict[str, float]:
@@ -452,7 +651,7 @@ def _misfits(readings: Readings, robot: Robot) -> dict[str, float]:
     rows = np.flatnonzero(seen & np.isfinite(readings.q).all(axis=1))
     if len(rows) < MIN_POSES:
         return {}
-    rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MOST_POSES)).astype(int))]
+    rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MAX_POSES)).astype(int))]
     try:
         R = ErrorModel(robot).poses(readings.q[rows])[:, :3, :3]
     except CampaignError:

@@ -1,10 +1,10 @@
-"""What one file of measurements says: joints, points, or both, before they are a campaign."""
+"""From a table to quantities: joints, positions, orientations and all else that one file states, as it states it."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -16,10 +16,11 @@ from taskcal.observations.base import Quantity
 from taskcal.reading.columns import (
     ANGLES,
     CALCULATED,
-    FARTHEST,
     LENGTHS,
+    MAX_COORDINATE_M,
     TIMES,
     UNITS,
+    Kind,
     Meaning,
     contradiction,
     meanings,
@@ -29,8 +30,47 @@ from taskcal.reading.columns import (
 )
 from taskcal.robot.robot import Robot
 from taskcal.tables.forms import TableForm, read_table
-from taskcal.tables.table import LEAVE_OUT, UNIT_LENGTH, Table
+from taskcal.tables.table import LEAVE_OUT, NUMBER, UNIT_LENGTH, Table, joint_too_many, no_joint
 from taskcal.tables.text import footer_note, is_statistic
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MeasuredTable:
+    """A table of measurements, and what its columns mean."""
+
+    table: Table
+    known: tuple[Meaning | None, ...]
+    """Meaning of each column; None where it means nothing here."""
+    robot: Robot
+
+    def of(self, kind: Kind) -> list[tuple[str, Meaning]]:
+        """Name and meaning of every column of a kind."""
+        columns = zip(self.table.header, self.known, strict=True)
+        return [(name, meaning) for name, meaning in columns if meaning is not None and meaning.kind == kind]
+
+    def by_joint(self, kind: Kind) -> dict[int, tuple[str, Meaning]]:
+        """Name and meaning of each joint's column of a kind.
+
+        Raises:
+            FileError: a joint has two, or there is a joint too many.
+        """
+        at: dict[int, tuple[str, Meaning]] = {}
+        for name, meaning in self.of(kind):
+            if meaning.index >= len(self.robot.joints):
+                raise self.table.header_error(f"'{name}' {joint_too_many(self.robot)}")
+            if meaning.index in at:
+                joint, twice = self.robot.joint_names[meaning.index], f"by '{at[meaning.index][0]}' and '{name}'"
+                raise self.table.header_error(f"joint {joint} is given twice, {twice}; keep one")
+            at[meaning.index] = (name, meaning)
+        return at
+
+    def by_target(self, kind: Kind) -> dict[str, dict[int, tuple[str, Meaning]]]:
+        """Name and meaning of the columns of a kind by target in small letters, and by index."""
+        out: dict[str, dict[int, tuple[str, Meaning]]] = {}
+        for name, meaning in self.of(kind):
+            out.setdefault(meaning.target.casefold(), {})[meaning.index] = (name, meaning)
+        return out
+
 
 # Joint positions in a table of measurements.
 
@@ -40,7 +80,7 @@ _OTHER_AXIS = re.compile(
 )
 """Axes beside the robot's own, as controllers call them."""
 
-_STILL = 1e-3
+MAX_STILL_RANGE = 1e-3
 """Range of an axis, at most, that stands still, in any unit. A convention: what an encoder flickers."""
 
 
@@ -48,77 +88,62 @@ _STILL = 1e-3
 class JointColumns:
     """The joints of a table's rows."""
 
-    columns: tuple[str, ...]
+    columns: tuple[str, ...] = ()
     """As the file names them, one for each joint."""
-    values: Float[np.ndarray, "rows joints"]
-    """Radians and metres where units are stated; as in the file where none is."""
-    unit_stated: bool
+    values: Float[np.ndarray, "rows joints"] | None = None
+    """Radians and metres where units are stated; as in the file where none is. None without joints."""
+    unit_stated: bool = True
     """False where no joint that turns has a unit."""
 
 
-def joint_columns(table: Table, meanings: Sequence[Meaning | None], robot: Robot) -> JointColumns | None:
-    """The joints of a table's rows; None where it has no column of a joint.
+def joint_columns(measured: MeasuredTable) -> JointColumns:
+    """The joints of a table's rows.
 
     Raises:
         FileError: a joint has no column, or two, or a joint too many, only some have a unit, or a cell is not a number.
     """
-    at: dict[int, int] = {}
-    for k, meaning in enumerate(meanings):
-        if meaning is None or meaning.kind != "joint":
-            continue
-        if meaning.index >= len(robot.joints):
-            count = len(robot.joints)
-            message = f"is a joint that {robot.name} does not have; it has {count}: is it the right robot?"
-            raise table.header_error(f"'{table.header[k]}' {message}")
-        if meaning.index in at:
-            twice = f"by '{table.header[at[meaning.index]]}' and '{table.header[k]}'"
-            raise table.header_error(f"joint {robot.joint_names[meaning.index]} is given twice, {twice}; keep one")
-        at[meaning.index] = k
+    table, robot, at = measured.table, measured.robot, measured.by_joint("joint")
     if not at:
-        return None
-    for number, (name, slides) in enumerate(zip(robot.joint_names, robot.prismatic, strict=True)):
-        if number not in at:
-            units = ("mm", "m") if slides else ("deg", "rad")
-            raise table.header_error(
-                f"has no column for joint {name} of {robot.name}; it needs one for each of {', '.join(robot.joint_names)}, such "
-                f"as {name}_{units[0]} or q{number + 1}_{units[1]}"
-            )
-    return _values(table, meanings, robot, at)
-
-
-def _values(table: Table, meanings: Sequence[Meaning | None], robot: Robot, at: dict[int, int]) -> JointColumns:
-    stated = {number for number, k in at.items() if (m := meanings[k]) is not None and m.unit}
-    turning = {number for number, slides in enumerate(robot.prismatic) if not slides}
+        return JointColumns()
+    for j in range(len(robot.joints)):
+        if j not in at:
+            raise table.header_error(no_joint(robot, j))
+    turning = [at[j][1].unit for j, slides in enumerate(robot.prismatic) if not slides]
     scale = np.ones(len(at))
-    for number, slides in enumerate(robot.prismatic):
-        name, meaning = table.header[at[number]], meanings[at[number]]
-        assert meaning is not None
+    for j, slides in enumerate(robot.prismatic):
+        name, unit = at[j][0], at[j][1].unit
         known = LENGTHS if slides else ANGLES
-        if meaning.unit in known:
-            scale[number] = known[meaning.unit]
-        elif meaning.unit is not None or slides or stated & turning:
-            bare = robot.joint_names[number] if meaning.unit is not None else name
+        if unit in known:
+            scale[j] = known[unit]
+        elif unit is not None or slides or any(turning):
+            bare = robot.joint_names[j] if unit is not None else name
             wanted = " or ".join(f"{bare}_{unit}" for unit in (("mm", "m") if slides else ("deg", "rad")))
-            what = f"'{meaning.unit}' is no unit of this joint" if meaning.unit else "the unit is not stated"
+            what = f"'{unit}' is no unit of this joint" if unit else "the unit is not stated"
             raise table.header_error(f"{what}; name the column {wanted}", name)
+    columns = tuple(at[j][0] for j in range(len(at)))
+    values = _together(table, columns, remedy=LEAVE_OUT)
+    return JointColumns(columns=columns, values=values * scale, unit_stated=any(turning) or not turning)
+
+
+def _together(table: Table, columns: Sequence[str], **how: Any) -> Float[np.ndarray, "rows columns"]:
+    """As `Table.side_by_side`, with the faults of all columns in one error."""
     faults = Faults()
-    values = np.full((len(table), len(at)), np.nan)
-    for number, k in sorted(at.items()):
+    values = np.full((len(table), len(columns)), np.nan)
+    for k, column in enumerate(columns):
         with faults.collecting():
-            values[:, number] = table.numbers(table.header[k], remedy=LEAVE_OUT)
+            values[:, k] = table.numbers(column, **how)
     faults.raise_any()
-    columns = tuple(table.header[at[number]] for number in range(len(at)))
-    return JointColumns(columns=columns, values=values * scale, unit_stated=bool(stated & turning) or not turning)
+    return values
 
 
-def refuse_other_axes(table: Table, meanings: Sequence[Meaning | None], robot: Robot) -> None:
+def refuse_other_axes(measured: MeasuredTable) -> None:
     """See that no axis moved that the robot does not have: rails carry it, and what is left out would seem an error of it.
 
     Raises:
         FileError: one did.
     """
-    faults = Faults()
-    for name, meaning in zip(table.header, meanings, strict=True):
+    faults, table, robot = Faults(), measured.table, measured.robot
+    for name, meaning in zip(table.header, measured.known, strict=True):
         match = _OTHER_AXIS.fullmatch(split_unit(name)[0])
         if meaning is not None or match is None or (match["number"] and int(match["number"]) <= len(robot.joints)):
             continue
@@ -127,7 +152,7 @@ def refuse_other_axes(table: Table, meanings: Sequence[Meaning | None], robot: R
         except FileError:
             continue
         seen = values[~np.isnan(values)]
-        if len(seen) and np.ptp(seen) > _STILL:
+        if len(seen) and np.ptp(seen) > MAX_STILL_RANGE:
             message = (
                 f"is an axis that {robot.name} does not have, and it moves ({seen.min():g} to {seen.max():g}); describe the robot "
                 "with it, or take rows in which it stands still"
@@ -158,9 +183,10 @@ _CANDIDATES: dict[str, tuple[str, ...]] = {
 """What angles of each name are written for, the usual first: RoboDK heads angles about moving axes W P R, and Mitsubishi those
 about fixed x y z A B C."""
 
-_LARGEST_RADIANS = 2.0 * np.pi
+MAX_RADIANS = 2.0 * np.pi
+"""Angle, at most, that may be in radians: a turn."""
 
-_NOT_ORTHOGONAL = 1e-3
+MAX_NOT_ORTHOGONAL = 1e-3
 """Largest departure of a matrix that is a rotation written with four decimals."""
 
 
@@ -180,111 +206,75 @@ class OpenAngles:
         return replace(self, meanings={form: function(R) for form, R in self.meanings.items()})
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class RotationColumns:
-    """The orientations of a table's rows."""
-
-    rotations: Float[np.ndarray, "rows 3 3"] | None = None
-    """None where there are none."""
-    rotated: str = ""
-    """Whose they are, where their columns say."""
-    others: Mapping[str, Float[np.ndarray, "rows 3 3"]] = field(default_factory=dict[str, np.ndarray])
-    """Of further targets, by their names."""
-    open_angles: OpenAngles | None = None
-    notes: tuple[str, ...] = ()
-    """What was decided of them."""
+Rotations = tuple[dict[str, Float[np.ndarray, "rows 3 3"]], OpenAngles | None]
+"""The orientations of a table's rows by target, an empty name where their columns name none; and what may be open of them."""
 
 
 def rotations(
-    table: Table,
-    meanings: Sequence[Meaning | None],
-    needed: Mapping[str, Bool[np.ndarray, " rows"]],
-    form: AngleForm | None = None,
-) -> RotationColumns:
+    measured: MeasuredTable, needed: Mapping[str, Bool[np.ndarray, " rows"]], form: AngleForm | None = None
+) -> Rotations:
     """The orientations of a table's rows.
 
     Args:
-        table: the cells.
-        meanings: of its columns.
+        measured: the cells.
         needed: rows that must have one, by target in small letters, empty for any; the others may be empty.
         form: what three angles mean, where their names do not say.
 
     Raises:
         FileError: columns are lacking, or a cell is not what it must be.
     """
-    quaternions: dict[str, dict[int, int]] = {}
-    for k, m in enumerate(meanings):
-        if m and m.kind == "quaternion":
-            quaternions.setdefault(m.target.casefold(), {})[m.index] = k
-    matrix = {m.index: k for k, m in enumerate(meanings) if m and m.kind == "matrix"}
-    angles = {m.index: k for k, m in enumerate(meanings) if m and m.kind == "euler"}
+    quaternions = measured.by_target("quaternion")
     if quaternions:
-        turned: dict[str, np.ndarray] = {}
-        for target, at in quaternions.items():
-            first = meanings[next(iter(at.values()))]
-            assert first is not None
-            turned[first.target] = _of_quaternions(table, at, needed.get(target, needed[""]))
-        rotated = next(iter(turned))
-        return RotationColumns(rotations=turned.pop(rotated), rotated=rotated, others=turned)
+        return {
+            next(iter(at.values()))[1].target: _of_quaternions(measured.table, at, needed.get(target, needed[""]))
+            for target, at in quaternions.items()
+        }, None
+    matrix = {meaning.index: name for name, meaning in measured.of("matrix")}
     if len(matrix) >= 9:
-        return RotationColumns(rotations=_of_matrices(table, matrix, needed[""]))
-    if angles:
-        return _of_angles(table, meanings, angles, needed[""], form)
-    return RotationColumns()
+        return {"": _of_matrices(measured.table, matrix, needed[""])}, None
+    angles = {meaning.index: (name, meaning) for name, meaning in measured.of("euler")}
+    if angles and form != "none":
+        return _of_angles(measured.table, [angles[i][0] for i in range(3)], angles[0][1], needed[""], form)
+    return {}, None
 
 
-def _of_quaternions(table: Table, at: dict[int, int], needed: np.ndarray) -> np.ndarray:
-    header = table.header
+def _of_quaternions(table: Table, at: Mapping[int, tuple[str, Meaning]], needed: np.ndarray) -> np.ndarray:
     for part in range(4):
         if part not in at:
-            have = header[next(iter(at.values()))]
-            lacking = f"q{'xyzw'[part]}"
+            have, lacking = next(iter(at.values()))[0], f"q{'xyzw'[part]}"
             raise table.header_error(f"has '{have}' but no column '{lacking}'; a pose needs qx qy qz qw")
-    cells = np.stack([table.numbers(header[at[part]], empty=True) for part in range(4)], axis=1)
-    _refuse_empty(table, cells, [header[at[part]] for part in range(4)], needed, "a pose needs all of qx qy qz qw")
-    lengths = np.linalg.norm(cells, axis=1)
-    for row in np.flatnonzero(needed & (np.abs(lengths - 1.0) > UNIT_LENGTH)):
-        message = f"the quaternion has length {lengths[row]:.4f}; it must be 1 (is qw last?)"
-        raise table.error(message, int(row), header[at[0]])
-    cells[~needed] = (0.0, 0.0, 0.0, 1.0)
-    return se3.from_quaternion(cells)
+    columns = [at[part][0] for part in range(4)]
+    return se3.from_quaternion(table.quaternions(columns, needed=needed, remedy="give a number"))
 
 
-def _of_matrices(table: Table, at: dict[int, int], needed: np.ndarray) -> np.ndarray:
+def _of_matrices(table: Table, at: Mapping[int, str], needed: np.ndarray) -> np.ndarray:
     """Nine of the elements, counted from 0 or from 1."""
     first = min(index % 10 for index in at)
     elements = [10 * (i + first) + j + first for i in range(3) for j in range(3)]
     lacking = [index for index in elements if index not in at]
     if lacking:
-        have = table.header[next(iter(at.values()))]
-        raise table.header_error(
-            f"has '{have}' but lacks row {lacking[0] // 10}, column {lacking[0] % 10} of the matrix"
-        )
-    names = [table.header[at[index]] for index in elements]
-    cells = np.stack([table.numbers(name, empty=True) for name in names], axis=1)
-    _refuse_empty(table, cells, names, needed, "a pose needs all nine elements")
+        element = f"row {lacking[0] // 10}, column {lacking[0] % 10}"
+        raise table.header_error(f"has '{next(iter(at.values()))}' but lacks {element} of the matrix")
+    names = [at[index] for index in elements]
+    cells = table.side_by_side(names, empty=True)
+    table.refuse_empty(cells, names, needed, "a pose needs all nine elements")
     R = cells.reshape(-1, 3, 3)
     R[~needed] = np.eye(3)
     off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    for row in np.flatnonzero((off > _NOT_ORTHOGONAL) | (np.linalg.det(R) < 0.0)):
+    for row in np.flatnonzero((off > MAX_NOT_ORTHOGONAL) | (np.linalg.det(R) < 0.0)):
         turned = "mirrors; is an axis or a sign swapped?" if np.linalg.det(R[row]) < 0 else "is not a rotation"
         raise table.error(f"the matrix {turned}", int(row), names[0])
     return se3.nearest_rotation(R)
 
 
 def _of_angles(
-    table: Table, meanings: Sequence[Meaning | None], at: dict[int, int], needed: np.ndarray, form: AngleForm | None
-) -> RotationColumns:
-    names = [table.header[at[i]] for i in range(3)]
-    first = meanings[at[0]]
-    if form == "none" or first is None:
-        return RotationColumns()
-    cells = np.stack([table.numbers(name, empty=True) for name in names], axis=1)
-    _refuse_empty(table, cells, names, needed, "a pose needs all three angles")
+    table: Table, names: Sequence[str], first: Meaning, needed: np.ndarray, form: AngleForm | None
+) -> Rotations:
+    cells = table.side_by_side(names, empty=True)
+    table.refuse_empty(cells, names, needed, "a pose needs all three angles")
     cells[~needed] = 0.0
     if form is not None or first.form == "rotvec":
-        what, unit = _stated(first, form)
-        return RotationColumns(rotations=_turned(cells, what, unit))
+        return {"": _turned(cells, *_stated(first, form))}, None
     unit = first.unit or {"abc": "deg", "wpr": "deg"}.get(first.form)
     largest = np.abs(cells).max(initial=0.0)
     if first.unit is None and unit is not None and 0.0 < largest <= np.pi:
@@ -293,17 +283,15 @@ def _of_angles(
             f"{names[0]}_rad …"
         )
         raise table.header_error(message, names[0])
-    units = [unit] if unit else ["deg", "rad"] if largest <= _LARGEST_RADIANS else ["deg"]
+    units = [unit] if unit else ["deg", "rad"] if largest <= MAX_RADIANS else ["deg"]
     meant = {
         what if what in ("abc", "wpr") else f"{what}-{unit}": _turned(cells, what, unit)
         for unit in units
         for what in _CANDIDATES[first.form]
     }
     assumed = None if first.form == "rxyz" or unit is None else next(iter(meant))
-    return RotationColumns(
-        rotations=None if assumed is None else meant[assumed],
-        open_angles=OpenAngles(columns=" ".join(names), assumed=assumed, meanings=meant),
-    )
+    open_angles = OpenAngles(columns=" ".join(names), assumed=assumed, meanings=meant)
+    return {} if assumed is None else {"": meant[assumed]}, open_angles
 
 
 def _turned(cells: Float[np.ndarray, "rows 3"], what: str, unit: str) -> Float[np.ndarray, "rows 3 3"]:
@@ -325,47 +313,25 @@ def _stated(first: Meaning, form: AngleForm | None) -> tuple[str, str]:
     return what, first.unit or unit
 
 
-def _refuse_empty(table: Table, cells: np.ndarray, names: Sequence[str], needed: np.ndarray, why: str) -> None:
-    for row, k in np.argwhere(np.isnan(cells) & needed[:, None]).tolist():
-        raise table.error(f"the cell is empty while the position is there; {why}", row, names[k])
-
-
 # Positions as an instrument turns to them: an azimuth, an elevation or a zenith angle, and a range.
 
-_AZIMUTH = (
-    "azimuth",
-    "azimuth angle",
-    "az",
-    "azim",
-    "azimut",
-    "horizontal angle",
-    "hor angle",
-    "h angle",
-    "horizontalwinkel",
-)
-_CLOCKWISE = ("hz", "hz angle", "hz winkel")
-"""What theodolites turn, clockwise seen from above."""
-_ELEVATION = ("elevation", "elevation angle", "elev", "el", "höhenwinkel", "hoehenwinkel")
-_ZENITH = ("zenith", "zenith angle", "zenitwinkel", "zenitdistanz", "zenithdistanz", "zenit", "ze")
-_EITHER = ("v", "vertical", "vertical angle", "v angle", "vertikalwinkel", "v winkel", "phi", "φ")
-"""Counted from the horizontal by some and from the zenith by others; beside Hz theodolites count it from the zenith."""
-_RANGE = (
-    "range", "distance", "dist", "d", "r", "radius", "slope distance", "slope dist", "sd", "distanz", "entfernung",
-    "schrägdistanz", "schraegdistanz", "schrägstrecke", "strecke",
-)  # fmt: skip
-_THETA = ("theta", "θ")
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Directed:
-    """The columns of one target."""
-
-    target: str
-    azimuth: int
-    clockwise: bool
-    polar: int
-    from_zenith: bool
-    range: int
+_DIRECTION_NAMES = {
+    # seen from above, an azimuth turns counter-clockwise; what theodolites call Hz turns clockwise
+    "azimuth": (
+        "azimuth", "azimuth angle", "az", "azim", "azimut", "horizontal angle", "hor angle", "h angle", "horizontalwinkel",
+    ),
+    "clockwise": ("hz", "hz angle", "hz winkel"),
+    "elevation": ("elevation", "elevation angle", "elev", "el", "höhenwinkel", "hoehenwinkel"),
+    "zenith": ("zenith", "zenith angle", "zenitwinkel", "zenitdistanz", "zenithdistanz", "zenit", "ze"),
+    # counted from the horizontal by some and from the zenith by others; beside Hz theodolites count it from the zenith
+    "either": ("v", "vertical", "vertical angle", "v angle", "vertikalwinkel", "v winkel", "phi", "φ"),
+    "range": (
+        "range", "distance", "dist", "d", "r", "radius", "slope distance", "slope dist", "sd", "distanz", "entfernung",
+        "schrägdistanz", "schraegdistanz", "schrägstrecke", "strecke",
+    ),
+    "theta": ("theta", "θ"),
+}  # fmt: skip
+"""Names of the columns that say where a point is seen, after the name of the target."""
 
 
 def with_positions(table: Table) -> Table:
@@ -381,46 +347,14 @@ def with_positions(table: Table) -> Table:
     parted = [split_unit(name) for name in table.header]
     if any(text in ("x", "x coordinate", "x koordinate") or text.endswith(" x") for text, _ in parted):
         return table
-    directed = _directed(table, [text for text, _ in parted])
-    for columns in directed:
-        units = [parted[k][1] or UNITS.get(table.units[k]) for k in (columns.azimuth, columns.polar, columns.range)]
-        table = _replaced(table, columns, units)
-    return table
-
-
-def _directed(table: Table, texts: Sequence[str]) -> list[_Directed]:
-    """The columns of each target that has all three."""
-    by_target: dict[str, dict[str, int]] = {}
-    for k, text in enumerate(texts):
-        for kind, names in (
-            ("azimuth", _AZIMUTH), ("clockwise", _CLOCKWISE), ("elevation", _ELEVATION), ("zenith", _ZENITH), ("either", _EITHER),
-            ("range", _RANGE), ("theta", _THETA),
-        ):  # fmt: skip
-            name = next((n for n in sorted(names, key=len, reverse=True) if text == n or text.endswith(f" {n}")), None)
-            if name is not None:
-                by_target.setdefault(text[: len(text) - len(name)].strip(), {}).setdefault(kind, k)
-                break
-    out: list[_Directed] = []
-    for target, at in by_target.items():
+    units = [unit or UNITS.get(under) for (_, unit), under in zip(parted, table.units, strict=True)]
+    for target, at in _directed([text for text, _ in parted]).items():
         turned = at.get("azimuth", at.get("clockwise"))
+        polar = at.get("elevation", at.get("zenith", at.get("either") if "clockwise" in at else None))
         if "range" not in at:
             continue
-        polar = next((at[kind] for kind in ("elevation", "zenith") if kind in at), None)
-        if polar is None and "clockwise" in at:
-            polar = at.get("either")
         if turned is not None and polar is not None:
-            zenith = "elevation" not in at
-            clockwise = "azimuth" not in at
-            out.append(
-                _Directed(
-                    target=target,
-                    azimuth=turned,
-                    clockwise=clockwise,
-                    polar=polar,
-                    from_zenith=zenith,
-                    range=at["range"],
-                )
-            )
+            table = _with_position(table, target, at, (turned, polar, at["range"]), units)
         elif "either" in at and (turned is not None or "theta" in at):
             name = table.header[at["either"]]
             message = (
@@ -428,88 +362,84 @@ def _directed(table: Table, texts: Sequence[str]) -> list[_Directed]:
                 "the angle about the vertical azimuth"
             )
             raise table.header_error(f"'{name}' {message}", name)
-    return out
+    return table
 
 
-def _replaced(table: Table, columns: _Directed, units: Sequence[str | None]) -> Table:
+def _directed(texts: Sequence[str]) -> dict[str, dict[str, int]]:
+    """By target, the column of each part of a direction."""
+    by_target: dict[str, dict[str, int]] = {}
+    for k, text in enumerate(texts):
+        for kind, names in _DIRECTION_NAMES.items():
+            name = next((n for n in sorted(names, key=len, reverse=True) if text == n or text.endswith(f" {n}")), None)
+            if name is not None:
+                by_target.setdefault(text[: len(text) - len(name)].strip(), {}).setdefault(kind, k)
+                break
+    return by_target
+
+
+def _with_position(
+    table: Table, target: str, at: Mapping[str, int], columns: tuple[int, int, int], units: Sequence[str | None]
+) -> Table:
     """The table with one target's position in place of its angles and range."""
-    header = table.header
-    angle = stated_units(table.preamble).angle
+    header, angle = table.header, stated_units(table.preamble).angle
     scales: list[float] = []
-    for k, unit in zip((columns.azimuth, columns.polar), units[:2], strict=True):
-        unit = unit or angle
+    for k in columns[:2]:
+        unit = units[k] or angle
         if unit not in ANGLES:
             what = "the unit of the angle is not stated" if unit is None else f"'{unit}' is no unit of an angle"
             raise table.header_error(f"{what}; name the column {header[k]}_deg, _rad or _gon", header[k])
         scales.append(ANGLES[unit])
-    if units[2] is not None and units[2] not in LENGTHS:
-        raise table.header_error(
-            f"'{units[2]}' is no unit of length; known: {', '.join(LENGTHS)}", header[columns.range]
-        )
-    cells = [table.numbers(header[k], empty=True) for k in (columns.azimuth, columns.polar, columns.range)]
-    points = _cartesian(columns, cells[0] * scales[0], cells[1] * scales[1], cells[2])
-    prefix, unit = columns.target and f"{columns.target} ", f" {units[2]}" if units[2] else ""
-    names = dict(
-        zip((columns.azimuth, columns.polar, columns.range), (f"{prefix}{a}{unit}" for a in "xyz"), strict=True)
-    )
-    axis = {k: i for i, k in enumerate(names)}
-    rows = table.cells.with_columns({k: [_text(x) for x in points[:, i]] for k, i in axis.items()})
+    unit = units[columns[2]]
+    if unit is not None and unit not in LENGTHS:
+        raise table.header_error(f"'{unit}' is no unit of length; known: {', '.join(LENGTHS)}", header[columns[2]])
+    azimuth, polar, distance = (table.numbers(header[k], empty=True) for k in columns)
+    clockwise, from_zenith = "azimuth" not in at, "elevation" not in at
+    turned, polar = (-1.0 if clockwise else 1.0) * azimuth * scales[0], polar * scales[1]
+    elevation = np.pi / 2 - polar if from_zenith else polar
+    level = distance * np.cos(elevation)
+    points = np.stack([level * np.cos(turned), level * np.sin(turned), distance * np.sin(elevation)], axis=1)
+    points[distance == 0.0] = np.nan
+    names = {
+        k: f"{target} {axis}".strip() + (f" {unit}" if unit else "") for k, axis in zip(columns, "xyz", strict=True)
+    }
+    cells = {
+        k: ["" if np.isnan(value) else repr(value) for value in points[:, i].tolist()] for i, k in enumerate(columns)
+    }
     note = (
-        f"{', '.join(header[k] for k in names)} are read as an azimuth that turns "
-        f"{'clockwise' if columns.clockwise else 'counter-clockwise'} seen from above, an angle from the "
-        f"{'zenith' if columns.from_zenith else 'horizontal'} and a range"
+        f"{', '.join(header[k] for k in columns)} are read as an azimuth that turns "
+        f"{'clockwise' if clockwise else 'counter-clockwise'} seen from above, an angle from the "
+        f"{'zenith' if from_zenith else 'horizontal'} and a range"
     )
     return replace(
         table,
         header=tuple(names.get(k, name) for k, name in enumerate(header)),
-        rows=rows,
+        rows=table.cells.with_columns(cells),
         units=tuple("" if k in names else under for k, under in enumerate(table.units)),
     ).noted(note)
 
 
-def _cartesian(
-    columns: _Directed, azimuth: np.ndarray, polar: np.ndarray, distance: np.ndarray
-) -> Float[np.ndarray, "rows 3"]:
-    """x, y and z in the unit of the range; NaN where the beam was lost."""
-    elevation = np.pi / 2 - polar if columns.from_zenith else polar
-    turned = -azimuth if columns.clockwise else azimuth
-    level = distance * np.cos(elevation)
-    points = np.stack([level * np.cos(turned), level * np.sin(turned), distance * np.sin(elevation)], axis=1)
-    points[distance == 0.0] = np.nan
-    return points
+# Rows that sum others up, and cells that stand for what was not seen.
 
 
-def _text(value: float) -> str:
-    return "" if np.isnan(value) else repr(float(value))
-
-
-# Rows that sum others up, which spreadsheets and instruments write below their tables.
-
-
-def without_summaries(table: Table, meanings: Sequence[Meaning | None]) -> Table:
-    """The table without rows whose id is the name of a statistic, such as ``Mean``; a note says which.
-
-    Args:
-        table: whose rows they are.
-        meanings: of its columns.
-    """
-    named = [k for k, meaning in enumerate(meanings) if meaning is not None and meaning.kind == "id"]
-    summing = {row: cells[k] for row, cells in enumerate(table.rows) for k in named if is_statistic(cells[k])}
+def without_summaries(measured: MeasuredTable) -> MeasuredTable:
+    """The table without rows whose id is the name of a statistic, such as ``Mean``; a note says which."""
+    table = measured.table
+    summing: dict[int, str] = {}
+    for name, _ in measured.of("id"):
+        summing |= {row: text for row, text in enumerate(table.texts(name)) if is_statistic(text)}
     if not summing:
-        return table
+        return measured
+    summing = dict(sorted(summing.items()))
     listed = footer_note([int(table.lines[row]) for row in summing], [(text,) for text in summing.values()])
     rest = table.take(np.array([row not in summing for row in range(len(table))]))
-    return rest.noted(f"rows that sum others up are left out: {listed}")
+    return replace(measured, table=rest.noted(f"rows that sum others up are left out: {listed}"))
 
-
-# What instruments and programs write in place of a point that they did not see.
 
 _LOST = re.compile(
     r"nan|nil|none|null|n/?a|#n/a|#nv|#value!|-+|–|—|\?+|\*+|inf|lost|no data|beam lost|invalid|[+-]?9{4,}(?:\.[09]*)?",
     re.ASCII | re.IGNORECASE,
 )
-"""All three cells of a target are the same."""
-
+"""What is written in place of a point that was not seen; all three cells of a target are the same."""
 
 _FLAG = ("valid", "is valid", "visible", "tracked", "measured ok", "point ok", "gültig", "gueltig")
 _YES = frozenset({"1", "true", "yes", "y", "ja", "j", "ok", "valid", "x", "wahr", "1.0", "checked"})
@@ -529,9 +459,14 @@ def rows_not_valid(table: Table) -> tuple[list[int], tuple[str, ...]]:
         said = [text.casefold() for text in table.texts(name)]
         rows = [row for row, text in enumerate(said) if text in _NO]
         if rows and set(said) <= _YES | _NO:
-            lines = ", ".join(str(table.lines[row]) for row in rows[:5]) + (", …" if len(rows) > 5 else "")
-            return rows, (f"what was measured is taken for lost where '{shown(name, 40)}' says so (line {lines})",)
+            flag = shown(name, 40)
+            return rows, (f"what was measured is taken for lost where '{flag}' says so ({_listed(table, rows)})",)
     return [], ()
+
+
+def _listed(table: Table, rows: Sequence[int]) -> str:
+    """The first lines of some rows, in words."""
+    return f"line {', '.join(str(table.lines[row]) for row in rows[:5])}{', …' if len(rows) > 5 else ''}"
 
 
 def without_lost(table: Table, columns: Sequence[str]) -> tuple[Table, tuple[str, ...]]:
@@ -544,7 +479,6 @@ def without_lost(table: Table, columns: Sequence[str]) -> tuple[Table, tuple[str
     Returns:
         The table, and a note of what was taken for a lost beam.
     """
-    axes = [table.header.index(column) for column in columns]
     by_axis = [table.texts(column) for column in columns]
     lost = {
         row: cells[0]
@@ -556,19 +490,20 @@ def without_lost(table: Table, columns: Sequence[str]) -> tuple[Table, tuple[str
     for cells in by_axis:
         for row in lost:
             cells[row] = ""
+    axes = [table.header.index(column) for column in columns]
     rows = table.cells.with_columns(dict(zip(axes, by_axis, strict=True)))
     words = ", ".join(f"'{shown(word, 20)}'" for word in dict.fromkeys(lost.values()))
-    lines = ", ".join(str(table.lines[row]) for row in list(lost)[:5]) + (", …" if len(lost) > 5 else "")
-    return replace(table, rows=rows), (f"{words} for {columns[0]} … is taken for a lost beam (line {lines})",)
+    note = f"{words} for {columns[0]} … is taken for a lost beam ({_listed(table, list(lost))})"
+    return replace(table, rows=rows), (note,)
 
 
 # Positions of targets in a table of measurements: columns for each target, or a row for each.
 
-MAX_UNCERTAINTY = 0.01
+MAX_UNCERTAINTY_M = 0.01
 """Standard uncertainty, metres, at most, under a name that positions have too. A convention: no instrument that calibrates
 robots has as much."""
 
-SMALL = 0.01
+MAX_UNCERTAINTY_SHARE = 0.01
 """Uncertainty over the largest coordinate, at most, where the unit of both is unknown. A convention: 10 mm on a metre."""
 
 LEAVE_EMPTY = "give a number, or leave all the target's cells empty"
@@ -582,109 +517,102 @@ _OFF = re.compile(
 """Names of how far the robot was off."""
 
 
-class _Uncertainty(NamedTuple):
-    """Of one target."""
-
-    values: Float[np.ndarray, " rows"]
-    stated: bool
-    """Whether it has a unit, and is in metres."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TargetColumns:
     """The positions of a table's rows."""
 
-    points: dict[str, Float[np.ndarray, "rows 3"]]
+    points: dict[str, Float[np.ndarray, "rows 3"]] = field(default_factory=dict[str, np.ndarray])
     """By target, ``tool`` where the file names none; NaN for a lost beam. Metres, or as in the file where no unit is stated."""
-    uncertainty: dict[str, Float[np.ndarray, " rows"]]
+    uncertainty: dict[str, Float[np.ndarray, " rows"]] = field(default_factory=dict[str, np.ndarray])
     """Standard uncertainty per axis, by the target whose it is, empty for all; units as of the points, or metres."""
     uncertainty_stated: frozenset[str] = frozenset()
     """Those of them that are in metres, whatever the points are in."""
-    unit_stated: bool
+    unit_stated: bool = True
     """False where no position has a unit."""
     notes: tuple[str, ...] = ()
     """What was decided on the way."""
 
+    def needed(self, rows: int) -> dict[str, Bool[np.ndarray, " rows"]]:
+        """Rows with a position, which need a rotation too: by target in small letters, and of any."""
+        seen = {name.casefold(): ~np.isnan(points[:, 0]) for name, points in self.points.items()}
+        return {**seen, "": np.any(list(seen.values()), axis=0) if seen else np.ones(rows, dtype=bool)}
 
-def target_columns(table: Table, meanings: Sequence[Meaning | None]) -> TargetColumns:
+
+def target_columns(measured: MeasuredTable) -> TargetColumns:
     """The positions of a table's rows, and how sure they are.
 
     Raises:
         FileError: an axis is lacking or given twice, only some have a unit, or a cell is not what it must be.
     """
-    places: dict[str, dict[int, int]] = {}
+    table, places = measured.table, measured.by_target("position")
     names: dict[str, str] = {}
-    for k, meaning in enumerate(meanings):
-        if meaning is None or meaning.kind != "position":
-            continue
-        axes = places.setdefault(meaning.target.casefold(), {})
-        names.setdefault(meaning.target.casefold(), meaning.target)
-        if meaning.index in axes:
-            twice = f"'{table.header[axes[meaning.index]]}' and '{table.header[k]}'"
+    met: dict[tuple[str, int], str] = {}
+    for column, meaning in measured.of("position"):
+        low = meaning.target.casefold()
+        names.setdefault(low, meaning.target)
+        if (low, meaning.index) in met:
+            twice = f"'{met[low, meaning.index]}' and '{column}'"
             raise table.header_error(f"{twice} are both the {'xyz'[meaning.index]} of one target; keep one")
-        axes[meaning.index] = k
-    _refuse_goals(table, meanings, places)
+        met[low, meaning.index] = column
+    _refuse_goals(measured, places)
     if len(places) > 10 * MAX_TARGETS:
         raise table.header_error(f"names {len(places)} targets; Taskcal fits {MAX_TARGETS} at most: choose some")
-    units = {low: _unit(table, meanings, names[low], axes) for low, axes in places.items()}
+    units = {low: _unit(table, names[low], axes) for low, axes in places.items()}
     stated = {unit is not None for unit in units.values()}
     if len(stated) > 1:
         without = next(low for low, unit in units.items() if unit is None)
-        column = table.header[places[without][0]]
+        column = places[without][0][0]
         raise table.header_error(f"the unit is not stated; name the column {column}_mm", column)
     points: dict[str, np.ndarray] = {}
     notes: list[str] = []
     faults = Faults()
     for low, axes in places.items():
-        table, lost = without_lost(table, [table.header[axes[i]] for i in range(3)])
+        columns = [axes[i][0] for i in range(3)]
+        table, lost = without_lost(table, columns)
         notes += lost
         with faults.collecting():
-            points[names[low] or "tool"] = _positions(table, [table.header[axes[i]] for i in range(3)], units[low])
-    uncertainty: dict[str, _Uncertainty] = {}
+            points[names[low] or "tool"] = _positions(table, columns, units[low])
+    uncertainty: dict[str, np.ndarray] = {}
+    in_metres: frozenset[str] = frozenset()
     with faults.collecting():
         farthest = max((float(np.nanmax(np.abs(values), initial=0.0)) for values in points.values()), default=0.0)
-        uncertainty = _uncertainty(table, meanings, set(units.values()), SMALL * farthest)
-    short = [table.header[k] for k, m in enumerate(meanings) if m and m.kind == "uncertainty" and m.form]
+        largest = MAX_UNCERTAINTY_SHARE * farthest
+        uncertainty, in_metres = _uncertainty(replace(measured, table=table), set(units.values()), largest)
+    short = [name for name, meaning in measured.of("uncertainty") if meaning.form]
     if short and uncertainty:
         notes.append(f"{shown(', '.join(short))} are read as standard uncertainties")
     faults.raise_any()
     invalid, said = rows_not_valid(table) if points else ([], ())
     for values in points.values():
         values[invalid] = np.nan
-    notes += said
     return TargetColumns(
         points=points,
-        uncertainty={name: one.values for name, one in uncertainty.items()},
-        uncertainty_stated=frozenset(name for name, one in uncertainty.items() if one.stated),
+        uncertainty=uncertainty,
+        uncertainty_stated=in_metres,
         unit_stated=stated != {False},
-        notes=tuple(notes),
+        notes=(*notes, *said),
     )
 
 
-def _refuse_goals(table: Table, meanings: Sequence[Meaning | None], places: dict[str, dict[int, int]]) -> None:
+def _refuse_goals(measured: MeasuredTable, places: Mapping[str, object]) -> None:
     """Goals, and how far the robot was off them, are not what was measured, though it follows from both."""
-    if not places or not places.keys() <= CALCULATED:
-        return
-    off = [
-        name for name, m in zip(table.header, meanings, strict=True) if m and m.kind == "nominal" and _OFF.search(name)
-    ]
-    if off:
-        goal = table.header[min(k for axes in places.values() for k in axes.values())]
+    off = [name for name, _ in measured.of("nominal") if _OFF.search(name)]
+    if off and places and places.keys() <= CALCULATED:
         message = (
-            f"has goals ('{shown(goal)}') and differences from them ('{shown(off[0])}'), not points; add columns of what was "
-            "measured"
+            f"has goals ('{shown(measured.of('position')[0][0])}') and differences from them ('{shown(off[0])}'), not points; add "
+            "columns of what was measured"
         )
-        raise table.header_error(message)
+        raise measured.table.header_error(message)
 
 
-def _unit(table: Table, meanings: Sequence[Meaning | None], name: str, axes: dict[int, int]) -> str | None:
+def _unit(table: Table, name: str, axes: Mapping[int, tuple[str, Meaning]]) -> str | None:
     """The unit of a target's axes, all of which must be there and in the same."""
-    have = table.header[next(iter(axes.values()))]
+    have = next(iter(axes.values()))[0]
     for axis in range(3):
         if axis not in axes:
             spelled = have[: len(have) - len("x_mm")] if have.lower().endswith("_mm") else (f"{name}_" if name else "")
             raise table.header_error(f"has '{have}' but no column '{spelled}{'xyz'[axis]}_mm'")
-    columns = {table.header[k]: m.unit for k in axes.values() if (m := meanings[k]) is not None}
+    columns = {column: meaning.unit for column, meaning in axes.values()}
     units = set(columns.values())
     if units == {None}:
         return None
@@ -701,14 +629,9 @@ def _unit(table: Table, meanings: Sequence[Meaning | None], name: str, axes: dic
 
 
 def _positions(table: Table, columns: Sequence[str], unit: str | None) -> np.ndarray:
-    faults = Faults()
-    largest = FARTHEST / LENGTHS[unit or "mm"]
-    points = np.full((len(table), 3), np.nan)
-    for axis, column in enumerate(columns):
-        with faults.collecting():
-            points[:, axis] = table.numbers(column, empty=True, remedy=LEAVE_EMPTY, largest=largest)
-    faults.raise_any()
-    blank = np.isnan(points)
+    largest = MAX_COORDINATE_M / LENGTHS[unit or "mm"]
+    points = _together(table, columns, empty=True, remedy=LEAVE_EMPTY, largest=largest)
+    faults, blank = Faults(), np.isnan(points)
     for row in np.flatnonzero(blank.any(axis=1) & ~blank.all(axis=1)):
         with faults.collecting():
             message = "the cell is empty while its target's others are not; leave all three empty for a lost beam, or drop the row"
@@ -719,42 +642,40 @@ def _positions(table: Table, columns: Sequence[str], unit: str | None) -> np.nda
 
 
 def _uncertainty(
-    table: Table, meanings: Sequence[Meaning | None], units: set[str | None], largest: float
-) -> dict[str, _Uncertainty]:
-    """By target; of three axes the root mean square. Without a unit of its own it is as the positions are, if these are in mm."""
-    if not units and not any(m and m.kind == "observed" for m in meanings):
-        return {}
-    columns: dict[str, dict[int, int]] = {}
-    for k, meaning in enumerate(meanings):
-        if meaning is not None and meaning.kind == "uncertainty":
-            columns.setdefault(meaning.target.casefold(), {})[meaning.index] = k
-    out: dict[str, _Uncertainty] = {}
-    for target, at in columns.items():
+    measured: MeasuredTable, units: set[str | None], largest: float
+) -> tuple[dict[str, Float[np.ndarray, " rows"]], frozenset[str]]:
+    """By target, and which are in metres; of three axes the root mean square.
+
+    Without a unit of its own it is as the positions are, if these are in millimetres.
+    """
+    if not units and not measured.of("observed"):
+        return {}, frozenset()
+    table, out, in_metres = measured.table, dict[str, np.ndarray](), set[str]()
+    for target, at in measured.by_target("uncertainty").items():
         chosen = [at[3]] if 3 in at else [at[i] for i in range(3) if i in at]
         if 3 not in at and len(chosen) < 3:
             continue
-        own = {m.unit for k in chosen if (m := meanings[k])}
+        first, own = chosen[0][0], {meaning.unit for _, meaning in chosen}
         unit = next(iter(own)) or ("mm" if units == {"mm"} else None)
         if len(own) > 1:
-            raise table.header_error("the axes of one uncertainty have different units", table.header[chosen[0]])
+            raise table.header_error("the axes of one uncertainty have different units", first)
         if unit is None and units != {None}:
-            bare = table.header[chosen[0]]
-            raise table.header_error(f"the unit is not stated; name the column {bare}_mm", bare)
+            raise table.header_error(f"the unit is not stated; name the column {first}_mm", first)
         if unit is not None and unit not in LENGTHS:
-            message = f"'{unit}' is not a unit of length; known: {', '.join(LENGTHS)}"
-            raise table.header_error(message, table.header[chosen[0]])
+            raise table.header_error(f"'{unit}' is not a unit of length; known: {', '.join(LENGTHS)}", first)
         scale = 1.0 if unit is None else LENGTHS[unit]
         squares = np.zeros(len(table))
-        for k in chosen:
-            meaning, values = meanings[k], table.numbers(table.header[k])
-            if meaning and meaning.form == "s":
-                _refuse_positions(table, table.header[k], values, largest if unit is None else MAX_UNCERTAINTY / scale)
+        for name, meaning in chosen:
+            values = table.numbers(name)
+            if meaning.form == "s":
+                _refuse_positions(table, name, values, largest if unit is None else MAX_UNCERTAINTY_M / scale)
             for row in np.flatnonzero(values <= 0.0):
                 message = f"{values[row]:g} is not a standard uncertainty; give one above zero"
-                raise table.error(message, int(row), table.header[k])
+                raise table.error(message, int(row), name)
             squares += (values * scale) ** 2
-        out[target] = _Uncertainty(np.sqrt(squares / len(chosen)), unit is not None)
-    return out
+        out[target] = np.sqrt(squares / len(chosen))
+        in_metres |= {target} if unit is not None else set()
+    return out, frozenset(in_metres)
 
 
 def _refuse_positions(table: Table, column: str, values: np.ndarray, largest: float) -> None:
@@ -771,7 +692,6 @@ def _refuse_positions(table: Table, column: str, values: np.ndarray, largest: fl
 # Names for the columns of a file that has none, where their number and their cells leave one reading.
 
 _COUNT = re.compile(r"\d{1,9}", re.ASCII)
-_UNNAMED_NUMBER = re.compile(r"[+-]?(\d+(?:\.\d*)?|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 _NAMES = ("collection", "group", "id")
 """Of points, the outermost first, as SpatialAnalyzer writes them."""
@@ -841,7 +761,7 @@ def _may_begin_with_joints(table: Table, robot: Robot, first: int, count: int) -
     if count <= width + 3:
         return False
     rows = [row[first : first + width] for row in table.rows]
-    q = np.array([[float(cell) for cell in row] for row in rows if all(map(_UNNAMED_NUMBER.fullmatch, row))])
+    q = np.array([[float(cell) for cell in row] for row in rows if all(map(NUMBER.fullmatch, row))])
     return len(q) > 0 and not robot.outside_limits(q * np.where(robot.prismatic, LENGTHS["mm"], ANGLES["deg"]))
 
 
@@ -863,10 +783,10 @@ def _words_and_numbers(table: Table) -> tuple[int, int]:
     rows = table.rows
     sample = rows[:_SAMPLED]
     words = [
-        2 * sum(not (_UNNAMED_NUMBER.fullmatch(row[k]) or is_lost(row[k])) for row in sample) > len(sample)
+        2 * sum(not (NUMBER.fullmatch(row[k]) or is_lost(row[k])) for row in sample) > len(sample)
         for k in range(len(table.header))
     ]
-    words[0] = not all(_UNNAMED_NUMBER.fullmatch(row[0]) for row in rows)
+    words[0] = not all(NUMBER.fullmatch(row[0]) for row in rows)
     leading = words.index(False) if False in words else len(words)
     block = next((k for k in range(len(words) - 2) if not any(words[k : k + 3])), leading)
     if all(words[k] or all(_COUNT.fullmatch(row[k]) for row in rows) for k in range(block)):
@@ -903,7 +823,7 @@ def _refuse_two_blocks(table: Table, named: Sequence[str], first: int, count: in
     """
     step = max(1, len(table) // _COMPARED)
     rows = [row[first : first + min(count, _COMPARED_COLUMNS)] for row in table.rows[::step]]
-    values = np.array([[float(cell) for cell in row] for row in rows if all(map(_UNNAMED_NUMBER.fullmatch, row))])
+    values = np.array([[float(cell) for cell in row] for row in rows if all(map(NUMBER.fullmatch, row))])
     # joints move in step with one another wherever a robot passes through its poses
     blocks = _two_blocks(values, positions=named[first] == "x") if len(values) and count > 5 else None
     if blocks is None:
@@ -959,13 +879,11 @@ def _correlation(first: Float[np.ndarray, " pairs"], second: Float[np.ndarray, "
     return float(np.corrcoef(first, second)[0, 1])
 
 
-LEAST_RANGE = 0.01
-"""Of a column of lengths that may be what was measured, metres: uncertainties and deviations vary by less."""
+MIN_RANGE_M = 0.01
+"""Range of a column of lengths that may be what was measured, metres: uncertainties and deviations vary by less."""
 
 MAX_TIME_S = 1e7
 """No robot works so many seconds before it is measured; clocks count more."""
-
-_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 KNOWN = (
     "a campaign has id, joints ({joint}_deg …), targets (x_mm … or NAME_x_mm …), qx qy qz qw, u_mm, temp_C, time_s, "
@@ -976,7 +894,7 @@ KNOWN = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Readings:
-    """The rows of one file."""
+    """The rows of one file, or of two whose rows were paired."""
 
     path: Path
     ids: tuple[str, ...] | None
@@ -997,13 +915,10 @@ class Readings:
     """By target in small letters, empty for all; as the points."""
     uncertainty_stated: frozenset[str]
     """Those of them that are in metres, whatever the points are in."""
-    rotations: Float[np.ndarray, "n 3 3"] | None
+    rotations: Mapping[str, Float[np.ndarray, "n 3 3"]]
+    """By target, an empty name where their columns name none."""
     open_angles: OpenAngles | None
     """Where it is open what three angles mean."""
-    rotated: str
-    """Whose rotations they are, where their columns say."""
-    other_rotations: Mapping[str, Float[np.ndarray, "n 3 3"]]
-    """Of further targets, by their names."""
     temperature: Float[np.ndarray, " n"] | None
     """°C."""
     time: Float[np.ndarray, " n"] | None
@@ -1019,37 +934,39 @@ class Readings:
     preamble: tuple[str, ...]
     """Lines above the table and comments."""
     left_lengths: tuple[str, ...]
-    """Columns of lengths that were left out and vary by more than `LEAST_RANGE`."""
+    """Columns of lengths that were left out and vary by more than `MIN_RANGE_M`."""
     notes: tuple[str, ...]
     """What was decided on the way."""
 
     def __len__(self) -> int:
         return len(self.lines)
 
+    def noted(self, *notes: str) -> "Readings":
+        """The readings with more notes."""
+        return replace(self, notes=(*self.notes, *notes))
+
     def take(self, rows: Int[np.ndarray, " k"]) -> "Readings":
         """Some of the rows."""
 
-        def pick(value: np.ndarray | None) -> np.ndarray | None:
-            return None if value is None else value[rows]
+        def pick(value: Any) -> Any:
+            if isinstance(value, np.ndarray):
+                return value[rows]
+            if isinstance(value, tuple):
+                return tuple(value[i] for i in rows)
+            if isinstance(value, Mapping):
+                return {name: values[rows] for name, values in value.items()}
+            if isinstance(value, OpenAngles):
+                return value.mapped(lambda R: R[rows])
+            return None if value is None else value.take(rows)
 
-        return replace(
-            self,
-            ids=None if self.ids is None else tuple(self.ids[i] for i in rows),
-            groups=None if self.groups is None else tuple(self.groups[i] for i in rows),
-            lines=self.lines[rows],
-            q=pick(self.q),
-            points={name: points[rows] for name, points in self.points.items()},
-            uncertainty={name: u[rows] for name, u in self.uncertainty.items()},
-            rotations=pick(self.rotations),
-            other_rotations={name: R[rows] for name, R in self.other_rotations.items()},
-            open_angles=None if self.open_angles is None else self.open_angles.mapped(lambda R: R[rows]),
-            temperature=pick(self.temperature),
-            time=pick(self.time),
-            approach=pick(self.approach),
-            move=pick(self.move),
-            targets_by_row=None if self.targets_by_row is None else tuple(self.targets_by_row[i] for i in rows),
-            observed=None if self.observed is None else self.observed.take(rows),
-        )
+        return replace(self, **{name: pick(getattr(self, name)) for name in _BY_ROW})
+
+
+_BY_ROW = (
+    "ids", "groups", "lines", "q", "points", "uncertainty", "rotations", "open_angles", "temperature", "time", "approach", "move",
+    "targets_by_row", "observed",
+)  # fmt: skip
+"""What readings hold for each row."""
 
 
 def read_readings(
@@ -1068,89 +985,85 @@ def read_readings(
     """
     table = with_positions(name_columns(read_table(path, form), robot))
     known = meanings(table.header, table.units, robot.joint_names, _numbered_parts(table))
-    table = without_summaries(table, known)
-    faults = Faults()
+    measured = without_summaries(MeasuredTable(table=table, known=tuple(known), robot=robot))
+    table, faults = measured.table, Faults()
     for fault in table.faults:
         with faults.collecting():
             raise fault
-    _refuse_two_units(table, faults)
-    joints: JointColumns | None = None
-    with faults.collecting():
-        joints = joint_columns(table, known, robot)
-    targets = TargetColumns(points={}, uncertainty={}, unit_stated=True)
-    with faults.collecting():
-        targets = target_columns(table, known)
-    turned = RotationColumns()
-    with faults.collecting():
-        turned = rotations(table, known, _posed(targets, len(table)), angles)
-    ids, targets_by_row = None, _texts(table, known, "target")
-    with faults.collecting():
-        ids = _ids(table, known)
-    groups = _groups(table, known)
-    if ids is None and groups is not None:
-        # of a group in which targets have names, or the rows none
-        ids, groups = groups, None
+    for name, under in zip(table.header, table.units, strict=True):
+        if units := contradiction(name, under):
+            with faults.collecting():
+                message = f"the name states {units[0]}, the row of units {units[1]}; mend one of them"
+                raise table.header_error(message, name)
+    joints, targets, ids = JointColumns(), TargetColumns(), None
+    turned, open_angles = dict[str, np.ndarray](), None
     temperature = time = approach = move = None
     with faults.collecting():
-        temperature, time = _temperature(table, known), _time(table, known)
+        joints = joint_columns(measured)
     with faults.collecting():
-        approach, move = _approaches(table, known, robot), _moves(table, known, robot)
+        targets = target_columns(measured)
     with faults.collecting():
-        _refuse_nearly_known(table, known, robot)
+        turned, open_angles = rotations(measured, targets.needed(len(table)), angles)
     with faults.collecting():
-        refuse_other_axes(table, known, robot)
+        ids = _ids(measured)
     with faults.collecting():
-        _refuse_unlabelled(table, known)
+        temperature, time = _temperature(measured), _time(measured)
+    with faults.collecting():
+        approach, move = _approaches(measured), _moves(measured)
+    for refuse in (_refuse_nearly_known, refuse_other_axes, _refuse_unlabelled):
+        with faults.collecting():
+            refuse(measured)
     faults.raise_any()
     if not len(table):
         raise FileError(table.path, "has no measurements below its header")
-    observed = _observed(table, known)
-    if joints is None and not any(np.isfinite(points).any() for points in targets.points.values()):
-        _refuse_nothing_measured(table, observed, robot)
-    left = _left_out(table, known)
+    groups, observed = _groups(measured), _observed(measured)
+    if ids is None and groups is not None:
+        # of a group in which targets have names, or the rows none
+        ids, groups = groups, None
+    if joints.values is None and not any(np.isfinite(points).any() for points in targets.points.values()):
+        _refuse_nothing_measured(measured, observed)
+    named = measured.of("target")
+    left_numbers, left_texts, left_lengths = _left_out(measured)
     return Readings(
         path=table.path,
         ids=ids,
         groups=groups,
         lines=np.array(table.lines, dtype=np.int64),
-        q=None if joints is None else joints.values,
-        joint_unit_stated=joints is None or joints.unit_stated,
-        joint_columns=() if joints is None else joints.columns,
+        q=joints.values,
+        joint_unit_stated=joints.unit_stated,
+        joint_columns=joints.columns,
         points=targets.points,
         length_unit_stated=targets.unit_stated,
         uncertainty=targets.uncertainty,
         uncertainty_stated=targets.uncertainty_stated,
-        rotations=turned.rotations,
-        open_angles=turned.open_angles,
-        rotated=turned.rotated,
-        other_rotations=turned.others,
+        rotations=turned,
+        open_angles=open_angles,
         temperature=temperature,
         time=time,
         approach=approach,
         move=move,
-        targets_by_row=targets_by_row,
+        targets_by_row=tuple(table.texts(named[0][0])) if named else None,
         observed=observed,
         preamble=table.preamble,
-        left_lengths=left.lengths,
-        notes=(*left.numbers, *table.notes, *targets.notes, *turned.notes, *left.notes),
+        left_lengths=left_lengths,
+        notes=(*left_numbers, *table.notes, *targets.notes, *left_texts),
     )
 
 
-def _refuse_nothing_measured(table: Table, observed: ObservedColumns | None, robot: Robot) -> None:
+def _refuse_nothing_measured(measured: MeasuredTable, observed: ObservedColumns | None) -> None:
     """See that a file without joints and positions holds a number that was measured in another way.
 
     Raises:
         FileError: it does not.
     """
-    if observed is not None and any(_NUMBER.fullmatch(cell) for cells in observed.cells.values() for cell in cells):
+    if observed is not None and any(NUMBER.fullmatch(cell) for cells in observed.cells.values() for cell in cells):
         return
-    joint = robot.joint_names[0]
-    columns = shown(", ".join(table.header), 200)
+    columns = shown(", ".join(measured.table.header), 200)
     message = (
-        f"holds no measured number: none of its columns ({columns}) is read as a joint of {robot.name} or a position; "
-        f"name them {joint}_deg … and x_mm y_mm z_mm, in the file or with --columns"
+        f"holds no measured number: none of its columns ({columns}) is read as a joint of {measured.robot.name} or a position; "
+        f"name them {measured.robot.joint_names[0]}_deg … and x_mm y_mm z_mm, in the file or with --columns"
     )
-    raise FileError(table.path, message, line=table.header_line)
+    raise measured.table.header_error(message)
 
 
 def _quantity(unit: str | None) -> tuple[Quantity, float] | None:
@@ -1160,33 +1073,18 @@ def _quantity(unit: str | None) -> tuple[Quantity, float] | None:
     return ("angle", ANGLES[unit]) if unit in ANGLES else None
 
 
-def _observed(table: Table, known: Sequence[Meaning | None]) -> ObservedColumns | None:
+def _observed(measured: MeasuredTable) -> ObservedColumns | None:
     """Columns of kinds of observation that need no tracker."""
-    at = {m.target: (table.header[k], m.unit) for k, m in enumerate(known) if m is not None and m.kind == "observed"}
+    at = {meaning.target: (name, meaning.unit) for name, meaning in measured.of("observed")}
     if not at:
         return None
     return ObservedColumns(
-        path=table.path,
-        lines=np.array(table.lines, dtype=np.int64),
-        cells={column: tuple(table.texts(name)) for column, (name, _) in at.items()},
+        path=measured.table.path,
+        lines=np.array(measured.table.lines, dtype=np.int64),
+        cells={column: tuple(measured.table.texts(name)) for column, (name, _) in at.items()},
         headers={column: name for column, (name, _) in at.items()},
         units={column: _quantity(unit) for column, (_, unit) in at.items()},
     )
-
-
-def _refuse_two_units(table: Table, faults: Faults) -> None:
-    """Note columns whose names state one unit and the row of units another."""
-    for name, under in zip(table.header, table.units, strict=True):
-        if units := contradiction(name, under):
-            message = f"the name states {units[0]}, the row of units {units[1]}; mend one of them"
-            with faults.collecting():
-                raise table.header_error(message, name)
-
-
-def _posed(targets: TargetColumns, rows: int) -> dict[str, Bool[np.ndarray, " rows"]]:
-    """Rows with a position, which need a rotation too: by target in small letters, and of any."""
-    seen = {name.casefold(): ~np.isnan(points[:, 0]) for name, points in targets.points.items()}
-    return {**seen, "": np.any(list(seen.values()), axis=0) if seen else np.ones(rows, dtype=bool)}
 
 
 def _numbered_parts(table: Table) -> list[int]:
@@ -1200,7 +1098,7 @@ def _numbered_parts(table: Table) -> list[int]:
     return at if np.abs(lengths - 1.0).max(initial=0.0) <= UNIT_LENGTH and rows else []
 
 
-def _refuse_unlabelled(table: Table, known: Sequence[Meaning | None]) -> None:
+def _refuse_unlabelled(measured: MeasuredTable) -> None:
     """See that positions in the frame of a sensor on the tool are not taken for those of a target.
 
     Raises:
@@ -1208,143 +1106,124 @@ def _refuse_unlabelled(table: Table, known: Sequence[Meaning | None]) -> None:
     """
     for kind in kinds():
         words = {word for column in kind.needed for word in kind.columns[column]}
-        for name, meaning in zip(table.header, known, strict=True):
-            if meaning is not None and meaning.kind == "position" and split_unit(name)[0] in words:
+        for name, _ in measured.of("position"):
+            if split_unit(name)[0] in words:
                 message = (
                     f"what a sensor on the tool sees needs a column '{kind.label}' that names it; add one, or rename the columns, "
                     "as in smr_x_mm, if an instrument beside the robot measured them"
                 )
-                raise table.header_error(message, name)
+                raise measured.table.header_error(message, name)
 
 
-def _texts(table: Table, known: Sequence[Meaning | None], kind: str) -> tuple[str, ...] | None:
-    at = [k for k, meaning in enumerate(known) if meaning is not None and meaning.kind == kind]
-    return tuple(table.texts(table.header[at[0]])) if at else None
-
-
-def _groups(table: Table, known: Sequence[Meaning | None]) -> tuple[str, ...] | None:
+def _groups(measured: MeasuredTable) -> tuple[str, ...] | None:
     """The group of every row, of collections in which groups stand too; None where all rows are of one."""
-    at = [k for k, meaning in enumerate(known) if meaning is not None and meaning.kind == "group"]
-    columns = [texts for k in at if len(set(texts := table.texts(table.header[k]))) > 1]
+    columns = [texts for name, _ in measured.of("group") if len(set(texts := measured.table.texts(name))) > 1]
     return tuple(map(" ".join, zip(*columns, strict=True))) if columns else None
 
 
-def _ids(table: Table, known: Sequence[Meaning | None]) -> tuple[str, ...] | None:
+def _ids(measured: MeasuredTable) -> tuple[str, ...] | None:
     """From the surest column of names that names every row differently, or else from the surest that is there.
 
     Raises:
         FileError: a row has no name.
     """
-    at = sorted((m.index, k) for k, m in enumerate(known) if m is not None and m.kind == "id")
-    if not at:
+    columns = [name for name, _ in sorted(measured.of("id"), key=lambda column: column[1].index)]
+    if not columns:
         return None
-    columns = [table.header[k] for _, k in at]
-    texts = {column: table.texts(column) for column in columns}
-    own = next((c for c in columns if all(texts[c]) and len(set(texts[c])) == len(table)), None)
-    words = next((c for c in columns if all(texts[c]) and not all(re.fullmatch(r"\d+", t) for t in texts[c])), None)
+    texts = {column: measured.table.texts(column) for column in columns}
+    full = [column for column in columns if all(texts[column])]
+    own = next((c for c in full if len(set(texts[c])) == len(measured.table)), None)
+    words = next((c for c in full if not all(re.fullmatch(r"\d+", text) for text in texts[c])), None)
     chosen = own or (columns[0] if len(columns) == 1 else words) or columns[0]
     faults = Faults()
     for row, text in enumerate(texts[chosen]):
         if not text:
             with faults.collecting():
-                raise table.error("the row has no id; give each row its own", row, chosen)
+                raise measured.table.error("the row has no id; give each row its own", row, chosen)
     faults.raise_any()
     return tuple(texts[chosen])
 
 
-def _temperature(table: Table, known: Sequence[Meaning | None]) -> np.ndarray | None:
-    at = [k for k, m in enumerate(known) if m is not None and m.kind == "temperature"]
-    return table.numbers(table.header[at[0]], empty=True) if at else None
+def _temperature(measured: MeasuredTable) -> np.ndarray | None:
+    columns = measured.of("temperature")
+    return measured.table.numbers(columns[0][0], empty=True) if columns else None
 
 
-def _time(table: Table, known: Sequence[Meaning | None]) -> np.ndarray | None:
+def _time(measured: MeasuredTable) -> np.ndarray | None:
     """Seconds since the robot began to work."""
-    at = [k for k, m in enumerate(known) if m is not None and m.kind == "time" and m.unit in TIMES]
-    if not at:
+    columns = [(name, TIMES[m.unit]) for name, m in measured.of("time") if m.unit in TIMES]
+    if not columns:
         return None
-    meaning, column = known[at[0]], table.header[at[0]]
-    assert meaning is not None
-    assert meaning.unit is not None
-    time = table.numbers(column, empty=True, largest=np.inf) * TIMES[meaning.unit]
+    column, scale = columns[0]
+    time = measured.table.numbers(column, empty=True, largest=np.inf) * scale
     wrong = np.flatnonzero((time < 0.0) | (time > MAX_TIME_S))
     if len(wrong):
         message = f"{time[wrong[0]]:g} s is not a time since the robot began to work; subtract the time when it did"
-        raise table.error(message, int(wrong[0]), column)
+        raise measured.table.error(message, int(wrong[0]), column)
     return time
 
 
-def _approaches(table: Table, known: Sequence[Meaning | None], robot: Robot) -> np.ndarray | None:
-    columns = _of_every_joint(table, known, robot, "approach", [f"{name}_approach" for name in robot.joint_names])
+def _approaches(measured: MeasuredTable) -> np.ndarray | None:
+    columns = [name for name, _ in _of_every_joint(measured, "approach", "_approach", "_approach")]
     if not columns:
         return None
-    approach = np.stack([table.numbers(c, remedy="give 1, -1, or 0 where it is unknown") for c in columns], axis=1)
+    approach = measured.table.side_by_side(columns, remedy="give 1, -1, or 0 where it is unknown")
     for row, j in zip(*np.nonzero(~np.isin(approach, (-1.0, 0.0, 1.0))), strict=True):
         message = f"{approach[row, j]:g} is not a way of approach; give 1 (the joint's value grew), -1 (it fell) or 0 (unknown)"
-        raise table.error(message, int(row), columns[j])
+        raise measured.table.error(message, int(row), columns[j])
     return approach
 
 
-def _moves(table: Table, known: Sequence[Meaning | None], robot: Robot) -> np.ndarray | None:
-    endings = [
-        f"{name}_move_{'mm' if slides else 'deg'}"
-        for name, slides in zip(robot.joint_names, robot.prismatic, strict=True)
-    ]
-    columns = _of_every_joint(table, known, robot, "move", endings)
+def _moves(measured: MeasuredTable) -> np.ndarray | None:
+    columns = _of_every_joint(measured, "move", "_move_deg", "_move_mm")
     if not columns:
         return None
     scale: list[float] = []
-    for column, slides in zip(columns, robot.prismatic, strict=True):
-        meaning = known[table.header.index(column)]
+    for (column, meaning), slides in zip(columns, measured.robot.prismatic, strict=True):
         units = LENGTHS if slides else ANGLES
-        if meaning is None or meaning.unit not in units:
-            raise table.header_error(
-                f"the unit is not stated; name the column {column}_{'mm' if slides else 'deg'}", column
-            )
+        if meaning.unit not in units:
+            wanted = f"{column}_{'mm' if slides else 'deg'}"
+            raise measured.table.header_error(f"the unit is not stated; name the column {wanted}", column)
         scale.append(units[meaning.unit])
-    return (
-        np.stack([table.numbers(c, remedy="give the last move, or 0 where it is unknown") for c in columns], axis=1)
-        * scale
-    )
+    remedy = "give the last move, or 0 where it is unknown"
+    return measured.table.side_by_side([name for name, _ in columns], remedy=remedy) * scale
 
 
-def _of_every_joint(
-    table: Table, known: Sequence[Meaning | None], robot: Robot, kind: str, usual: Sequence[str]
-) -> list[str]:
-    """The column of each joint; none where no joint has one."""
-    at: dict[int, str] = {}
-    for k, meaning in enumerate(known):
-        if meaning is not None and meaning.kind == kind:
-            if meaning.index in at:
-                twice = f"by '{at[meaning.index]}' and '{table.header[k]}'"
-                raise table.header_error(f"joint {robot.joint_names[meaning.index]} is given twice, {twice}; keep one")
-            at[meaning.index] = table.header[k]
-    for j, column in enumerate(usual):
+def _of_every_joint(measured: MeasuredTable, kind: Kind, turning: str, sliding: str) -> list[tuple[str, Meaning]]:
+    """The column of each joint; none where no joint has one.
+
+    Args:
+        measured: the cells.
+        kind: of the columns.
+        turning: what follows the name of a joint that turns.
+        sliding: what follows that of one that slides.
+    """
+    at = measured.by_joint(kind)
+    for j, (name, slides) in enumerate(zip(measured.robot.joint_names, measured.robot.prismatic, strict=True)):
         if at and j not in at:
-            raise table.header_error(
-                f"has '{next(iter(at.values()))}' but no column '{column}'; give it, with 0 where it is unknown"
+            have, lacking = next(iter(at.values()))[0], name + (sliding if slides else turning)
+            raise measured.table.header_error(
+                f"has '{have}' but no column '{lacking}'; give it, with 0 where it is unknown"
             )
     return [at[j] for j in sorted(at)]
 
 
-def _refuse_nearly_known(table: Table, known: Sequence[Meaning | None], robot: Robot) -> None:
+def _refuse_nearly_known(measured: MeasuredTable) -> None:
     """A column that begins or ends as one that is read, and is none, was meant to be read."""
-    for name, meaning in zip(table.header, known, strict=True):
+    for name, meaning in zip(measured.table.header, measured.known, strict=True):
         if meaning is None and re.search(r"_(approach|move_\w+|u_mm|[xyz]_\w+|deg|rad)$", name, re.IGNORECASE):
-            raise table.header_error(f"unknown column '{shown(name)}'; {KNOWN.format(joint=robot.joint_names[0])}")
+            known = KNOWN.format(joint=measured.robot.joint_names[0])
+            raise measured.table.header_error(f"unknown column '{shown(name)}'; {known}")
 
 
-class _Left(NamedTuple):
-    """Columns that mean nothing to a campaign."""
+def _left_out(measured: MeasuredTable) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Columns that mean nothing to a campaign.
 
-    numbers: tuple[str, ...] = ()
-    """In a line with what was measured, where numbers are among them: these may have been meant."""
-    notes: tuple[str, ...] = ()
-    """In a line, where they are texts."""
-    lengths: tuple[str, ...] = ()
-    """Those of lengths that might be what was measured."""
-
-
-def _left_out(table: Table, known: Sequence[Meaning | None]) -> _Left:
+    Returns:
+        A note of them beside what was measured, where numbers are among them, as these may have been meant; a note where all are
+        texts; and those of lengths that might be what was measured.
+    """
+    table, known = measured.table, measured.known
     unused = _unused(known)
     left = [
         (name, split_unit(name)[1] or UNITS.get(under))
@@ -1352,41 +1231,47 @@ def _left_out(table: Table, known: Sequence[Meaning | None]) -> _Left:
         if (meaning is None or meaning.kind == "nominal" or k in unused) and not re.fullmatch(r"column \d+|-", name)
     ]
     if not left:
-        return _Left()
+        return (), (), ()
     ranges = {name: _range(table, name) for name, _ in left}
     taken = [name for name, m in zip(table.header, known, strict=True) if m and m.kind in ("position", "observed")]
     numbers = any(span is not None for span in ranges.values())
     beside = f"; measured: {shown(', '.join(taken))}" if taken and numbers else ""
-    nominal = {table.header[k] for k, m in enumerate(known) if m is not None}
-    lengths = [
-        name
-        for name, unit in left
-        if unit in LENGTHS and name not in nominal and LENGTHS[unit] * (ranges[name] or 0.0) > LEAST_RANGE
-    ]
     note = f"column{'s' if len(left) > 1 else ''} left out: {shown(', '.join(name for name, _ in left))}{beside}"
-    return _Left((note,), (), tuple(lengths)) if numbers else _Left((), (note,))
+    if not numbers:
+        return (), (note,), ()
+    with_meaning = {name for name, meaning in zip(table.header, known, strict=True) if meaning is not None}
+    return (
+        (note,),
+        (),
+        tuple(
+            name
+            for name, unit in left
+            if unit in LENGTHS and name not in with_meaning and LENGTHS[unit] * (ranges[name] or 0.0) > MIN_RANGE_M
+        ),
+    )
 
 
 def _unused(known: Sequence[Meaning | None]) -> set[int]:
     """Columns of known meaning that are not read: parts of an uncertainty, rotations beside others, times without a unit."""
-    at: dict[str, dict[str, list[int]]] = {}
-    for k, m in enumerate(known):
-        if m is not None:
-            at.setdefault(m.kind, {}).setdefault(m.target.casefold(), []).append(k)
+    at: dict[str, list[tuple[int, Meaning]]] = {}
+    parts: dict[str, set[int]] = {}
+    for k, meaning in enumerate(known):
+        if meaning is not None:
+            at.setdefault(meaning.kind, []).append((k, meaning))
+            if meaning.kind == "uncertainty":
+                parts.setdefault(meaning.target.casefold(), set()).add(meaning.index)
     out: set[int] = set()
-    for columns in at.get("uncertainty", {}).values():
-        parts = {m.index for k in columns if (m := known[k])}
-        out |= {k for k in columns if (m := known[k]) and m.index != 3 and (3 in parts or len(parts) < 3)}
-    matrices = [k for columns in at.get("matrix", {}).values() for k in columns]
-    turned = "quaternion" in at
-    if turned or len(matrices) < 9:
-        out |= set(matrices)
-    if turned or len(matrices) >= 9:
-        out |= {k for columns in at.get("euler", {}).values() for k in columns}
+    for k, meaning in at.get("uncertainty", []):
+        own = parts[meaning.target.casefold()]
+        out |= {k} if meaning.index != 3 and (3 in own or len(own) < 3) else set()
+    quaternion, matrix = "quaternion" in at, len(at.get("matrix", [])) >= 9
+    if quaternion or not matrix:
+        out |= {k for k, _ in at.get("matrix", [])}
+    if quaternion or matrix:
+        out |= {k for k, _ in at.get("euler", [])}
     for kind in ("time", "temperature"):
-        times = [k for columns in at.get(kind, {}).values() for k in columns]
-        read = [k for k in times if kind == "temperature" or ((m := known[k]) and m.unit in TIMES)]
-        out |= set(times) - set(read[:1])
+        read = [k for k, meaning in at.get(kind, []) if kind == "temperature" or meaning.unit in TIMES]
+        out |= {k for k, _ in at.get(kind, [])} - set(read[:1])
     return out
 
 

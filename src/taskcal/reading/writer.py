@@ -100,8 +100,7 @@ def readings_text(readings: Readings, robot: Robot) -> str:
     for name, uncertainty in readings.uncertainty.items():
         header.append(f"{name}_u_mm" if name else "u_mm")
         columns.append(_texts(uncertainty * 1e3, 6))
-    turned = {} if readings.rotations is None else {readings.rotated: readings.rotations, **readings.other_rotations}
-    for name, rotations in turned.items():
+    for name, rotations in readings.rotations.items():
         prefix = f"{name}_" if name and len(readings.points) > 1 else ""
         quaternion = se3.to_quaternion(rotations)
         header += [f"{prefix}q{part}" for part in "xyzw"]
