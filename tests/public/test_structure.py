@@ -25,7 +25,6 @@ ONE_IMPORTER = {
         "taskcal.planning.experiment",
         "taskcal.reading.inference",
         "taskcal.reading.rows",
-        "taskcal.registration.together",
         "taskcal.cli.options.correction",
         "taskcal.cli.fit_report",
         "taskcal.cli.options.fit",

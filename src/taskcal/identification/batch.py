@@ -22,7 +22,7 @@ from taskcal.estimation.prior import GaussianPrior, Squared
 from taskcal.geometry import se3
 from taskcal.identification.calibration import tells_nothing
 from taskcal.identification.hyperparameters import LINEAR_WITHIN, MANY, MAX_ROUNDS
-from taskcal.identification.layout import UNOBSERVABLE_PRIOR, Layout, frame_precision, prior_of
+from taskcal.identification.layout import Layout, frame_precision, layout_of, prior_of
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import MAX_CACHED_NUMBERS, Rows
 from taskcal.kernels.chunks import in_chunks
@@ -32,10 +32,9 @@ from taskcal.kernels.fit import CONVERGED, UNTOUCHED, Campaigns, Fits, Model, Ro
 from taskcal.kernels.lanes import LANES
 from taskcal.kernels.observations import allocate_points
 from taskcal.kernels.products import allocate_products
-from taskcal.observations import Point
-from taskcal.observations.base import UNMEASURED, TrackerNoise
-from taskcal.registration.registration import Registration
-from taskcal.registration.together import Registrations, register_together
+from taskcal.observations.base import UNMEASURED
+from taskcal.registration.consensus import agrees_throughout, check_targets
+from taskcal.registration.registration import Cloud, Registration, register_cloud, serves
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.joint_side import FourBarDrive, JointSide
@@ -161,44 +160,45 @@ def _is_small(model: ErrorModel, campaign: Campaign) -> bool:
 
 def _fit_alike(model: ErrorModel, campaigns: Sequence[Campaign], options: FitOptions) -> list[Estimate | None]:
     """Of campaigns with as many rows each."""
-    q, points = np.stack([one.q for one in campaigns]), np.stack([one.points[:, 0] for one in campaigns])
-    robots, n, joints = q.shape
+    q = np.stack([one.q for one in campaigns])
     try:
-        T = model.poses(q.reshape(-1, joints)).reshape(robots, n, 4, 4)
+        T = model.poses(q.reshape(-1, q.shape[2])).reshape(*q.shape[:2], 4, 4)
     except ClosureError:
-        return [None] * robots
-    frames = register_together(T, points, model.robot.reach, options.target_within)
-    fitting = _Fitting.of(model, frames, campaigns[0].targets, q, points, _noise(campaigns, points, options), options)
+        return [None] * len(campaigns)
+    found = [_register(model, one, poses, options) for one, poses in zip(campaigns, T, strict=True)]
+    sound = [i for i, one in enumerate(found) if one is not None]
+    out: list[Estimate | None] = [None] * len(campaigns)
+    if not sound:
+        return out
+    registrations = [one for one in found if one is not None]
+    fitting = _Fitting.of(model, [campaigns[i] for i in sound], registrations, options)
     fitting.search()
-    sound = frames.sound & (fitting.state.state == CONVERGED)
-    return [fitting.estimate(i) if good and fitting.is_worth(i) else None for i, good in enumerate(sound)]
+    for r, i in enumerate(sound):
+        if fitting.state.state[r] == CONVERGED and fitting.is_worth(r):
+            out[i] = fitting.estimate(r)
+    return out
 
 
-def _noise(
-    campaigns: Sequence[Campaign], points: Float[np.ndarray, "robots n 3"], options: FitOptions
-) -> Float[np.ndarray, "robots n 1 3 3"]:
-    if all(one.uncertainty is None for one in campaigns):
-        return (options.noise or TrackerNoise()).covariance(points[:, :, None])
-    return np.stack([one.covariances(options.noise) for one in campaigns])
-
-
-def _layout(model: ErrorModel, frames: Registrations, i: int, targets: tuple[str, ...]) -> Layout:
-    registration = Registration(
-        T_tracker_base=frames.T_tracker_base[i],
-        T_tool_target=se3.translation(*frames.target[i])[None],
-        rms=0.0,
-        unobservable=frames.unobservable[i],
-    )
-    return Layout(model=model, kept=np.arange(len(model)), registration=registration, targets=targets, kinds=(Point(),))
+def _register(
+    model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 4 4"], options: FitOptions
+) -> Registration | None:
+    """The registration that `identify` would start from; None where it may not take all rows, or refuse them."""
+    cloud = Cloud.of(poses, campaign)
+    registration = register_cloud(cloud)
+    try:
+        serve = serves(registration, cloud, campaign, model.robot.reach)
+        check_targets(registration, campaign, options.target_within)
+    except CampaignError:
+        return None
+    return registration if serve and agrees_throughout(registration, cloud) else None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Fitting:
     """Everything of a compiled search over many robots."""
 
-    first: Layout
-    """Of the first robot; those of the others differ in their registrations."""
-    frames: Registrations
+    layouts: list[Layout]
+    """Of every robot; they differ in their registrations."""
     options: FitOptions
     model: Model
     campaigns: Campaigns
@@ -210,33 +210,36 @@ class _Fitting:
     def of(
         cls,
         model: ErrorModel,
-        frames: Registrations,
-        targets: tuple[str, ...],
-        q: Float[np.ndarray, "robots n joints"],
-        points: Float[np.ndarray, "robots n 3"],
-        noise: Float[np.ndarray, "robots n 1 3 3"],
+        campaigns: Sequence[Campaign],
+        registrations: Sequence[Registration],
         options: FitOptions,
     ) -> "_Fitting":
-        first, robots = _layout(model, frames, 0, targets), len(q)
-        p = len(first.names)
-        start = np.zeros((robots, p))
-        start[:, -3:] = frames.target
+        every = np.arange(len(model))
+        layouts = [
+            layout_of(model, every, registration, campaign, fixed=False)
+            for registration, campaign in zip(registrations, campaigns, strict=True)
+        ]
+        q, points = np.stack([one.q for one in campaigns]), np.stack([one.points for one in campaigns])
+        noise, start = (
+            np.stack([one.covariances(options.noise) for one in campaigns]),
+            np.stack([layout.start() for layout in layouts]),
+        )
+        robots, p = start.shape
         error = options.model_error**2 if isinstance(options.model_error, float | int) else -1.0
         factor = 1.0 if isinstance(options.prior_scale, str) else options.prior_scale**2
         along = noise[:, :, 0, 0, 0]
         return cls(
-            first=first,
-            frames=frames,
+            layouts=layouts,
             options=options,
-            model=_model(first, options),
+            model=_model(layouts[0], options),
             campaigns=Campaigns(
-                q=np.ascontiguousarray(q),
-                position=np.ascontiguousarray(points[:, :, None]),
+                q=q,
+                position=points,
                 valid=np.ones((robots, q.shape[1], 1), dtype=bool),
                 noise=noise,
-                tracker=np.ascontiguousarray(frames.T_tracker_base[:, :3]),
+                tracker=np.stack([one.T_tracker_base[:3] for one in registrations]),
                 start=start,
-                frames=_frame_precisions(first, frames),
+                frames=np.stack([frame_precision(layout) for layout in layouts]),
                 typical=np.median(np.where(along < UNMEASURED, along, np.nan), axis=1),
             ),
             state=Fits(
@@ -273,7 +276,7 @@ class _Fitting:
             self._run(search._replace(error=False, scale=False, last=final.decrement, linear=False))
 
     def _run(self, search: Search) -> None:
-        walked = self.first.walked(self.campaigns.q[0, :1], self.campaigns.start[0])
+        walked = self.layouts[0].walked(self.campaigns.q[0, :1], self.campaigns.start[0])
         p, n = self.campaigns.start.shape[1], self.campaigns.q.shape[1]
         rooms = Rooms(
             coordinates=coordinate_room(self.campaigns.q.shape[2], len(self.model.drive.offset)),
@@ -297,7 +300,7 @@ class _Fitting:
         """Whether anything was learnt, where that is asked."""
         if self.options.prior_scale != "estimate":
             return True
-        found, tolerances = self.estimate(i), self.first.model.tolerances
+        found, tolerances = self.estimate(i), self.layouts[0].model.tolerances
         likeliest = float(np.sqrt(self.likeliest[i]))
         return not tells_nothing(found.standard_errors, tolerances, found.prior_scale, likeliest, found.model_error[0])
 
@@ -305,19 +308,12 @@ class _Fitting:
         """Of one robot."""
         state = self.state
         return Estimate(
-            layout=_layout(self.first.model, self.frames, i, self.first.targets),
+            layout=self.layouts[i],
             z=state.z[i],
             z_covariance=state.posterior[i],
             model_error=(float(np.sqrt(state.variance[i])),),
             prior_scale=float(np.sqrt(state.factor[i])),
         )
-
-
-def _frame_precisions(first: Layout, frames: Registrations) -> Float[np.ndarray, "robots f f"]:
-    """Of every robot, from that of the first: they differ in the directions that the poses do not tell."""
-    out = np.tile(frame_precision(first), (len(frames.unobservable), 1, 1))
-    out[:, 6:, 6:] += (frames.unobservable - frames.unobservable[0]) / UNOBSERVABLE_PRIOR**2
-    return out
 
 
 def _model(layout: Layout, options: FitOptions) -> Model:

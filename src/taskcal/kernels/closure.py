@@ -15,9 +15,9 @@ from taskcal.kernels.lanes import (
     least_of,
     rooms,
     square_root,
-    take_lanes,
     where_less,
 )
+from taskcal.kernels.walk import take_lanes
 
 MIN_TURN = 1e-9
 """∂θ/∂κ that counts as none; a rhombus that folds over leaves the rocker standing, to rounding."""

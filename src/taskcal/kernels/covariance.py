@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from taskcal.kernels.chunks import in_chunks
 from taskcal.kernels.compiled import compiled, part
-from taskcal.kernels.lanes import LANES, as_lanes, rooms, square_root, take_lanes
+from taskcal.kernels.lanes import LANES, as_lanes, rooms, square_root
 from taskcal.kernels.observations import (
     PointBlock,
     SeenPoints,
@@ -17,7 +17,7 @@ from taskcal.kernels.observations import (
     take_points,
 )
 from taskcal.kernels.products import add_products
-from taskcal.kernels.walk import Axes, expand_error_frames, walk_pose
+from taskcal.kernels.walk import Axes, expand_error_frames, take_lanes, walk_pose
 
 
 @part

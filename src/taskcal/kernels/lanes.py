@@ -2,7 +2,7 @@
 
 A kernel that is written for one pose is compiled for eight at once where its arrays are `as_lanes`. Every lane is computed as every
 other, so that what comes out for a pose does not depend on the poses beside it. What stands here says what each function does;
-`lane_numbers` and `lane_functions` tell the compiler how.
+`lane_types` tells the compiler how.
 """
 
 from functools import cache
@@ -11,8 +11,6 @@ from math import prod
 from typing import Any
 
 import numpy as np
-
-from taskcal.kernels.compiled import part
 
 LANES = 8
 """Poses at a time, as many as the widest registers of today's processors hold."""
@@ -51,15 +49,6 @@ def total_of(numbers: Any) -> Any:
 def as_lanes(array: Any) -> Any:
     """The array (…, LANES) as one of lanes (…), in the same memory; where nothing is compiled, its last axis are the lanes."""
     return array
-
-
-@part
-def take_lanes(rows, first, room):
-    """Copy some rows of an array to the lanes of a room, its last row to the lanes beyond it."""
-    for lane in range(LANES):
-        row = min(first + lane, rows.shape[0] - 1)
-        for k in range(rows.shape[1]):
-            room[k, lane] = rows[row, k]
 
 
 def unravel(rows: Any, turned: Any, out: Any, first: Any, n: Any) -> None:

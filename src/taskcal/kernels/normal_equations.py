@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from taskcal.kernels.chunks import in_chunks
 from taskcal.kernels.compiled import compiled, inlined, part
-from taskcal.kernels.lanes import LANES, as_lanes, take_lanes
+from taskcal.kernels.lanes import LANES, as_lanes
 from taskcal.kernels.observations import (
     PointBlock,
     SeenPoints,
@@ -18,7 +18,7 @@ from taskcal.kernels.observations import (
     take_points,
 )
 from taskcal.kernels.products import add_products, allocate_products, symmetric
-from taskcal.kernels.walk import Axes, expand_error_frames, walk_pose
+from taskcal.kernels.walk import Axes, expand_error_frames, take_lanes, walk_pose
 
 SQUARED, HUBER, CAUCHY = range(3)
 

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from taskcal.kernels.chain import ERROR_FRAME, FIXED, REVOLUTE, Chain, Columns
 from taskcal.kernels.chunks import in_chunks
 from taskcal.kernels.compiled import compiled, part
-from taskcal.kernels.lanes import LANES, as_lanes, cosine_and_sine, empty_for_lanes, rooms, take_lanes, unravel
+from taskcal.kernels.lanes import LANES, as_lanes, cosine_and_sine, empty_for_lanes, rooms, unravel
 
 STREAMED = 4_000_000
 """Bytes from which on an array goes past the caches, which it would only fill."""
@@ -40,6 +40,15 @@ class Axes(NamedTuple):
     """Three axes of translation and three of rotation of each error frame; its origin."""
     slides: Bool[np.ndarray, " joints"]
     """Whether a joint is prismatic."""
+
+
+@part
+def take_lanes(rows, first, room):
+    """Copy some rows of an array to the lanes of a room, its last row to the lanes beyond it."""
+    for lane in range(LANES):
+        row = min(first + lane, rows.shape[0] - 1)
+        for k in range(rows.shape[1]):
+            room[k, lane] = rows[row, k]
 
 
 @part

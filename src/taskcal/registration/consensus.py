@@ -178,6 +178,22 @@ def _settle(model: ErrorModel, campaign: Campaign, cloud: Cloud, rows: Int[np.nd
     return reached
 
 
+def agrees_throughout(registration: Registration, cloud: Cloud) -> bool:
+    """Whether every point is so near to where the registration of all of them has it that none can be found wrong.
+
+    A wrong point pulls a registration towards itself; half the distance up to which rows agree leaves room for that.
+    """
+    distance = np.linalg.norm(
+        cloud.residual(
+            registration.T_tracker_base[:3, :3],
+            registration.T_tracker_base[:3, 3],
+            registration.T_tool_target[:, :3, 3],
+        ),
+        axis=1,
+    )
+    return bool(distance.max() <= 0.5 * max(FAR_SIGMAS * float(np.median(distance)), TRACKER_NOISE))
+
+
 def _distances(registration: Registration, cloud: Cloud, rows: int, model: ErrorModel) -> Float[np.ndarray, " n"]:
     """How far the farthest target of every row is off, metres; a measured pose's rotation counts at the robot's reach."""
     T, targets = registration.T_tracker_base, registration.T_tool_target
