@@ -11,7 +11,7 @@ from taskcal.identification import problem as problem_module
 from taskcal.identification.layout import frame_precision, layout_of
 from taskcal.identification.problem import problem_of, stated_rows, whitener
 from taskcal.kernels import walk
-from taskcal.kernels.normal_equations import CAUCHY, HUBER, SQUARED
+from taskcal.kernels.points import CAUCHY, HUBER, SQUARED
 from taskcal.registration.registration import register
 from taskcal.virtual.cell import simulate
 from tests.identification.arms import KINDS, arm

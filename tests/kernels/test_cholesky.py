@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.linalg import cho_factor, cho_solve
 
 from taskcal.kernels.compiled import compiled
-from taskcal.kernels.products import factor_scaled, invert_factored, solve_factored
+from taskcal.kernels.fit import factor_scaled, invert_factored, solve_factored
 from tests.laws.robots import generators
 
 

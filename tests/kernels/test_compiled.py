@@ -8,9 +8,9 @@ import numba.core.config as numba_config
 import numpy as np
 import pytest
 
-from taskcal.kernels import compiled, kernel_cache, normal_equations
+from taskcal.kernels import compiled, kernel_cache, points
 from taskcal.kernels.chain import Chain
-from taskcal.kernels.observations import Points, SeenPoints, Walked
+from taskcal.kernels.points import Points, SeenPoints, Walked
 from taskcal.kernels.walk import Columns
 
 NOTHING = np.empty(0, dtype=np.int64)
@@ -41,7 +41,7 @@ def test_the_folder_stays_while_the_sources_do(sources):
     assert folder_now().parent == sources.parent / "cache"
 
 
-@pytest.mark.parametrize("name", ["walk.py", "four_bar.py", "normal_equations.py"])
+@pytest.mark.parametrize("name", ["walk.py", "closure.py", "points.py"])
 def test_an_edit_of_any_kernel_source_starts_a_new_folder(sources, name):
     before = folder_now()
     with (sources / name).open("a") as stream:
@@ -165,7 +165,7 @@ def test_a_new_cache_is_cold_and_warm_once_a_fit_has_been_compiled(sources, monk
     assert not kernel_cache.is_warm()
     monkeypatch.undo()  # back to the cache of this run
     kernel_cache.cache_folder.cache_clear()
-    normal_equations.normal_equations(
+    points.normal_equations(
         Walked(Chain.of([]), np.empty((1, 0)), np.empty((0, 6)), NO_COLUMNS, np.empty((1, 0)), AT_THE_END),
         SeenPoints(np.zeros((1, 1, 3)), np.ones((1, 1), dtype=bool)),
         np.eye(3)[None, None],

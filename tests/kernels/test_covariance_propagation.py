@@ -4,8 +4,7 @@ import numpy as np
 from hypothesis import assume, given
 
 from taskcal.kernels.chunks import CHUNK
-from taskcal.kernels.covariance import propagate_points
-from taskcal.kernels.observations import SeenPoints
+from taskcal.kernels.points import SeenPoints, propagate_points
 from tests.laws.chains import measured
 from tests.laws.robots import generators
 

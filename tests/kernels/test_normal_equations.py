@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 
 from taskcal.kernels.chunks import CHUNK
-from taskcal.kernels.normal_equations import CAUCHY, HUBER, SQUARED, normal_equations
-from taskcal.kernels.observations import SeenPoints
+from taskcal.kernels.points import CAUCHY, HUBER, SQUARED, SeenPoints, normal_equations
 from tests.laws.chains import MeasuredCase, measured
 from tests.laws.robots import generators
 

@@ -149,7 +149,7 @@ def test_many_poses_on_threads_equal_few_poses_at_a_time(rng):
 def test_room_of_another_kind_is_refused(out):
     layout = Columns.of_joints(Chain.of([Joint(), Joint()]))
     with pytest.raises(ValueError, match=r"contiguous array of \(5, 3, 2\) doubles"):
-        walk.room_for(layout, 5, angular=False, out=out)
+        walk.allocate_columns(layout, 5, angular=False, out=out)
 
 
 @given(chains())

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from taskcal.kernels.chain import Chain, ErrorFrame, Fixed, Joint, Step
-from taskcal.kernels.observations import Points, SeenPoints, Walked
+from taskcal.kernels.points import Points, SeenPoints, Walked
 from taskcal.kernels.walk import Columns
 from tests.laws import plain
 from tests.laws.robots import generators

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.estimation.matrices import solve_scaled
-from taskcal.kernels.normal_equations import WhitenedEquations
+from taskcal.kernels.points import WhitenedEquations
 
 
 @dataclass(frozen=True, kw_only=True)

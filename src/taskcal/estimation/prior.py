@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.estimation.matrices import invert_scaled
-from taskcal.kernels import normal_equations
+from taskcal.kernels import points
 from taskcal.short_repr import short_repr
 
 
@@ -61,7 +61,7 @@ class GaussianPrior:
 class Squared:
     """Ordinary least squares."""
 
-    code = normal_equations.SQUARED
+    code = points.SQUARED
     threshold: float = 1.0
 
     def weights(self, z: Float[np.ndarray, "*b"]) -> Float[np.ndarray, "*b"]:
@@ -74,7 +74,7 @@ class Huber:
     """Squared up to the threshold, linear beyond (Huber 1964)."""
 
     threshold: float = 1.5
-    code = normal_equations.HUBER
+    code = points.HUBER
 
     def weights(self, z: Float[np.ndarray, "*b"]) -> Float[np.ndarray, "*b"]:
         """Weight of each point."""
@@ -86,7 +86,7 @@ class Cauchy:
     """Logarithmic beyond the threshold: a gross outlier counts for next to nothing."""
 
     threshold: float = 2.4
-    code = normal_equations.CAUCHY
+    code = points.CAUCHY
 
     def weights(self, z: Float[np.ndarray, "*b"]) -> Float[np.ndarray, "*b"]:
         """Weight of each point."""

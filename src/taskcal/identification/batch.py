@@ -26,11 +26,20 @@ from taskcal.identification.layout import Layout, frame_precision, layout_of, pr
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import MAX_CACHED_NUMBERS, Rows
 from taskcal.kernels.chunks import in_chunks
-from taskcal.kernels.closure import coordinate_room
-from taskcal.kernels.covariance import keep_room
-from taskcal.kernels.fit import CONVERGED, UNTOUCHED, Campaigns, Fits, Model, Rooms, Search, search_robots
+from taskcal.kernels.closure import allocate_coordinates
+from taskcal.kernels.fit import (
+    CONVERGED,
+    UNTOUCHED,
+    Buffers,
+    Campaigns,
+    Fits,
+    Model,
+    Search,
+    allocate_cache,
+    search_robots,
+)
 from taskcal.kernels.lanes import LANES
-from taskcal.kernels.observations import allocate_points
+from taskcal.kernels.points import allocate_points
 from taskcal.kernels.products import allocate_products
 from taskcal.observations.base import UNMEASURED
 from taskcal.registration.consensus import agrees_throughout, check_targets
@@ -278,23 +287,23 @@ class _Fitting:
     def _run(self, search: Search) -> None:
         walked = self.layouts[0].walked(self.campaigns.q[0, :1], self.campaigns.start[0])
         p, n = self.campaigns.start.shape[1], self.campaigns.q.shape[1]
-        rooms = Rooms(
-            coordinates=coordinate_room(self.campaigns.q.shape[2], len(self.model.drive.offset)),
+        buffers = Buffers(
+            coordinates=allocate_coordinates(self.campaigns.q.shape[2], len(self.model.drive.offset)),
             point=allocate_points(walked),
-            kept=keep_room(n, 1, p),
+            cache=allocate_cache(n, 1, p),
             products=allocate_products(p, 3 * -(-n // LANES)),
         )
-        search_robots(self.model, self.campaigns, search, self.state, rooms)
+        search_robots(self.model, self.campaigns, search, self.state, buffers)
 
     def _expect_scale(self) -> None:
         """Put the expected factor of the prior's variances in the place of the likeliest one, where the fit converged."""
-        state, k = self.state, len(self.model.believed)
+        state, k = self.state, len(self.model.prior)
         good = np.flatnonzero(state.state == CONVERGED)
         H = state.information[good]
         free = H[:, k:, k:] + self.campaigns.frames[good]
         own = H[:, :k, :k] - H[:, :k, k:] @ np.linalg.solve(free, H[:, k:, :k])
         deviation = (state.z + state.left)[good, :k]
-        state.factor[good] = evidence.expect_factor(own, np.diag(self.model.believed), deviation, state.factor[good])
+        state.factor[good] = evidence.expect_factor(own, np.diag(self.model.prior), deviation, state.factor[good])
 
     def is_worth(self, i: int) -> bool:
         """Whether anything was learnt, where that is asked."""
@@ -332,6 +341,6 @@ def _model(layout: Layout, options: FitOptions) -> Model:
         wanted=joint_side.wanted(np.ones(len(layout.columns.joint), dtype=bool)),
         layout=layout.columns.arrays,
         point_columns=layout.point_columns,
-        believed=np.diag(prior.parameters.covariance).copy(),
+        prior=np.diag(prior.parameters.covariance).copy(),
         sizes=prior.scale,
     )

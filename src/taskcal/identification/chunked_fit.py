@@ -19,7 +19,7 @@ from taskcal.identification.identify import GROSS_SIGMAS, identify_parameters
 from taskcal.identification.layout import prior_of
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import problem_of, whitener
-from taskcal.kernels.normal_equations import SQUARED
+from taskcal.kernels.points import SQUARED
 from taskcal.observations.base import TrackerNoise
 from taskcal.reading.chunked import ChunkedCampaign
 from taskcal.robot.error_model import ErrorModel

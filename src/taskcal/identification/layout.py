@@ -15,7 +15,7 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.geometry import se3
 from taskcal.kernels.chain import Chain, ErrorFrame, Fixed
-from taskcal.kernels.observations import Points, Walked
+from taskcal.kernels.points import Points, Walked
 from taskcal.kernels.walk import Columns
 from taskcal.observations import Observation, Point, Pose, block_size
 from taskcal.registration.registration import Registration

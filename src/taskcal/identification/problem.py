@@ -19,9 +19,16 @@ from taskcal.geometry import se3
 from taskcal.identification.layout import Layout
 from taskcal.kernels import walk
 from taskcal.kernels.chunks import in_chunks
-from taskcal.kernels.covariance import propagate_points
-from taskcal.kernels.normal_equations import POSES, SQUARED, WhitenedEquations, normal_equations, weigh
-from taskcal.kernels.observations import SeenPoints, Walked
+from taskcal.kernels.points import (
+    POSES,
+    SQUARED,
+    SeenPoints,
+    Walked,
+    WhitenedEquations,
+    normal_equations,
+    propagate_points,
+    weigh,
+)
 from taskcal.kernels.walk import Columns
 from taskcal.observations import Differential, Measured, Observation, Point, Pose, block_size
 from taskcal.observations.base import TrackerNoise

@@ -21,7 +21,7 @@ from taskcal.identification.identify import fit_nominal
 from taskcal.identification.layout import frame_precision, layout_of
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, problem_of, whitener
-from taskcal.kernels.normal_equations import SQUARED
+from taskcal.kernels.points import SQUARED
 from taskcal.observations import Compared
 from taskcal.observations.base import TrackerNoise
 from taskcal.registration.consensus import check_plausible

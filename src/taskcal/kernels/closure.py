@@ -9,11 +9,11 @@ from taskcal.kernels.chunks import in_chunks
 from taskcal.kernels.compiled import compiled, part
 from taskcal.kernels.lanes import (
     LANES,
+    allocate_lanes,
     angle_of,
     as_lanes,
     cosine_and_sine,
     least_of,
-    rooms,
     square_root,
     where_less,
 )
@@ -118,7 +118,7 @@ class Coordinates(NamedTuple):
     """The numbers of the closure; no columns where they are not wanted."""
 
 
-class CoordinateRoom(NamedTuple):
+class CoordinateBuffers(NamedTuple):
     """What the pass fills on the way."""
 
     q: Float[np.ndarray, "joints lanes"]
@@ -127,13 +127,13 @@ class CoordinateRoom(NamedTuple):
 
 
 @compiled
-def fill_lanes(q, drive, numbers, wanted, room, out):
+def fill_lanes(q, drive, numbers, wanted, buffers, out):
     """Fill `out`; whether the loop closes where it was built at all poses."""
-    joints, s, loop = as_lanes(room.q), as_lanes(room.s), as_lanes(room.loop)
+    joints, s, loop = as_lanes(buffers.q), as_lanes(buffers.s), as_lanes(buffers.loop)
     matrix, n = drive.matrix, q.shape[0]
     least = KEPT
     for first in range(0, n, LANES):
-        take_lanes(q, first, room.q)
+        take_lanes(q, first, buffers.q)
         for c in range(matrix.shape[0]):
             v = drive.offset[c]
             for j in range(matrix.shape[1]):
@@ -152,17 +152,17 @@ def fill_lanes(q, drive, numbers, wanted, room, out):
                     s[c] += drive.output[c] * loop[0]
         for lane in range(min(LANES, n - first)):
             for c in range(matrix.shape[0]):
-                out.s[first + lane, c] = room.s[c, lane]
+                out.s[first + lane, c] = buffers.s[c, lane]
             for k in range(out.loop.shape[1]):
-                out.loop[first + lane, k] = room.loop[k, lane]
+                out.loop[first + lane, k] = buffers.loop[k, lane]
             for k in range(wanted.which.shape[0]):
-                out.factor[first + lane, k] = wanted.times[k] * room.loop[wanted.which[k], lane]
+                out.factor[first + lane, k] = wanted.times[k] * buffers.loop[wanted.which[k], lane]
     return least_of(least) == KEPT
 
 
-def coordinate_room(joints: int, coordinates: int) -> CoordinateRoom:
+def allocate_coordinates(joints: int, coordinates: int) -> CoordinateBuffers:
     """For so many joints and coordinates."""
-    return CoordinateRoom(*rooms((joints,), (coordinates,), (NUMBERS,)))
+    return CoordinateBuffers(*allocate_lanes((joints,), (coordinates,), (NUMBERS,)))
 
 
 def fill_coordinates(
@@ -171,7 +171,7 @@ def fill_coordinates(
     """Fill `out` at joint positions q, in radians or metres; whether the loop, if there is one, closes at all as it was built."""
 
     def fill(rows: slice) -> bool:
-        lanes = coordinate_room(q.shape[1], len(drive.offset))
+        lanes = allocate_coordinates(q.shape[1], len(drive.offset))
         part = Coordinates(out.s[rows], out.factor[rows], out.loop[rows])
         return fill_lanes(q[rows], drive, numbers, wanted, lanes, part)
 

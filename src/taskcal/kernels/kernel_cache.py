@@ -156,7 +156,7 @@ def _say_once(message: str) -> None:
 
 def is_warm() -> bool:
     """Whether an earlier process has already left the kernel of the fit, the largest, in the cache."""
-    return any(cache_folder().rglob("normal_equations._accumulate*.nbc"))
+    return any(cache_folder().rglob("points._accumulate*.nbc"))
 
 
 def keep_compiled(dispatcher: Any, kernel: Callable[..., Any], prepare: Callable[[], None]) -> None:

@@ -56,7 +56,7 @@ def unravel(rows: Any, turned: Any, out: Any, first: Any, n: Any) -> None:
 
     Args:
         rows: so many numbers, each of all lanes.
-        turned: room for as many, for a compiled kernel to go past the caches, which `out` must be aligned for
+        turned: takes as many, for a compiled kernel to go past the caches, which `out` must be aligned for
             (`empty_for_lanes`): what is large is not read soon; empty where it shall not.
         out: the same numbers of n poses, pose by pose.
         first: the pose of the first lane; lanes beyond n are left out.
@@ -71,7 +71,7 @@ def empty_for_lanes(shape: tuple[int, ...]) -> np.ndarray:
     return _aligned(np.empty(prod(shape) + LANES), ((shape, 0),))[0]
 
 
-def rooms(*shapes: tuple[int, ...]) -> list[np.ndarray]:
+def allocate_lanes(*shapes: tuple[int, ...]) -> list[np.ndarray]:
     """Arrays of lanes, (…, LANES) for each shape, of zeros, which begin where a register does: none lies across two lines."""
     size, places = _places(shapes)
     return _aligned(np.zeros(size), places)
@@ -84,6 +84,6 @@ def _places(shapes: tuple[tuple[int, ...], ...]) -> tuple[int, tuple[tuple[tuple
     return ends[-1] + LANES, tuple(((*shape, LANES), 8 * end) for shape, end in zip(shapes, ends, strict=False))
 
 
-def _aligned(room: np.ndarray, places: tuple[tuple[tuple[int, ...], int], ...]) -> list[np.ndarray]:
-    begin = -room.__array_interface__["data"][0] % (8 * LANES)
-    return [np.ndarray(shape, buffer=room, offset=begin + first) for shape, first in places]
+def _aligned(memory: np.ndarray, places: tuple[tuple[tuple[int, ...], int], ...]) -> list[np.ndarray]:
+    begin = -memory.__array_interface__["data"][0] % (8 * LANES)
+    return [np.ndarray(shape, buffer=memory, offset=begin + first) for shape, first in places]

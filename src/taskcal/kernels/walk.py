@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from taskcal.kernels.chain import ERROR_FRAME, FIXED, REVOLUTE, Chain, Columns
 from taskcal.kernels.chunks import in_chunks
 from taskcal.kernels.compiled import compiled, part
-from taskcal.kernels.lanes import LANES, as_lanes, cosine_and_sine, empty_for_lanes, rooms, unravel
+from taskcal.kernels.lanes import LANES, allocate_lanes, as_lanes, cosine_and_sine, empty_for_lanes, unravel
 
 STREAMED = 4_000_000
 """Bytes from which on an array goes past the caches, which it would only fill."""
@@ -43,12 +43,12 @@ class Axes(NamedTuple):
 
 
 @part
-def take_lanes(rows, first, room):
-    """Copy some rows of an array to the lanes of a room, its last row to the lanes beyond it."""
+def take_lanes(rows, first, out):
+    """Copy some rows of an array to the lanes of a buffer, its last row to the lanes beyond it."""
     for lane in range(LANES):
         row = min(first + lane, rows.shape[0] - 1)
         for k in range(rows.shape[1]):
-            room[k, lane] = rows[row, k]
+            out[k, lane] = rows[row, k]
 
 
 @part
@@ -76,7 +76,7 @@ def expand_error_frames(e):
 
 @part
 def allocate_axes(joints, frames):
-    """Room for the axes of one pose."""
+    """Axes to be filled in, those of one pose."""
     return Axes(np.zeros((joints, 2, 3)), np.zeros((frames, 7, 3)), np.zeros(joints, dtype=np.bool_))
 
 
@@ -185,7 +185,7 @@ def fill_columns(axes, layout, factor, x, y, z, out):
                 out[5, k] += g
 
 
-class _Room(NamedTuple):
+class _Buffers(NamedTuple):
     """What a pass over lanes fills on the way; the lanes are along each array's last axis, where it has any."""
 
     s: Float[np.ndarray, "joints lanes"]
@@ -209,41 +209,45 @@ class _Room(NamedTuple):
         pairs: int = 0,
         *,
         streamed: bool = False,
-    ) -> "_Room":
+    ) -> "_Buffers":
         """For chain coordinates and error frames such as these, and columns of a shape (rows, p), or poses without one."""
         joints = s.shape[1]
         shapes = ((joints,), (pairs,), (joints, 2, 3), (len(e), 7, 3), (4, 4), shape or (0, 0))
-        room_s, factor, axes, along, T, J = rooms(*shapes)
+        buffer_s, factor, axes, along, T, J = allocate_lanes(*shapes)
         T[3, 3] = 1.0
         out = (T if shape is None else J).reshape(-1)
         turned = empty_for_lanes((len(out) if streamed else 0,))
-        return cls(room_s, factor, axes, along, np.empty(joints, dtype=bool), T, J, out, turned)
+        return cls(buffer_s, factor, axes, along, np.empty(joints, dtype=bool), T, J, out, turned)
 
 
 @compiled
-def _poses(steps, s, e, room, out):
+def _poses(steps, s, e, buffers, out):
     error_frames = expand_error_frames(e)
-    axes = Axes(as_lanes(room.joints), as_lanes(room.frames), room.slides)
+    axes = Axes(as_lanes(buffers.joints), as_lanes(buffers.frames), buffers.slides)
     for first in range(0, s.shape[0], LANES):
-        take_lanes(s, first, room.s)
-        walk_pose(steps, as_lanes(room.s), error_frames, axes, as_lanes(room.T))
-        unravel(room.out, room.turned, out, first, s.shape[0])
+        take_lanes(s, first, buffers.s)
+        walk_pose(steps, as_lanes(buffers.s), error_frames, axes, as_lanes(buffers.T))
+        unravel(buffers.out, buffers.turned, out, first, s.shape[0])
 
 
 @compiled
-def _columns(steps, s, e, factor, layout, point, room, out):
+def _columns(steps, s, e, factor, layout, point, buffers, out):
     error_frames = expand_error_frames(e)
-    axes, T, J = Axes(as_lanes(room.joints), as_lanes(room.frames), room.slides), as_lanes(room.T), as_lanes(room.J)
+    axes, T, J = (
+        Axes(as_lanes(buffers.joints), as_lanes(buffers.frames), buffers.slides),
+        as_lanes(buffers.T),
+        as_lanes(buffers.J),
+    )
     a, b, c = point
     for first in range(0, s.shape[0], LANES):
-        take_lanes(s, first, room.s)
-        take_lanes(factor, first, room.factor)
-        walk_pose(steps, as_lanes(room.s), error_frames, axes, T)
+        take_lanes(s, first, buffers.s)
+        take_lanes(factor, first, buffers.factor)
+        walk_pose(steps, as_lanes(buffers.s), error_frames, axes, T)
         x = T[0, 3] + T[0, 0] * a + T[0, 1] * b + T[0, 2] * c
         y = T[1, 3] + T[1, 0] * a + T[1, 1] * b + T[1, 2] * c
         z = T[2, 3] + T[2, 0] * a + T[2, 1] * b + T[2, 2] * c
-        fill_columns(axes, layout, as_lanes(room.factor), x, y, z, J)
-        unravel(room.out, room.turned, out, first, s.shape[0])
+        fill_columns(axes, layout, as_lanes(buffers.factor), x, y, z, J)
+        unravel(buffers.out, buffers.turned, out, first, s.shape[0])
 
 
 def poses(
@@ -263,16 +267,16 @@ def poses(
     T = np.empty((len(s), 4, 4)) if out is None else out
 
     def fill(rows: slice) -> None:
-        _poses(chain.steps, s[rows], e, _Room.of(s, e), T[rows].reshape(-1))
+        _poses(chain.steps, s[rows], e, _Buffers.of(s, e), T[rows].reshape(-1))
 
     in_chunks(fill, len(s))
     return T
 
 
-def room_for(
+def allocate_columns(
     layout: Columns, n: int, *, angular: bool, out: Float[np.ndarray, "n rows p"] | None = None
 ) -> Float[np.ndarray, "n rows p"]:
-    """Room for the columns of n poses, new or as given; cleared only where the walk would not fill it.
+    """An array for the columns of n poses, new or as given; cleared only where the walk would not fill it.
 
     Raises:
         ValueError: what is given has another shape or type, or does not lie in one piece.
@@ -310,16 +314,16 @@ def columns(
         factor: ∂s/∂ξ of each joint-side pair of the layout, at every pose.
         angular: six rows vx vy vz wx wy wz, else the first three.
         point: the point in the end's frame, metres; its origin by default.
-        out: where to write them, from `room_for`.
+        out: where to write them, from `allocate_columns`.
     """
     point = np.zeros(3) if point is None else point
-    J = room_for(layout, len(s), angular=angular) if out is None else out
+    J = allocate_columns(layout, len(s), angular=angular) if out is None else out
 
     def fill(rows: slice) -> None:
         part = J[rows]
         streamed = part.nbytes > STREAMED and part.ctypes.data % (LANES * part.itemsize) == 0
-        room = _Room.of(s, e, (J.shape[1], J.shape[2]), factor.shape[1], streamed=streamed)
-        _columns(chain.steps, s[rows], e, factor[rows], layout.arrays, point, room, part.reshape(-1))
+        buffers = _Buffers.of(s, e, (J.shape[1], J.shape[2]), factor.shape[1], streamed=streamed)
+        _columns(chain.steps, s[rows], e, factor[rows], layout.arrays, point, buffers, part.reshape(-1))
 
     in_chunks(fill, len(s))
     return J

@@ -355,7 +355,7 @@ class ErrorModel:
         """
         q, layout = np.asarray(q, dtype=float), self._layout
         self.robot.check_radians(q)
-        room = walk.room_for(layout, len(q), angular=angular, out=out)
+        room = walk.allocate_columns(layout, len(q), angular=angular, out=out)
 
         def fill(rows: slice) -> None:
             at = self.walk(q[rows], x)
