@@ -19,18 +19,18 @@ from robot_programs.languages import LANGUAGES, Language
 """Suffix of a zip file; letter case does not matter."""
 
 
-MOST_FILES = 50_000
+MAX_FILES = 50_000
 """No backup has more."""
 
-LARGEST_FILE_MB = 50.0
+MAX_PROGRAM_MB = 50.0
 """A program file that is larger is refused, 10⁶ bytes."""
 
-MOST_TEXT_MB = 256.0
+MAX_TEXT_MB = 256.0
 """All program files of a backup together."""
 
 ZIPPED = ZipKind(
-    most_entries=MOST_FILES,
-    largest_mb=4000.0, small_mb=500.0, most_ratio=100.0, largest_entry_mb=LARGEST_FILE_MB,
+    most_entries=MAX_FILES,
+    largest_mb=4000.0, small_mb=500.0, most_ratio=100.0, largest_entry_mb=MAX_PROGRAM_MB,
 )  # fmt: skip
 """Programs of computed points pack thirty times; what is no program is copied, and may be any file."""
 
@@ -239,8 +239,8 @@ def _files_of(folder: Path) -> Iterator[tuple[str, Path]]:
         for name in sorted(files):
             path = Path(root) / name
             count += 1
-            if count > MOST_FILES:
-                raise FileError(folder, f"holds more than {MOST_FILES} files; give the folder of the program alone")
+            if count > MAX_FILES:
+                raise FileError(folder, f"holds more than {MAX_FILES} files; give the folder of the program alone")
             if path.is_file():
                 yield path.relative_to(folder).as_posix(), path
 
@@ -252,7 +252,7 @@ def _folder_sources(folder: Path) -> Iterator[tuple[Language | None, Source | No
         if language is None:
             yield None, None
             continue
-        data = read_bytes(path, LARGEST_FILE_MB)
+        data = read_bytes(path, MAX_PROGRAM_MB)
         total += len(data)
         _check_total(folder, total)
         yield language, Source.of(path, data)
@@ -282,5 +282,5 @@ def _refuse_links(packed: OpenZip) -> None:
 
 
 def _check_total(path: Path, total: int) -> None:
-    if total > MOST_TEXT_MB * 1e6:
-        raise FileError(path, f"holds more than {MOST_TEXT_MB:g} MB of program files; give the folder of one program")
+    if total > MAX_TEXT_MB * 1e6:
+        raise FileError(path, f"holds more than {MAX_TEXT_MB:g} MB of program files; give the folder of one program")

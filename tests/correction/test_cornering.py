@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from robot_programs.core.program import Frame, Zone
+from robot_programs.core.program import Composition, Frame, Zone
 from robot_programs.rapid.read import read_rapid
 from robot_programs.rapid.rewrite import compose_rapid
 from taskcal.correction.controller import CORNER_LOST, joint_motion, simulate_controller
@@ -107,7 +107,9 @@ def pocket(robot, square, shifted):
             replace(move, tool=tool, part=part, end=there(move.end), via=there(move.via)) for move in square(Zone())
         ]
         posture = find_posture(ErrorModel(robot), moves[0].flange(moves[0].end.T) @ robot.T_flange_tool)
-        source = compose_rapid("Pocket", robot, moves, q=np.tile(posture, (len(moves), 1)), zone=zone)
+        source = compose_rapid(
+            Composition(name="Pocket", robot=robot, moves=moves, q=np.tile(posture, (len(moves), 1)), zone=zone)
+        )
         return read_rapid([source])
 
     return build

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_programs.core.program import Frame
+from robot_programs.core.program import Composition, Frame
 from robot_programs.core.source import Source
 from robot_programs.rapid.read import read_rapid
 from robot_programs.rapid.resolve import Configuration
@@ -29,7 +29,7 @@ def program(robot, shifted, make_moves):
     via = {4: se3.inverse(part.T) @ shifted(-60, 60, 0)}
     moves = make_moves(poses, vias=via, tool=tool, part=part)
     posture = find_posture(ErrorModel(robot), moves[0].flange(poses[0]) @ robot.T_flange_tool)
-    source = compose_rapid("Pocket", robot, moves, q=np.tile(posture, (len(moves), 1)))
+    source = compose_rapid(Composition(name="Pocket", robot=robot, moves=moves, q=np.tile(posture, (len(moves), 1))))
     return read_rapid([source])
 
 

@@ -166,7 +166,7 @@ def test_a_zip_file_that_cannot_be_copied_whole_leaves_nothing(tmp_path):
 
 
 def test_programs_that_are_far_too_large_are_refused(made, monkeypatch):
-    monkeypatch.setattr(backup_module, "LARGEST_FILE_MB", 1e-4)
+    monkeypatch.setattr(backup_module, "MAX_PROGRAM_MB", 1e-4)
     monkeypatch.setattr(backup_module, "ZIPPED", replace(backup_module.ZIPPED, largest_entry_mb=1e-4))
     with pytest.raises(FileError, match=r"Part\.mod: (is larger|has more) than 0\.0001 MB"):
         read_program(made)
@@ -192,7 +192,7 @@ def test_too_much_twice_and_nothing(tmp_path, monkeypatch):
     (folder / "b.mod").write_text(MODULE)
     with pytest.raises(FileError, match="has the module Part, as"):
         read_program(folder)
-    monkeypatch.setattr(backup_module, "MOST_FILES", 2)
+    monkeypatch.setattr(backup_module, "MAX_FILES", 2)
     with pytest.raises(FileError, match="more than 2 files"):
         read_program(folder)
 

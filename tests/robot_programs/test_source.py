@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_programs.core.source import LONGEST_LINE, MOST_LINES, Edit, Source
+from robot_programs.core.source import MAX_LINE_LENGTH, MAX_LINES, Edit, Source
 from taskcal.errors import FileError
 
 PATH = Path("program.mod")
@@ -54,7 +54,7 @@ def test_lines_are_counted_by_their_ends_and_indents_are_what_they_begin_with(te
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_a_file_without_lines_is_refused_and_one_of_long_lines_is_not(end):
-    line = "a " * (LONGEST_LINE // 2)
+    line = "a " * (MAX_LINE_LENGTH // 2)
     assert Source.of(PATH, end.join([line, "b", line, line]).encode()).text.count(line) == 3
     with pytest.raises(FileError, match=r"program\.mod:\d: has more than 1,000,000 characters in one line") as raised:
         Source.of(PATH, end.join([line, "b", line + "a", line]).encode())
@@ -62,6 +62,6 @@ def test_a_file_without_lines_is_refused_and_one_of_long_lines_is_not(end):
 
 
 def test_a_file_of_more_lines_than_any_program_is_refused():
-    assert Source.of(PATH, b"\n" * MOST_LINES).line(MOST_LINES) == MOST_LINES + 1
+    assert Source.of(PATH, b"\n" * MAX_LINES).line(MAX_LINES) == MAX_LINES + 1
     with pytest.raises(FileError, match=r"program\.mod: has 3,000,001 lines, more than 3,000,000; divide it"):
-        Source.of(PATH, b"\n" * (MOST_LINES + 1))
+        Source.of(PATH, b"\n" * (MAX_LINES + 1))

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from robot_programs.apt.syntax import Statement, Token, numbers
 from robot_programs.core import se3
 
-_AGREE = 1e-5
+_ARC_TOLERANCE_M = 1e-5
 """How far the numbers of one arc may disagree, metres: files round to a few digits."""
 
 _SHAPE = ("TLON", ",", "GOFWD", "/", "(", "CIRCLE", "/"), (")", ",", "ON"), (",", "(", "LINE", "/"), (")",)
@@ -109,18 +109,18 @@ def read_arc(
     center, radius, end = values[:3], float(values[3]), values[7:]
     spoke, last = start - center, end - center
     size = np.linalg.norm(direction)
-    if size == 0.0 or radius <= _AGREE:
+    if size == 0.0 or radius <= _ARC_TOLERANCE_M:
         return "the arc has no direction or no radius"
     tangent = direction / size
-    if max(abs(np.linalg.norm(spoke) - radius), abs(np.linalg.norm(last) - radius)) > _AGREE:
+    if max(abs(np.linalg.norm(spoke) - radius), abs(np.linalg.norm(last) - radius)) > _ARC_TOLERANCE_M:
         return "the arc's start or end does not lie on its circle"
-    if abs(tangent @ spoke) > 1e-3 * radius or abs(np.cross(spoke, tangent) @ last) > _AGREE * radius:
+    if abs(tangent @ spoke) > 1e-3 * radius or abs(np.cross(spoke, tangent) @ last) > _ARC_TOLERANCE_M * radius:
         return "the arc's direction, start and end do not lie on one circle"
     sweep = float(np.arctan2(last @ tangent, last @ spoke / radius) % (2.0 * np.pi))
-    if min(sweep, 2.0 * np.pi - sweep) * radius < _AGREE:
+    if min(sweep, 2.0 * np.pi - sweep) * radius < _ARC_TOLERANCE_M:
         return "a full circle is not told by three points; write it as two arcs"
     passes = tokens.second[0] < tokens.second[1]
-    if passes != (sweep > np.pi) and abs(sweep - np.pi) * radius > _AGREE:
+    if passes != (sweep > np.pi) and abs(sweep - np.pi) * radius > _ARC_TOLERANCE_M:
         return "the arc ends at another meeting with its line than the one stated"
     return arc_through(start, center + _turned(spoke, tangent, sweep / 2.0), end)
 
@@ -160,11 +160,11 @@ def arc_through(
 _SENSE = {6: 1.0, 11: -1.0}
 """By how many numbers a record has: whether it turns by the right hand about its axis, or against it."""
 
-_RECORD_AGREE = 2e-5
+_RECORD_TOLERANCE_M = 2e-5
 """How far the numbers of one arc may disagree, metres: files round to a few digits."""
 
-_UNIT_LENGTH = 1e-3
-"""How far the length of the axis may be from one."""
+UNIT_TOLERANCE = 1e-3
+"""How far the length of a direction may be from one: files round to a few digits."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -197,7 +197,7 @@ def circle_record(statement: Statement) -> CircleRecord | str:
     if sense is None:
         return f"the sense of rotation of a CIRCLE with {len(values)} numbers is not certain; six or eleven are read"
     record = np.array(values)
-    if abs(np.linalg.norm(record[3:6]) - 1.0) > _UNIT_LENGTH:
+    if abs(np.linalg.norm(record[3:6]) - 1.0) > UNIT_TOLERANCE:
         return "the axis of the circle is not of length 1"
     return CircleRecord(statement=statement, tokens=statement.arguments or (), values=record, sense=sense)
 
@@ -216,16 +216,16 @@ def recorded_arcs(
     center, axis = record.values[:3] * unit, record.sense * record.values[3:6]
     spoke, last = start - center, end - center
     radius = float(np.linalg.norm(spoke))
-    if radius <= _RECORD_AGREE:
+    if radius <= _RECORD_TOLERANCE_M:
         return "the arc has no radius"
-    if abs(float(np.linalg.norm(last)) - radius) > _RECORD_AGREE or (
-        record.has_radius and abs(record.values[6] * unit - radius) > _RECORD_AGREE
+    if abs(float(np.linalg.norm(last)) - radius) > _RECORD_TOLERANCE_M or (
+        record.has_radius and abs(record.values[6] * unit - radius) > _RECORD_TOLERANCE_M
     ):
         return "the arc's start or end does not lie on its circle"
-    if max(abs(spoke @ axis), abs(last @ axis)) > _RECORD_AGREE:
+    if max(abs(spoke @ axis), abs(last @ axis)) > _RECORD_TOLERANCE_M:
         return "the arc climbs along its axis, as a helix does"
     sweep = float(np.arctan2(np.cross(spoke, last) @ axis, spoke @ last) % (2.0 * np.pi))
-    if min(sweep, 2.0 * np.pi - sweep) * radius < _RECORD_AGREE:
+    if min(sweep, 2.0 * np.pi - sweep) * radius < _RECORD_TOLERANCE_M:
         quarters = [center + se3.exp(axis * (share * np.pi / 2.0)) @ spoke for share in (1, 2, 3)]
         arcs = arc_through(start, quarters[0], quarters[1]), arc_through(quarters[1], quarters[2], end)
     else:

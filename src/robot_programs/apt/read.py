@@ -6,7 +6,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.apt.circle import CircleRecord, Instruction, circle_record, circle_tokens, read_arc, recorded_arcs
+from robot_programs.apt.circle import (
+    UNIT_TOLERANCE,
+    CircleRecord,
+    Instruction,
+    circle_record,
+    circle_tokens,
+    read_arc,
+    recorded_arcs,
+)
 from robot_programs.apt.rewrite import rewrite
 from robot_programs.apt.syntax import (
     BLOCKING,
@@ -54,13 +62,13 @@ class Feed:
 
 # Frames that an APT program states by CSYS, and whether its points are still counted in the first one.
 
-SAME_FRAME = 1e-5
+FRAME_TOLERANCE = 1e-5
 """Entries of two statements of one frame differ by less; lengths in the program's unit."""
 
-_ORTHONORMAL = 1e-4
+_ORTHONORMAL_TOLERANCE = 1e-4
 """How far the axes of a frame may be from orthonormal: files round to six digits."""
 
-_SAME_AXIS = 0.05
+_MAX_AXIS_TILT = 0.05
 """How far a tool axis may be from the axis of a frame: a corrected program tilts it by its corrections."""
 
 
@@ -71,7 +79,7 @@ def stated_frame(statement: Statement) -> Float[np.ndarray, "3 4"] | None:
         return None
     A = np.array(values).reshape(3, 4)
     R = A[:, :3]
-    rigid = np.abs(R.T @ R - np.eye(3)).max() < _ORTHONORMAL and np.linalg.det(R) > 0.0
+    rigid = np.abs(R.T @ R - np.eye(3)).max() < _ORTHONORMAL_TOLERANCE and np.linalg.det(R) > 0.0
     return A if rigid else None
 
 
@@ -111,11 +119,11 @@ class StatedFrames:
         if self.first is None:
             self.first = A
         change = np.abs(A - self.first)
-        if change.max() < SAME_FRAME:
+        if change.max() < FRAME_TOLERANCE:
             return None
         self.moved_since, z = line, A[:, 2]
-        upright = np.abs(z - [0.0, 0.0, 1.0]).max() < 3.0 * _SAME_AXIS  # else one axis could be either
-        if self.in_world and change[:, 3].max() < SAME_FRAME and not upright:
+        upright = np.abs(z - [0.0, 0.0, 1.0]).max() < 3.0 * _MAX_AXIS_TILT  # else one axis could be either
+        if self.in_world and change[:, 3].max() < FRAME_TOLERANCE and not upright:
             self.tilted = z
             return None
         return f"another frame is stated than the first, the part's (line {line})"
@@ -128,7 +136,7 @@ class StatedFrames:
 
     def why_uncertain(self, axis: Float[np.ndarray, " 3"]) -> str | None:
         """Why it is not certain in which frame a point with a tool axis is counted."""
-        if self.tilted is None or np.abs(axis - self.tilted).max() < _SAME_AXIS:
+        if self.tilted is None or np.abs(axis - self.tilted).max() < _MAX_AXIS_TILT:
             return None
         return f"the tool axis does not tell whether points are counted in the frame of line {self.moved_since}"
 
@@ -201,9 +209,6 @@ class Reading:
     instructions: list[Instruction] = field(default_factory=list[Instruction])
     diagnostics: list[Diagnostic] = field(default_factory=list[Diagnostic])
 
-
-_UNIT_LENGTH = 1e-3
-"""How far the length of a tool axis may be from one: files round to a few digits."""
 
 _TO_CIRCLES_END = frozenset({"GOTO", "GODLTA", "FROM", "GOHOME", "FEDRAT", "$$"})
 """What may stand behind a circle, beside words that move nothing, up to the point where its arc ends."""
@@ -313,7 +318,7 @@ class Resolver:
             return
         if len(values) == 6:
             length = float(np.linalg.norm(values[3:]))
-            if abs(length - 1.0) > _UNIT_LENGTH:
+            if abs(length - 1.0) > UNIT_TOLERANCE:
                 self.unresolved(statement, f"the tool axis has length {length:.4g} instead of 1")
                 return
             self.axis = np.array(values[3:]) / length
@@ -453,7 +458,7 @@ class Resolver:
 
     def _tool_axis(self, statement: Statement) -> None:
         values = statement.numbers
-        if values is not None and len(values) == 3 and abs(np.linalg.norm(values) - 1.0) <= _UNIT_LENGTH:
+        if values is not None and len(values) == 3 and abs(np.linalg.norm(values) - 1.0) <= UNIT_TOLERANCE:
             self.axis = np.array(values) / np.linalg.norm(values)
             self.blocked.pop("TLAXIS", None)
         else:

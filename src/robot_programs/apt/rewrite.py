@@ -1,7 +1,7 @@
 """Rewriting motions of an APT program: points, and arcs as CATIA writes them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -15,7 +15,7 @@ from robot_programs.core.source import Edit, Place, Source, numeral, renumbered
 MM, INCHES, AXIS = 5, 6, 7
 """Decimals written of lengths and of directions."""
 
-_SAME_POINT_M = 1e-9
+_POINT_TOLERANCE_M = 1e-9
 """Points nearer to each other than this are one, metres."""
 
 
@@ -73,7 +73,7 @@ def _stays(move: Move, path: Sequence[Waypoint] | None) -> bool:
     (only, *more) = path
     if more or only.T is None or only.kind != move.kind or move.end.T is None:
         return False
-    ends = np.abs(only.T[:3, 2:] - move.end.T[:3, 2:]).max() < _SAME_POINT_M
+    ends = np.abs(only.T[:3, 2:] - move.end.T[:3, 2:]).max() < _POINT_TOLERANCE_M
     if move.via is None or only.via is None:
         return bool(ends)
     vias = only.via.T is not None and move.via.T is not None and _same_point(only.via.T[:3, 3], move.via.T[:3, 3])
@@ -88,7 +88,7 @@ def _waypoint(move: Move) -> Waypoint:
 
 
 def _same_point(a: Float[np.ndarray, " 3"] | None, b: Float[np.ndarray, " 3"] | None) -> bool:
-    return a is b or (a is not None and b is not None and bool(np.abs(a - b).max() < _SAME_POINT_M))
+    return a is b or (a is not None and b is not None and bool(np.abs(a - b).max() < _POINT_TOLERANCE_M))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -132,9 +132,7 @@ class _Writing:
         own = self.instruction
         if waypoint.via is None:
             return self._point(waypoint)
-        text = replace(self.source, text=self.source.text[own.start : own.end])
-        edits = self._arc_edits(begin, waypoint)
-        return text.edited(replace(e, start=e.start - own.start, end=e.end - own.start) for e in edits).text
+        return self.source.piece(own.start, own.end, self._arc_edits(begin, waypoint))
 
     def _point(self, waypoint: Waypoint) -> str:
         point = self._end(waypoint) / self.instruction.unit
@@ -156,7 +154,7 @@ class _Writing:
         assert waypoint.T is not None
         was = self.move.end.T
         if own.relative:
-            kept = _same_point(begin, own.begin) and bool(np.abs(end - was[:3, 3]).max() < _SAME_POINT_M)
+            kept = _same_point(begin, own.begin) and bool(np.abs(end - was[:3, 3]).max() < _POINT_TOLERANCE_M)
             return [] if kept else [Edit(start=own.body, end=own.end, text=self._point(waypoint))]
         out = [
             self._edit(token, was[a, 3] / own.unit, end[a] / own.unit, self.decimals)

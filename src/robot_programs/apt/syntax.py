@@ -10,7 +10,7 @@ from dataclasses import dataclass
 SEPARATORS = "/,()="
 _TOKEN = re.compile(r"[/,()=]|[^/,()=]+")
 _NUMBER = re.compile(r"[+-]?(\d+(?:\.\d*)?|\.\d+)([eE][+-]?\d+)?")
-_LARGEST = 1e9
+_MAX_NUMBER = 1e9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +27,7 @@ class Token:
         if not _NUMBER.fullmatch(self.text):
             return None
         value = float(self.text)
-        return value if math.isfinite(value) and abs(value) <= _LARGEST else None
+        return value if math.isfinite(value) and abs(value) <= _MAX_NUMBER else None
 
 
 def tokenize(text: str, start: int, end: int) -> list[Token]:

@@ -3,16 +3,17 @@
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Container, Hashable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Container, Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from math import atan2, copysign, cos, degrees, hypot, radians, sin
+from pathlib import Path
 from typing import Literal, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from robot_programs.core import se3
-from robot_programs.core.errors import shortened
+from robot_programs.core.errors import InputError, shortened
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Backup, Place, Source
 
@@ -272,6 +273,107 @@ class Program(ABC):
         """
 
 
+# What a language of robot programs can do.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Surroundings:
+    """What a program does not say itself, where its language cannot."""
+
+    robot: Robot | None = None
+    """Whose own tool moves where none is given, and whose joints columns name."""
+    tool: Frame | None = None
+    """What the positions are of."""
+    tools: Mapping[str, Frame] = field(default_factory=dict[str, Frame])
+    """The same by the name by which a program loads it."""
+    part: Frame | None = None
+    """Frame in which the positions are counted; the robot's base by default."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Composition:
+    """A program to be written; a language takes of it what it can say."""
+
+    name: str
+    robot: Robot
+    moves: Sequence[Move]
+    q: Float[np.ndarray, "moves joints"] | None = None
+    """Joint positions in which each motion ends, radians; they decide the posture of motions to a pose that do not say it."""
+    notes: Sequence[str] = ()
+    """A comment before each motion."""
+    wait_s: float = 0.0
+    """Seconds to wait behind each motion that stops."""
+    speed: float = 0.25
+    """Of the tool point, for motions that do not say theirs, metres per second."""
+    joint_speed_percent: float = 10.0
+    """Of motions of all joints, of the axes' largest speeds."""
+    zone: str = "z0"
+    """In RAPID: of motions that pass by."""
+
+    def expect_name(self, what: str, length: int, *, begins: str = "A-Za-z", reserved: Container[str] = ()) -> None:
+        """See that the language takes the name.
+
+        Args:
+            what: of what it is the name, in the language.
+            length: characters that it may have.
+            begins: with which it may begin.
+            reserved: words of the language, in lower case.
+
+        Raises:
+            InputError: it does not.
+        """
+        pattern = f"[{begins}][A-Za-z0-9_]{{0,{length - 1}}}"
+        if not re.fullmatch(pattern, self.name) or self.name.lower() in reserved:
+            raise InputError(
+                f"'{self.name}' is not a name of {what}; begin with a letter, and use at most {length} letters, digits and _"
+            )
+
+    def note(self, number: int) -> str:
+        """The comment before a motion, in one line; empty where there is none."""
+        return " ".join(self.notes[number].split()) if self.notes else ""
+
+    def posture(self, number: int) -> Float[np.ndarray, " joints"] | None:
+        """Joint positions in which a motion ends, radians."""
+        return None if self.q is None else self.q[number]
+
+    def waits_s(self, number: int) -> float:
+        """Seconds to wait behind a motion."""
+        move = self.moves[number]
+        return self.wait_s if move.stops and move.waits else 0.0
+
+    def written(self, lines: Iterable[str], suffix: str, newline: str = "\r\n") -> Source:
+        """The program of some lines, which end as controllers write them."""
+        text = "".join(f"{line}{newline}" for line in lines)
+        return Source(path=Path(f"{self.name}{suffix}"), text=text, encoding="utf-8")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Language:
+    """A language of robot programs."""
+
+    name: str
+    suffixes: tuple[str, ...]
+    """How its files end; letter case does not matter."""
+    read: Callable[[tuple[Source, ...], Surroundings], Program]
+    compose: Callable[[Composition], Source] | None
+    """Writes a new program; None where that cannot be done."""
+    composed: tuple[str, ...] = ()
+    """Suffixes of files that a new program can be written to."""
+    declares_frames: bool
+    """Whether a program says its own tools and frames."""
+    marks: str = ""
+    """What is found in every file of a program, a regular expression without regard to letter case; empty for anything."""
+    base_file: str = ""
+    """The file that says where the robot stands in the world, in which frames are counted; empty where they are counted in
+    the robot's base."""
+
+    def holds(self, source: Source) -> bool:
+        """Whether a file, known by its suffix, is one of a program: controllers have other files with the same suffixes."""
+        if "\0" in source.text:
+            return False
+        return not self.marks or re.search(self.marks, source.text, re.IGNORECASE | re.MULTILINE) is not None
+
+
 # Values that the text of a program alone does not give.
 
 
@@ -281,11 +383,11 @@ class Unresolved(Exception):
 
 # Motions that cannot be rewritten as they should, where one that stays as it was may keep others from changing.
 
-Path = TypeVar("Path")
+Change = TypeVar("Change")
 
 
 def reject_in_turn(
-    paths: Mapping[int, Path], conflicts: Callable[[Mapping[int, Path]], Iterable[tuple[int, str]]]
+    paths: Mapping[int, Change], conflicts: Callable[[Mapping[int, Change]], Iterable[tuple[int, str]]]
 ) -> dict[int, str]:
     """Take motions away until no conflict is left among the others.
 
@@ -350,7 +452,7 @@ def missing_names(diagnostics: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
 
 # Rotations as KUKA's and FANUC's controllers state them: three angles about z, y and x, in degrees.
 
-LOCKED = 1e-7
+MIN_COS_B = 1e-7
 """Cosine of B below which A and C turn about the same axis."""
 
 
@@ -378,7 +480,7 @@ def angles(
     They stay within half a turn, as controllers write them, where those angles do.
     """
     B = degrees(atan2(-R[2, 0], hypot(R[0, 0], R[1, 0])))
-    if hypot(R[0, 0], R[1, 0]) < LOCKED:
+    if hypot(R[0, 0], R[1, 0]) < MIN_COS_B:
         # R = Rz(A)·Ry(±90°)·Rx(C) depends on A ∓ C only: keep A
         rest = rotation(near[0], B, 0.0).T @ R
         return _within(_near((near[0], B, degrees(atan2(rest[2, 1], rest[1, 1]))), near), near)

@@ -60,7 +60,7 @@ class Robot(Protocol):
 
 JOINTS = 6
 
-SPHERICAL = 1e-6
+WRIST_TOLERANCE_M = 1e-6
 """The last three axes meet within this, metres."""
 
 
@@ -105,16 +105,15 @@ def _arm(robot: Robot) -> _Arm | None:
         return None
     zero = robot.joint_frames(np.zeros((1, JOINTS)))[0]
     z = zero[:, :3, 2]
-    wrist = _meeting_point(zero[3:])
-    if wrist is None or abs(z[1] @ z[2]) < 1.0 - 1e-9 or abs(z[0] @ z[1]) > 1e-9:
+    wrist, distance = meeting_point(zero[3:])
+    if distance >= WRIST_TOLERANCE_M or abs(z[1] @ z[2]) < 1.0 - 1e-9 or abs(z[0] @ z[1]) > 1e-9:
         return None
     return _Arm(forward=zero[0, 0, :3], wrist=se3.apply(se3.inverse(zero[3]), wrist))
 
 
-def _meeting_point(frames: Float[np.ndarray, "axes 4 4"]) -> Float[np.ndarray, " 3"] | None:
-    """Where the z axes of some frames meet; None where they do not."""
+def meeting_point(frames: Float[np.ndarray, "axes 4 4"]) -> tuple[Float[np.ndarray, " 3"], float]:
+    """The point nearest to the z axes of some frames, and the largest of its distances from them, metres."""
     across = np.eye(3) - frames[:, :3, 2, None] * frames[:, None, :3, 2]
     offsets = (across @ frames[:, :3, 3, None])[:, :, 0]
     point = np.linalg.lstsq(across.sum(axis=0), offsets.sum(axis=0), rcond=1e-9)[0]
-    distance = np.linalg.norm((across @ point) - offsets, axis=1)
-    return point if distance.max() < SPHERICAL else None
+    return point, float(np.linalg.norm((across @ point) - offsets, axis=1).max())

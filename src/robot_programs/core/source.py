@@ -11,10 +11,10 @@ from pathlib import Path
 from robot_programs.core.errors import FileError, shortened
 from robot_programs.core.files import read_bytes
 
-LONGEST_LINE = 1_000_000
+MAX_LINE_LENGTH = 1_000_000
 """Characters; controllers take some hundreds, what is generated has some thousands."""
 
-MOST_LINES = 3_000_000
+MAX_LINES = 3_000_000
 """A milling program of a million points has a line or two for each."""
 
 
@@ -72,14 +72,12 @@ class Source:
         """Refuse what has no lines, or too many: its words would take gigabytes before any of them is found wrong."""
         first, text = 0, self.text
         lines = text.count("\n")
-        if lines > MOST_LINES:
-            raise FileError(self.path, f"has {lines:,} lines, more than {MOST_LINES:,}; divide it into several files")
-        while len(text) - first > LONGEST_LINE:
-            end = max(text.rfind(mark, first, first + LONGEST_LINE + 1) for mark in "\n\r")
+        if lines > MAX_LINES:
+            raise FileError(self.path, f"has {lines:,} lines, more than {MAX_LINES:,}; divide it into several files")
+        while len(text) - first > MAX_LINE_LENGTH:
+            end = max(text.rfind(mark, first, first + MAX_LINE_LENGTH + 1) for mark in "\n\r")
             if end < 0:
-                message = (
-                    f"has more than {LONGEST_LINE:,} characters in one line, as no program has; export it line by line"
-                )
+                message = f"has more than {MAX_LINE_LENGTH:,} characters in one line, as no program has; export it line by line"
                 raise FileError(self.path, message, line=text.count("\n", 0, first) + 1)
             first = end + 1
 
@@ -118,14 +116,17 @@ class Source:
         Raises:
             ValueError: two edits overlap.
         """
+        return replace(self, text=self.piece(0, len(self.text), edits))
+
+    def piece(self, start: int, end: int, edits: Iterable[Edit]) -> str:
+        """A piece of the text with edits that lie in it; see `edited`."""
         parts: list[str] = []
-        position = 0
         for edit in sorted(edits, key=lambda edit: (edit.start, edit.end)):
-            if edit.start < position:
+            if edit.start < start:
                 raise ValueError(f"edits of {self.path} overlap in line {self.line(edit.start)}")
-            parts += [self.text[position : edit.start], edit.text]
-            position = edit.end
-        return replace(self, text="".join([*parts, self.text[position:]]))
+            parts += [self.text[start : edit.start], edit.text]
+            start = edit.end
+        return "".join([*parts, self.text[start:end]])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,19 +136,6 @@ class Backup:
     path: Path
     skipped: int
     """Files in it that are no program."""
-
-
-def edited_piece(text: str, edits: Iterable[Edit], start: int) -> str:
-    """A piece of a file, with edits of the file that lie in it.
-
-    Args:
-        text: of the piece.
-        edits: none overlaps another one.
-        start: of the piece in the file.
-    """
-    for edit in sorted(edits, key=lambda edit: edit.start, reverse=True):
-        text = text[: edit.start - start] + edit.text + text[edit.end - start :]
-    return text
 
 
 def read_source(path: str | Path) -> Source:
@@ -162,7 +150,7 @@ def read_source(path: str | Path) -> Source:
 
 # Numbers in the text of a program: a new value in the digits of the old one.
 
-MOST_DECIMALS = 12
+MAX_DECIMALS = 12
 """No program states more."""
 
 
@@ -180,7 +168,7 @@ def renumbered(text: str, was: float, value: float, decimals: int) -> str:
     """
     if abs(value - was) <= 0.5 * 10.0**-decimals:
         return text
-    return numeral(value, max(decimals, min(_decimals(text), MOST_DECIMALS)))
+    return numeral(value, max(decimals, min(_decimals(text), MAX_DECIMALS)))
 
 
 def numeral(value: float, decimals: int) -> str:

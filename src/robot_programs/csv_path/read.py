@@ -5,7 +5,7 @@ import io
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,17 @@ from jaxtyping import Bool, Float
 
 from robot_programs.core import se3
 from robot_programs.core.errors import Faults, FileError, InputError, shown
-from robot_programs.core.program import Diagnostic, Frame, Move, MoveKind, Program, Target, Waypoint, with_axis
+from robot_programs.core.program import (
+    Composition,
+    Diagnostic,
+    Frame,
+    Move,
+    MoveKind,
+    Program,
+    Target,
+    Waypoint,
+    with_axis,
+)
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Edit, Place, Source, numeral, renumbered
 
@@ -22,7 +32,7 @@ from robot_programs.core.source import Edit, Place, Source, numeral, renumbered
 MAX_COLUMNS = 20_000
 """A spreadsheet holds 16 384."""
 
-LARGEST = 1e6
+MAX_NUMBER = 1e6
 """Of any number: 1 km in millimetres, or 2800 turns in degrees."""
 
 _SEPARATOR_LINE = re.compile(r"\Asep=.[ \t]*(?=\r?\n)", re.IGNORECASE)
@@ -84,7 +94,7 @@ class Table:
         """The numbers of columns; NaN for empty cells.
 
         Raises:
-            FileError: a cell is not a finite number, or one beyond ±`LARGEST`.
+            FileError: a cell is not a finite number, or one beyond ±`MAX_NUMBER`.
         """
         out = np.full((len(self), len(columns)), np.nan)
         for k, column in enumerate(columns):
@@ -98,10 +108,10 @@ class Table:
 
     def _number(self, text: str, row: int, column: str) -> float:
         number = float(text) if _NUMBER.fullmatch(text) else math.nan
-        if abs(number) <= LARGEST:
+        if abs(number) <= MAX_NUMBER:
             return number
         if not math.isnan(number):
-            message = f"'{shown(text)}' is beyond ±{LARGEST:g}; check the cell and its unit"
+            message = f"'{shown(text)}' is beyond ±{MAX_NUMBER:g}; check the cell and its unit"
         elif _NOT_FINITE.fullmatch(text):
             message = f"'{shown(text)}' is not a finite number; give a number"
         else:
@@ -269,7 +279,7 @@ WORDS = ("id", "name", "move", "speed_mm_s", "stop", "tool", "frame")
 JOINT_UNITS = {"deg": np.pi / 180, "rad": 1.0, "mm": 1e-3, "m": 1.0}
 """What a joint's number is multiplied by for radians or metres."""
 
-UNIT_LENGTH = 1e-3
+UNIT_TOLERANCE = 1e-3
 """How far the length of a quaternion or a direction may be from one: files round to a few digits."""
 
 _NUMBERED = re.compile(r"[jq](\d+)_(deg|rad|mm|m)$")
@@ -475,7 +485,7 @@ def _check_lengths(
     """
     what, hint = ("tool axis", "") if columns.only_axis else ("quaternion", " (is qw last?)")
     lengths = np.linalg.norm(vectors, axis=1)
-    for row in np.flatnonzero(needed & (np.abs(lengths - 1.0) > UNIT_LENGTH)):
+    for row in np.flatnonzero(needed & (np.abs(lengths - 1.0) > UNIT_TOLERANCE)):
         raise table.error(
             f"the {what} has length {lengths[row]:.4f}; it must be 1{hint}", int(row), columns.rotation[0]
         )
@@ -526,10 +536,8 @@ def rewrite(path_table: PathTable, written: Written, path: Sequence[Waypoint]) -
 
 def _copied(path_table: PathTable, row: int, edits: Sequence[Edit]) -> str:
     """A row's line with some of its cells edited."""
-    start, end = path_table.rows[row].start, path_table.rows[row].end
-    line = replace(path_table.source, text=path_table.source.text[start:end])
-    moved = [replace(edit, start=edit.start - start, end=edit.end - start) for edit in edits]
-    return line.edited(moved).text + path_table.source.newline
+    source, place = path_table.source, path_table.rows[row]
+    return source.piece(place.start, place.end, edits) + source.newline
 
 
 def _rows_for(path_table: PathTable, written: Written, waypoint: Waypoint) -> list[tuple[int, list[Edit]]]:
@@ -599,18 +607,13 @@ def _lacking(path_table: PathTable, row: int, message: str) -> InputError:
 # A new path in CSV of given motions.
 
 
-def compose_csv_path(name: str, robot: Robot, moves: Sequence[Move], *, notes: Sequence[str] = ()) -> Source:
+def compose_csv_path(program: Composition) -> Source:
     """A path of its own, ``name.csv``, a row for each motion and for the via point of each arc.
 
-    Args:
-        name: of the file.
-        robot: the robot.
-        moves: its motions, all with one tool and in one part's frame, which the file does not say.
-        notes: names of targets that have none.
-
     Raises:
-        InputError: there are several tools or frames.
+        InputError: there are several tools or frames, which the file does not say.
     """
+    robot, moves = program.robot, program.moves
     for k, move in enumerate(moves):
         if (
             not (_alike_moves(move.tool.T, moves[0].tool.T) and _alike_moves(move.part.T, moves[0].part.T))
@@ -626,13 +629,13 @@ def compose_csv_path(name: str, robot: Robot, moves: Sequence[Move], *, notes: S
     for k, move in enumerate(moves):
         targets = [(move.end, move.kind)] if move.via is None else [(move.via, "via"), (move.end, move.kind)]
         for target, word in targets:
-            note = target.name or (notes[k] if notes else "")
+            note = target.name or (program.notes[k] if program.notes else "")
             speed = "" if move.speed is None else numeral(move.speed * 1e3, MM)
             cells = _pose(target, len(pose)) + _joints(target, robot, len(joints))
             rows.append([note, word, *cells, speed, "yes" if move.stops else "no"])
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([["name", "move", *pose, *joints, "speed_mm_s", "stop"], *rows])
-    return Source(path=Path(f"{name}.csv"), text=text.getvalue(), encoding="utf-8")
+    return Source(path=Path(f"{program.name}.csv"), text=text.getvalue(), encoding="utf-8")
 
 
 def _alike_moves(a: np.ndarray, b: np.ndarray) -> bool:

@@ -6,16 +6,15 @@ from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import isnan
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from robot_programs.core import se3
 from robot_programs.core.errors import InputError
-from robot_programs.core.program import Move, MoveKind, Target, Visit, Waypoint, reject_in_turn
-from robot_programs.core.robot import Robot
-from robot_programs.core.source import Edit, FreshNames, Place, Source, edited_piece, numeral
+from robot_programs.core.program import Composition, Move, MoveKind, Target, Visit, Waypoint, reject_in_turn
+from robot_programs.core.robot import Robot, meeting_point
+from robot_programs.core.source import Edit, FreshNames, Place, Source, numeral
 from robot_programs.krl.data import (
     AXES,
     DECIMALS,
@@ -54,10 +53,10 @@ JOINTS = 6
 ACCURATE_BIT = 0b10000
 """Of S, where the controller's own correction was on."""
 
-BORDER = 1e-6
+BORDER_TOLERANCE = 1e-6
 """Nearer to the border between two values of a bit than this, radians or metres, either value is right."""
 
-SMALL_TURN = 1e-3
+PROBE_TURN_RAD = 1e-3
 """Of axis 3, by which it is seen about which side of its z axis it counts, radians."""
 
 
@@ -77,7 +76,7 @@ class Status:
             robot: the robot.
             q: joint positions, radians.
         """
-        return self.miss(robot, q) < BORDER
+        return self.miss(robot, q) < BORDER_TOLERANCE
 
     @property
     def tolerated(self) -> float:
@@ -95,7 +94,7 @@ class Status:
         beyond = _beyond(robot, q)
         if self.S is not None and beyond is not None:
             wrong = _bits_miss(self.S, beyond)
-            away = np.maximum(away, np.where(wrong < BORDER, wrong, np.pi + wrong).max(axis=1))
+            away = np.maximum(away, np.where(wrong < BORDER_TOLERANCE, wrong, np.pi + wrong).max(axis=1))
         return away
 
     def of(self, robot: Robot, q: Float[np.ndarray, " joints"]) -> "Status":
@@ -122,7 +121,7 @@ def _bits_miss(value: int, positive: Float[np.ndarray, "n bits"]) -> Float[np.nd
 
 def _with_bits(value: int, positive: Float[np.ndarray, " bits"]) -> int:
     for bit, amount in enumerate(positive):
-        if abs(amount) >= BORDER:
+        if abs(amount) >= BORDER_TOLERANCE:
             value = value | 1 << bit if amount > 0 else value & ~(1 << bit)
     return value
 
@@ -160,9 +159,9 @@ def _geometry(robot: Robot) -> _Geometry | None:
     if len(robot.joint_names) != JOINTS or any(robot.prismatic):
         return None
     home = np.mean(np.clip(robot.limits, -np.pi, np.pi), axis=1)
-    T, turned = robot.joint_frames(np.stack([home, home + SMALL_TURN * np.eye(JOINTS)[2]]))
-    centre, distance = _meeting_point(T[3:, :3, 3], T[3:, :3, 2])
-    if distance > BORDER or np.linalg.norm(np.cross(T[1, :3, 2], T[2, :3, 2])) > BORDER:
+    T, turned = robot.joint_frames(np.stack([home, home + PROBE_TURN_RAD * np.eye(JOINTS)[2]]))
+    centre, distance = meeting_point(T[3:])
+    if distance > BORDER_TOLERANCE or np.linalg.norm(np.cross(T[1, :3, 2], T[2, :3, 2])) > BORDER_TOLERANCE:
         return None
     return _Geometry(
         centre=T[3, :3, :3].T @ (centre - T[3, :3, 3]),
@@ -170,20 +169,10 @@ def _geometry(robot: Robot) -> _Geometry | None:
     )
 
 
-def _meeting_point(
-    points: Float[np.ndarray, "lines 3"], directions: Float[np.ndarray, "lines 3"]
-) -> tuple[Float[np.ndarray, " 3"], float]:
-    """The point nearest to some lines, and the largest of its distances from them."""
-    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
-    centre = np.linalg.lstsq(across.sum(axis=0), np.einsum("nij,nj->i", across, points), rcond=None)[0]
-    away = np.einsum("nij,nj->ni", across, centre - points)
-    return centre, float(np.linalg.norm(away, axis=1).max())
-
-
-LONGEST_NAME = 24
+MAX_NAME_LENGTH = 24
 """Characters of a name in KRL."""
 
-_SAME = 1e-9
+_POSE_TOLERANCE = 1e-9
 """Poses and joint positions that differ by less are one, metres and radians."""
 
 _ALONG = re.compile(r"\s*#(BASE|TOOL)\b", re.IGNORECASE)
@@ -206,10 +195,9 @@ class Written:
     """Code computes some of it, so that its numbers stand nowhere in the text."""
 
     @property
-    def template(self) -> str:
-        """The text of the position it states, or to which is added."""
-        first = self.aggregates[0]
-        return (self.file if self.datum is None else self.datum.file).source.text[first.start : first.end]
+    def template(self) -> Source:
+        """In which the position stands that it states, or to which is added."""
+        return (self.file if self.datum is None else self.datum.file).source
 
     @property
     def listed(self) -> Datum | None:
@@ -297,7 +285,8 @@ def stays(move: Move, path: tuple[Waypoint, ...]) -> bool:
     if move.via is not None and only.via is not None:
         pairs.append((move.via.T, only.via.T))
     return all(
-        old is None if new is None else old is not None and bool(np.abs(new - old).max() < _SAME) for old, new in pairs
+        old is None if new is None else old is not None and bool(np.abs(new - old).max() < _POSE_TOLERANCE)
+        for old, new in pairs
     )
 
 
@@ -408,7 +397,7 @@ class _Rewriting:
         values |= {name: value for name, value in beside.items() if first.field(name)}
         numbers = all(first.field(name) for name in names) and all(part.value is not None for part in first.fields)
         if numbers and not written.computed:
-            return edited_piece(written.template, edits_for(first, values), first.start)
+            return written.template.piece(first.start, first.end, edits_for(first, values))
         parts = [f"{name} {numeral(values[name], 5 if name in 'XYZ' else 6)}" for name in names]
         for name in ("S", "T"):
             own = first.field(name)
@@ -432,7 +421,7 @@ class _Rewriting:
             return
         needed = {use.datum.name for use in self.uses.values()}
         mentions = _mentions(self.files, needed)
-        names = FreshNames((name for _, name, _ in _all_names(self.files)), longest=LONGEST_NAME)
+        names = FreshNames((name for _, name, _ in _all_names(self.files)), longest=MAX_NAME_LENGTH)
         for uses in by_datum.values():
             datum = uses[0].datum
             rewritten = {(w.file.number, w.operand.start) for use in uses for w in use.points}
@@ -460,8 +449,8 @@ class _Rewriting:
         start = source.text.rfind("\n", 0, datum.start) + 1
         end = source.text.find("\n", datum.start) + 1
         renamed = Edit(start=datum.start, end=datum.start + len(_name(datum)), text=name)
-        line = edited_piece(source.text[start : end or None], [renamed, *use.changes], start)
         at = end or len(source.text)
+        line = source.piece(start, at, [renamed, *use.changes])
         self._edit(datum.file, Edit(start=at, end=at, text=line if end else source.newline + line))
         return name
 
@@ -515,7 +504,7 @@ def _all_names(files: tuple[File, ...]) -> Iterator[tuple[File, str, int]]:
 # A text that goes to elements of an array by a computed index leaves it to the elements, which get their numbers in
 # the data list. Any other text can only be rewritten if all of its motions need the same.
 
-SAME = 2e-5
+NUMBER_TOLERANCE = 2e-5
 """Millimetres and degrees that differ by less are written alike."""
 
 Values = tuple[dict[str, float] | None, ...]
@@ -659,7 +648,7 @@ def _agree(one: Values, other: Values) -> bool:
         if a is None or b is None or a.keys() != b.keys():
             if a is not b:
                 return False
-        elif any(abs(a[name] - b[name]) > SAME for name in a):
+        elif any(abs(a[name] - b[name]) > NUMBER_TOLERANCE for name in a):
             return False
     return True
 
@@ -709,84 +698,54 @@ def _named(motion: Motion) -> Iterator[str]:
 # A new KRL program of given motions.
 
 
-NEWLINE = "\r\n"
-"""As KUKA's controllers write it."""
-
-
-NEAREST_MM, NEAREST_PERCENT = 0.3, 1
+ZONE_MM, ZONE_PERCENT = 0.3, 1
 """How near motions that do not stop pass by their targets, along paths and by the joints."""
 
 
-def compose_krl(
-    name: str,
-    robot: Robot,
-    moves: Sequence[Move],
-    *,
-    q: Float[np.ndarray, "moves joints"] | None = None,
-    notes: Sequence[str] = (),
-    wait_s: float = 0.0,
-    joint_speed_percent: float = 10.0,
-) -> Source:
+def compose_krl(program: Composition) -> Source:
     """A program of its own, ``name.src``, with all points in its motions.
-
-    Args:
-        name: of the program.
-        robot: the robot.
-        moves: its motions.
-        q: joint positions in which each motion ends, radians; they decide status and turn of motions of all joints to a
-            pose, where the motions do not state them.
-        notes: a comment before each motion.
-        wait_s: seconds to wait behind each motion that stops and waits.
-        joint_speed_percent: speed of motions of all joints, of the axes' largest speeds.
 
     Raises:
         InputError: KRL cannot say it.
     """
-    if not re.fullmatch(f"[A-Za-z_][A-Za-z0-9_]{{0,{LONGEST_NAME - 1}}}", name):
-        raise InputError(
-            f"'{name}' is not a name of a KRL program; begin with a letter, and use at most {LONGEST_NAME} letters, digits and _"
-        )
+    program.expect_name("a KRL program", MAX_NAME_LENGTH, begins="A-Za-z_")
+    robot = program.robot
     if len(robot.joint_names) > len(AXES) or any(robot.prismatic):
         raise InputError(f"{robot.name} is not a robot of up to six turning axes, which KRL's positions describe")
+    nearest = f"$APO.CDIS = {ZONE_MM:g}", f"$APO.CPTP = {ZONE_PERCENT}"
     lines = [
         "&ACCESS RVP",
-        f"DEF {name} ( )",
+        f"DEF {program.name} ( )",
         "EXT BAS (BAS_COMMAND :IN,REAL :IN )",
         "GLOBAL INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO IR_STOPM ( )",
         "INTERRUPT ON 3",
         "BAS (#INITMOV,0 )",
-        f"BAS (#VEL_PTP,{joint_speed_percent:g} )",
-        *([f"$APO.CDIS = {NEAREST_MM:g}", f"$APO.CPTP = {NEAREST_PERCENT}"] if any(not m.stops for m in moves) else []),
-        *_motions(robot, moves, q, notes, wait_s),
+        f"BAS (#VEL_PTP,{program.joint_speed_percent:g} )",
+        *(nearest if any(not move.stops for move in program.moves) else ()),
+        *_motions(program),
         "END",
     ]
-    return Source(path=Path(f"{name}.src"), text=NEWLINE.join(lines) + NEWLINE, encoding="utf-8")
+    return program.written(lines, ".src")
 
 
-def _motions(
-    robot: Robot,
-    moves: Sequence[Move],
-    q: Float[np.ndarray, "moves joints"] | None,
-    notes: Sequence[str],
-    wait_s: float,
-) -> Iterator[str]:
+def _motions(program: Composition) -> Iterator[str]:
     before: dict[str, str] = {}
-    for i, move in enumerate(moves):
-        if notes:
-            yield f"; {' '.join(notes[i].split())}"
+    for i, move in enumerate(program.moves):
+        if program.notes:
+            yield f"; {program.note(i)}"
         for name, text in _settings(i, move).items():
             if before.get(name) != text:
                 before[name] = text
                 yield f"{name} = {text}"
-        status = _status(robot, i, move, None if q is None else q[i]) if move.kind == "joint" else None
+        status = _status(program, i) if move.kind == "joint" else None
         points = [_point(move.end, status)]
         if move.via is not None:
             points.insert(0, _point(move.via, None))
         along_path = move.kind in ("linear", "circular")
         passing = "" if move.stops else " C_DIS" if along_path else " C_PTP"
         yield f"{KEYWORDS[move.kind]} {','.join(points)}{passing}"
-        if move.stops and move.waits and wait_s:
-            yield f"WAIT SEC {wait_s:g}"
+        if waits_s := program.waits_s(i):
+            yield f"WAIT SEC {waits_s:g}"
 
 
 def _settings(number: int, move: Move) -> dict[str, str]:
@@ -806,11 +765,12 @@ def _settings(number: int, move: Move) -> dict[str, str]:
     return out
 
 
-def _status(robot: Robot, number: int, move: Move, q: Float[np.ndarray, " joints"] | None) -> Status:
+def _status(program: Composition, number: int) -> Status:
+    q, stated = program.posture(number), program.moves[number].end.posture
     if q is not None:
-        return Status(S=0, T=0).of(robot, q)
-    if isinstance(move.end.posture, Status):
-        return move.end.posture
+        return Status(S=0, T=0).of(program.robot, q)
+    if isinstance(stated, Status):
+        return stated
     raise InputError(
         f"motion {number} drives all joints to a pose and does not say in which posture; give its joint positions"
     )

@@ -36,7 +36,7 @@ class Real(float):
 Value = float | bool | str | Aggregate
 """A number, a truth value, an enumeration constant in capitals, or a structure."""
 
-DEEPEST = 12
+MAX_PARENTHESES = 12
 """Parentheses in each other in one line."""
 
 NUMBERS = frozenset({*POSE, *AXES, *EXTERNAL, "S", "T"})
@@ -221,7 +221,7 @@ class _Reader:
 
     def _single(self) -> Value:
         self.depth += 1
-        if self.depth > DEEPEST:
+        if self.depth > MAX_PARENTHESES:
             raise Unresolved("an expression is nested too deeply")
         value = self._unnested()
         self.depth -= 1

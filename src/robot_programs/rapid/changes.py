@@ -95,35 +95,33 @@ def _is_target(node: Expression, scope: Scope) -> bool:
             return False
 
 
+def expressions_of(statement: Statement) -> Iterator[Expression]:
+    """The expressions of a statement itself, without those of the statements that stand in it."""
+    match statement:
+        case Instruction():
+            yield from (argument.value for argument in statement.arguments if argument.value is not None)
+        case Assignment():
+            yield from (statement.target, statement.value)
+        case Branches() | Loop():
+            yield from statement.conditions
+        case Leave() if statement.value is not None:
+            yield statement.value
+        case _:
+            pass
+
+
 def moves(block: Iterable[Statement], scope: Scope) -> bool:
     """Whether some statement may move the robot, or be reached from elsewhere."""
-    for statement in block:
-        match statement:
-            case Instruction():
-                key = statement.name.key
-                if key not in MOTIONLESS or key in scope.routines or _arguments_call(statement.arguments, scope):
-                    return True
-            case Assignment():
-                if calls(statement.value, scope):
-                    return True
-            case Branches():
-                if any(calls(c, scope) for c in statement.conditions):
-                    return True
-                if any(moves(branch, scope) for branch in statement.branches):
-                    return True
-            case Loop():
-                if any(calls(c, scope) for c in statement.conditions) or moves(statement.body, scope):
-                    return True
-            case Leave():
-                if statement.value is not None and calls(statement.value, scope):
-                    return True
-            case Label() | Unparsed():
-                return True
-    return False
+    return any(
+        isinstance(statement, Label | Unparsed)
+        or (isinstance(statement, Instruction) and _may_move(statement.name.key, scope))
+        or any(calls(expression, scope) for expression in expressions_of(statement))
+        for statement in nested(block)
+    )
 
 
-def _arguments_call(arguments: Iterable[Argument], scope: Scope) -> bool:
-    return any(a.value is not None and calls(a.value, scope) for a in arguments)
+def _may_move(key: str, scope: Scope) -> bool:
+    return key not in MOTIONLESS or key in scope.routines
 
 
 def calls(node: Expression, scope: Scope) -> bool:
@@ -166,28 +164,14 @@ def called(block: Iterable[Statement], scope: Scope) -> Iterator[Routine]:
         match statement:
             case Instruction():
                 yield from scope.routines.get(statement.name.key, ())
-                for argument in statement.arguments:
-                    yield from _called_by(argument.value, scope)
-            case Assignment():
-                yield from _called_by(statement.target, scope)
-                yield from _called_by(statement.value, scope)
-            case Branches() | Loop():
-                for condition in statement.conditions:
-                    yield from _called_by(condition, scope)
-            case Leave():
-                yield from _called_by(statement.value, scope)
             case Unparsed():
                 for token in statement.tokens:
-                    if token.kind == "name":
-                        yield from scope.routines.get(token.key, ())
+                    yield from scope.routines.get(token.key, ()) if token.kind == "name" else ()
             case _:
                 pass
-
-
-def _called_by(node: Expression | None, scope: Scope) -> Iterator[Routine]:
-    for part in () if node is None else parts(node):
-        if isinstance(part, Call):
-            yield from scope.routines.get(part.name.key, ())
+        for part in (part for expression in expressions_of(statement) for part in parts(expression)):
+            if isinstance(part, Call):
+                yield from scope.routines.get(part.name.key, ())
 
 
 # What an instruction, a function, or text that was not understood may change.

@@ -38,10 +38,10 @@ from robot_programs.rapid.syntax import (
 
 # The parser's lower half: words to expressions and arguments.
 
-DEPTH = 60
+MAX_DEPTH = 60
 """Brackets and blocks nested deeper than this are no program."""
 
-MOST_ARGUMENTS = 1000
+MAX_ARGUMENTS = 1000
 """Of one instruction; those of the controller have twenty at most."""
 
 _RESERVED = """
@@ -106,14 +106,14 @@ class ExpressionParser(Words):
     def enter(self) -> None:
         """Count a bracket or block that opens."""
         self.depth += 1
-        if self.depth > DEPTH:
-            raise self.problem(f"brackets or blocks are nested deeper than {DEPTH} at")
+        if self.depth > MAX_DEPTH:
+            raise self.problem(f"brackets or blocks are nested deeper than {MAX_DEPTH} at")
 
     def grow(self, height: int) -> None:
         """Note that the expression read last contains others of some height."""
         self.height = height + 1
-        if self.height > DEPTH:
-            raise self.problem(f"an expression is nested deeper than {DEPTH} at")
+        if self.height > MAX_DEPTH:
+            raise self.problem(f"an expression is nested deeper than {MAX_DEPTH} at")
 
     def expression(self) -> Expression:
         """Read an expression."""
@@ -186,7 +186,7 @@ class ExpressionParser(Words):
 
     def _numbers(self, start: int) -> int:
         """Behind a list of nothing but numbers; 0 where there is none, or where its signs are nested too deeply."""
-        return list_end(self.text, start) if self.depth + 2 <= DEPTH else 0
+        return list_end(self.text, start) if self.depth + 2 <= MAX_DEPTH else 0
 
     def _list(self, closing: str) -> tuple[Expression, ...]:
         if self.skip(closing):
@@ -237,8 +237,8 @@ class ExpressionParser(Words):
             if self.next.kind == "symbol" and self.next.key == closing:
                 raise self.problem("an argument is missing before")
             start = self.next.start
-            if len(arguments) == MOST_ARGUMENTS:
-                raise TooMuch(start, f"has more than {MOST_ARGUMENTS:,} arguments in one call; is it a RAPID module?")
+            if len(arguments) == MAX_ARGUMENTS:
+                raise TooMuch(start, f"has more than {MAX_ARGUMENTS:,} arguments in one call; is it a RAPID module?")
             if self.skip("\\"):
                 arguments.append(self._option(start))
             else:
@@ -262,13 +262,13 @@ class ExpressionParser(Words):
 
 # Declarations and statements of a routine; what cannot be understood is passed over and noted.
 
-MOST_STATEMENTS = 850_000
+MAX_STATEMENTS = 850_000
 """Statements and declarations of a file; 400 000 motions with as many declared targets are 50 MB."""
 
-MOST_PROBLEMS = 100_000
+MAX_PROBLEMS = 100_000
 """Places of a file that are not understood; nobody reads of more."""
 
-MOST_UNPARSED = 1_000_000
+MAX_UNPARSED_WORDS = 1_000_000
 """Words of a file that are not understood."""
 
 STORAGE = ("const", "pers", "var")
@@ -298,8 +298,8 @@ class StatementParser(ExpressionParser):
         Raises:
             TooMuch: nothing of the file is, or hardly anything.
         """
-        if len(self.problems) >= MOST_PROBLEMS:
-            raise self._not_understood(f"at more than {MOST_PROBLEMS:,} places", self.problems[0])
+        if len(self.problems) >= MAX_PROBLEMS:
+            raise self._not_understood(f"at more than {MAX_PROBLEMS:,} places", self.problems[0])
         self.problems.append(Problem(position=position, text=text))
         return self.problems[-1]
 
@@ -313,10 +313,10 @@ class StatementParser(ExpressionParser):
             TooMuch: there are more than in any program.
         """
         self._statements += 1
-        if self._statements > MOST_STATEMENTS:
+        if self._statements > MAX_STATEMENTS:
             raise TooMuch(
                 self.next.start,
-                f"has more than {MOST_STATEMENTS:,} statements and declarations; divide it into several files",
+                f"has more than {MAX_STATEMENTS:,} statements and declarations; divide it into several files",
             )
 
     def after_scope(self) -> str:
@@ -340,8 +340,8 @@ class StatementParser(ExpressionParser):
         tokens: list[Token] = []
         for token in words(self.text, first, self.end):
             self._unparsed += 1
-            if self._unparsed > MOST_UNPARSED:
-                raise self._not_understood(f"in more than {MOST_UNPARSED:,} words", [*self.problems, problem][0])
+            if self._unparsed > MAX_UNPARSED_WORDS:
+                raise self._not_understood(f"in more than {MAX_UNPARSED_WORDS:,} words", [*self.problems, problem][0])
             tokens.append(token)
         return Unparsed(start=first, end=self.end, tokens=tuple(tokens), problem=problem)
 
@@ -557,7 +557,7 @@ class StatementParser(ExpressionParser):
             self.note(start, f"{keyword.upper()} is missing for what begins here")
 
 
-MOST_ROUTINES = 100_000
+MAX_ROUTINES = 100_000
 """Modules and routines of a file; a whole cell has some thousands."""
 
 
@@ -660,9 +660,9 @@ class _Parser(StatementParser):
 
     def _count_routine(self, position: int) -> None:
         self._routines += 1
-        if self._routines > MOST_ROUTINES:
+        if self._routines > MAX_ROUTINES:
             raise TooMuch(
-                position, f"has more than {MOST_ROUTINES:,} modules and routines; divide it into several files"
+                position, f"has more than {MAX_ROUTINES:,} modules and routines; divide it into several files"
             )
 
     def _routine(self) -> Routine:

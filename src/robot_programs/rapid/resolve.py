@@ -17,6 +17,7 @@ from robot_programs.core.source import Source
 from robot_programs.rapid.names import DATA, File, Scope, Value
 from robot_programs.rapid.syntax import Aggregate, Argument, Call, Expression, Instruction, Number, Reference
 from robot_programs.rapid.values import (
+    UNIT_TOLERANCE,
     Frames,
     Origin,
     PassedArgument,
@@ -39,13 +40,13 @@ from robot_programs.rapid.values import (
 
 QUADRANT_JOINTS = (0, 3, 5)
 
-EDGE = np.radians(1e-6)
+EDGE_TOLERANCE_RAD = np.radians(1e-6)
 """This near to the edge of a quadrant either of its neighbours is right, radians."""
 
-TOLERATED = np.radians(45.0)
+MAX_QUADRANT_MISS_RAD = np.radians(45.0)
 """How far axes 1, 4 and 6 may be from their quadrants without the controller stopping, radians."""
 
-SLACK = np.radians(1.0)
+POSTURE_TOLERANCE_RAD = np.radians(1.0)
 """Postures of one target differ by far more; its programmed numbers are rounded, so that its joints are not exact, radians."""
 
 
@@ -66,11 +67,11 @@ class Configuration:
     @property
     def tolerated(self) -> float:
         """How far off the controller still takes the nearest posture, radians."""
-        return TOLERATED
+        return MAX_QUADRANT_MISS_RAD
 
     def agrees(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Bool[np.ndarray, " n"]:
         """Whether each posture is the one meant; any is, of a robot without six turning joints."""
-        return self.miss(robot, q) <= SLACK
+        return self.miss(robot, q) <= POSTURE_TOLERANCE_RAD
 
     def miss(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
         """How far each posture is from the one meant, radians: of axes 1, 4 and 6 the angle to their quadrants.
@@ -86,7 +87,7 @@ class Configuration:
         if sides is not None and 0 <= self.cfx <= 7:
             behind = np.array([bool(self.cfx & 4), bool(self.cfx & 2), bool(self.cfx & 1)])
             wrong = np.where(behind, sides, -sides).max(axis=1)
-            away = np.maximum(away, np.where(wrong < SLACK, np.maximum(wrong, 0.0), np.pi + wrong))
+            away = np.maximum(away, np.where(wrong < POSTURE_TOLERANCE_RAD, np.maximum(wrong, 0.0), np.pi + wrong))
         return away
 
     @classmethod
@@ -101,7 +102,7 @@ class Configuration:
         if not _has_configuration(robot):
             return like or cls(cf1=0, cf4=0, cf6=0, cfx=0)
         turned = q[list(QUADRANT_JOINTS)]
-        low, high = _quadrant(turned - EDGE), _quadrant(turned + EDGE)
+        low, high = _quadrant(turned - EDGE_TOLERANCE_RAD), _quadrant(turned + EDGE_TOLERANCE_RAD)
         if like is None:
             quadrants = high
         else:
@@ -113,7 +114,7 @@ class Configuration:
         else:
             old_bits = (like.cfx & 4, like.cfx & 2, like.cfx & 1) if like else (0, 0, 0)
             bits = zip(sides[0], (4, 2, 1), old_bits, strict=True)
-            cfx = sum(old if abs(side) < EDGE else bit * (side < 0.0) for side, bit, old in bits)
+            cfx = sum(old if abs(side) < EDGE_TOLERANCE_RAD else bit * (side < 0.0) for side, bit, old in bits)
         return cls(cf1=int(quadrants[0]), cf4=int(quadrants[1]), cf6=int(quadrants[2]), cfx=int(cfx))
 
 
@@ -439,7 +440,7 @@ ONLY_EXTERNAL = "moveextj"
 
 NAMES: Mapping[MoveKind, str] = {"joint": "MoveJ", "linear": "MoveL", "circular": "MoveC", "axes": "MoveAbsJ"}
 
-NO_AXIS = 1e8
+MAX_AXIS_POSITION = 1e8
 """Positions of external axes beyond this, usually 9E9, are of axes that are not there."""
 
 _REJECTED_OPTIONS = {
@@ -567,7 +568,7 @@ def resolve(instruction: Instruction, scope: Scope, file: File, settings: Settin
         turn_speed=_turn_speed(where, scope, values), divisible=form.repeats and not where.options.keys() & {"on", "off"},
         stops=stops, zone=zone, follows=None, routine=routine,
         place=file.source.place(instruction.start), carrier=frames.carrier,
-        external=tuple(axis if abs(axis) < NO_AXIS else math.nan for axis in end.external),
+        external=tuple(axis if abs(axis) < MAX_AXIS_POSITION else math.nan for axis in end.external),
         external_offset="" if "noeoffs" in where.options else settings.external_offset,
     )  # fmt: skip
     redefined = frozenset(MOTION_FORMS.keys() & scope.routines.keys())
@@ -708,9 +709,6 @@ _NAME = re.compile(r'-name\s+"([^"]*)"')
 _NUMBER = re.compile(r"-base_frame_(pos_[xyz]|orient_u[0-3])\s+([^\s\\]+)")
 _MOVED_BY = re.compile(r'-base_frame_\w+\s+"([^"]+)"')
 
-_LENGTH = 0.01
-"""How far the length of the quaternion may be from one."""
-
 
 def base_frame(source: Source) -> Float[np.ndarray, "4 4"]:
     """Pose of the robot's base in the world.
@@ -766,6 +764,6 @@ def _frame(record: str, name: str, source: Source) -> Float[np.ndarray, "4 4"]:
     xyz = np.array([values.get(f"pos_{axis}", 0.0) for axis in "xyz"])
     wxyz = np.array([values.get(f"orient_u{i}", 0.0) for i in range(4)])
     length = np.linalg.norm(wxyz)
-    if not (np.isfinite(xyz).all() and abs(length - 1.0) <= _LENGTH):
+    if not (np.isfinite(xyz).all() and abs(length - 1.0) <= UNIT_TOLERANCE):
         raise FileError(source.path, f"the base frame of {name} is not a pose: its quaternion has length {length:.4g}")
     return se3.pose(se3.from_quaternion(np.array([*wxyz[1:], wxyz[0]]) / length), xyz)

@@ -6,14 +6,13 @@ from collections import Counter, defaultdict
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import zip_longest
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core import se3
 from robot_programs.core.errors import InputError
-from robot_programs.core.program import Frame, Move, MoveKind, Target, Visit, Waypoint, reject_in_turn
+from robot_programs.core.program import Composition, Frame, Move, MoveKind, Target, Visit, Waypoint, reject_in_turn
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Edit, FreshNames, Place, Source
 from robot_programs.rapid.changes import Use, nested
@@ -35,16 +34,16 @@ from robot_programs.rapid.values import DEG_DECIMALS, MM_DECIMALS, pose_of, quat
 
 # The numbers of a rewritten target, as text.
 
-SAME_MM = 1e-4
-SAME_QUATERNION = 1e-7
-SAME_DEG = 1e-6
+TEXT_TOLERANCE_MM = 1e-4
+TEXT_TOLERANCE_QUATERNION = 1e-7
+TEXT_TOLERANCE_DEG = 1e-6
 """Numbers that change by no more keep their text."""
 
 Texts = tuple[str | None, ...]
 """A text for each number of a target before its external axes; None where it keeps its own."""
 
 
-SAME_WANTED_MM, SAME_WANTED = 1e-3, 2e-6
+WANTED_TOLERANCE_MM, WANTED_TOLERANCE = 1e-3, 2e-6
 """Texts that differ by no more, millimetres, and parts of a quaternion or degrees, want the same."""
 
 
@@ -53,8 +52,8 @@ def agree(target: TargetArgument, texts: Texts, others: Texts) -> bool:
     pairs = zip(texts, others, target.meant, strict=True)
     off = [abs((old if a is None else float(a)) - (old if b is None else float(b))) for a, b, old in pairs]
     if target.type == "jointtarget":
-        return max(off) <= SAME_WANTED
-    return max(off[:3]) <= SAME_WANTED_MM and max(off[3:7]) <= SAME_WANTED and max(off[7:]) == 0.0
+        return max(off) <= WANTED_TOLERANCE
+    return max(off[:3]) <= WANTED_TOLERANCE_MM and max(off[3:7]) <= WANTED_TOLERANCE and max(off[7:]) == 0.0
 
 
 def new_texts(target: TargetArgument, waypoint: Waypoint, robot: Robot) -> Texts:
@@ -62,18 +61,18 @@ def new_texts(target: TargetArgument, waypoint: Waypoint, robot: Robot) -> Texts
     if target.type == "jointtarget":
         degrees = np.degrees(waypoint.q)
         return tuple(
-            None if abs(new - old) <= SAME_DEG else real(float(new), DEG_DECIMALS)
+            None if abs(new - old) <= TEXT_TOLERANCE_DEG else real(float(new), DEG_DECIMALS)
             for new, old in zip(degrees, target.meant, strict=True)
         )
     pose = _pose(waypoint)
     texts: list[str | None] = [
-        None if abs(new - old) <= SAME_MM else real(new, MM_DECIMALS)
+        None if abs(new - old) <= TEXT_TOLERANCE_MM else real(new, MM_DECIMALS)
         for new, old in zip(pose[:3], target.meant[:3], strict=True)
     ]
     old = np.array(target.meant[3:7])
     new = np.array(pose[3:])
     new = new if new @ old >= 0.0 else -new
-    if np.abs(new - old).max() <= SAME_QUATERNION:
+    if np.abs(new - old).max() <= TEXT_TOLERANCE_QUATERNION:
         texts += [None] * 4
     else:
         written = quaternion_texts(tuple(float(v) for v in new))
@@ -83,7 +82,7 @@ def new_texts(target: TargetArgument, waypoint: Waypoint, robot: Robot) -> Texts
             else [np.inf] * 4
         )
         texts += [
-            None if abs(float(text) - value) <= SAME_QUATERNION else text
+            None if abs(float(text) - value) <= TEXT_TOLERANCE_QUATERNION else text
             for text, value in zip(written, raw, strict=True)
         ]
     stated = configuration(target.meant[7:])
@@ -154,7 +153,7 @@ def _aggregate(groups: list[list[str]]) -> str:
 # given can be changed where the call is, if nothing else reads it there; its own text only if all of its motions
 # need the same.
 
-TURNED = math.radians(0.01)
+MAX_TURN_RAD = math.radians(0.01)
 """How far a target may be turned from where it should be that goes with another one, radians."""
 
 Home = tuple[object, ...]
@@ -274,7 +273,7 @@ class Sharing:
             T = want.target.carried(direct[0].T if direct else base.T)
             off = float(np.linalg.norm(T[:3, 3] - want.T[:3, 3]))
             turned = float(np.linalg.norm(se3.log(T[:3, :3].T @ want.T[:3, :3])))
-            if off <= self.tolerance and turned <= TURNED:
+            if off <= self.tolerance and turned <= MAX_TURN_RAD:
                 followed.append(want)
             else:
                 why = f"goes with the target that it shifts, and would be {off * 1e3:.3f} mm and {math.degrees(turned):.3f}° off"
@@ -516,10 +515,10 @@ class _RoutineText:
         return frozenset((symbol, use.path) for _, symbol, use in self.read[first:last])
 
 
-LONGEST_NAME = 32
+MAX_NAME_LENGTH = 32
 """Characters of a name in RAPID."""
 
-SAFE_NAME = 16
+S4_NAME_LENGTH = 16
 """Characters of a name on S4 controllers; longer ones are made only for programs that have such."""
 
 FLY_BY = "z0"
@@ -672,7 +671,7 @@ def _write_targets(
             else:
                 _replace_argument(want, meant_text(want.target, want.texts), edits)
     words = (token.key for source in sources for token in tokenize(source.text) if token.kind == "name")
-    fresh = FreshNames(words, longest=LONGEST_NAME, usual=SAFE_NAME, reserved=RESERVED | set(DATA))
+    fresh = FreshNames(words, longest=MAX_NAME_LENGTH, usual=S4_NAME_LENGTH, reserved=RESERVED | set(DATA))
     for (symbol, path), group in declared.items():
         _write_declared(group, other_use(uses.get(symbol, ()), path, group, followed) is not None, fresh, edits)
 
@@ -758,10 +757,7 @@ def _behind(declaration: Declaration, source: Source) -> tuple[int, str]:
 # A new RAPID module of given motions.
 
 
-NEWLINE = "\r\n"
-"""As ABB's controllers write it."""
-
-LONGEST_LINE = 120
+MAX_LINE_LENGTH = 120
 """Longer lines are broken between the parts of a value."""
 
 RUN = "_run"
@@ -790,79 +786,50 @@ class _Declarations:
         return self.names[key]
 
 
-def compose_rapid(
-    name: str,
-    robot: Robot,
-    moves: Sequence[Move],
-    *,
-    q: Float[np.ndarray, "moves joints"] | None = None,
-    notes: Sequence[str] = (),
-    wait_s: float = 0.0,
-    speed: float = 0.25,
-    zone: str = "z0",
-) -> Source:
+def compose_rapid(program: Composition) -> Source:
     """A module of its own, ``name.mod``, that declares its targets, tools and work objects and a procedure ``name_run``.
-
-    Args:
-        name: of the module.
-        robot: the robot.
-        moves: its motions.
-        q: joint positions in which each motion ends, radians; they decide the configuration of motions to a pose that do
-            not state it.
-        notes: a comment before each motion.
-        wait_s: seconds to wait behind each motion that stops and waits.
-        speed: of the tool point, for motions that do not say theirs, metres per second.
-        zone: of motions that pass by.
 
     Raises:
         InputError: RAPID cannot say it.
     """
-    longest = LONGEST_NAME - len(RUN)
-    if not _is_name(name) or len(name) > longest or name.lower() in RESERVED:
-        raise InputError(
-            f"'{name}' is not a name of a RAPID module; begin with a letter, and use at most {longest} letters, digits and _"
-        )
+    program.expect_name("a RAPID module", MAX_NAME_LENGTH - len(RUN), reserved=RESERVED)
+    name, robot = program.name, program.robot
     if len(robot.joint_names) != JOINTS or any(robot.prismatic):
         raise InputError(f"{robot.name} is not a robot of six turning axes, which RAPID's targets describe")
-    fresh = FreshNames((name, f"{name}{RUN}"), longest=LONGEST_NAME, usual=LONGEST_NAME, reserved=RESERVED | set(DATA))
+    fresh = FreshNames(
+        (name, f"{name}{RUN}"), longest=MAX_NAME_LENGTH, usual=MAX_NAME_LENGTH, reserved=RESERVED | set(DATA)
+    )
     declared = _Declarations(fresh=fresh)
     body: list[str] = []
-    for i, move in enumerate(moves):
-        if notes:
-            body += _comment(notes[i])
-        at = None if q is None else q[i]
+    for i, move in enumerate(program.moves):
+        body += _comment(program.note(i))
+        at = program.posture(i)
         # the posture at the via point is that of the end, unless it says its own
         points = [_point(move.via, _posture_at(move.via, at), i, robot, declared)] if move.via is not None else []
         points.append(_point(move.end, at, i, robot, declared))
-        stop = "fine" if move.stops else zone
-        arguments = [
-            *points,
-            _speed(speed if move.speed is None else move.speed, declared),
-            stop,
-            _tool(move, declared),
-        ]
+        speed = _speed(program.speed if move.speed is None else move.speed, declared)
+        arguments = [*points, speed, "fine" if move.stops else program.zone, _tool(move, declared)]
         body.append(f"    {NAMES[move.kind]} {','.join(arguments)};")
-        if move.stops and move.waits and wait_s:
-            body.append(f"    WaitTime {wait_s:g};")
+        if waits_s := program.waits_s(i):
+            body.append(f"    WaitTime {waits_s:g};")
     lines = [f"MODULE {name}", *declared.lines, "", f"  PROC {name}{RUN}()", *body, "  ENDPROC", "ENDMODULE"]
-    return Source(path=Path(f"{name}.mod"), text=NEWLINE.join(lines) + NEWLINE, encoding="utf-8")
+    return program.written(lines, ".mod")
 
 
 def _is_name(text: str) -> bool:
     return text.isascii() and text.isidentifier() and not text.startswith("_")
 
 
-def _comment(note: str) -> Iterator[str]:
-    text = " ".join(note.split())
-    width = LONGEST_LINE - 6
+def _comment(text: str) -> Iterator[str]:
+    width = MAX_LINE_LENGTH - 6
     for start in range(0, len(text), width):
         yield f"    ! {text[start : start + width]}"
 
 
 def _broken(line: str) -> Iterator[str]:
     """A declaration in lines that are not too long."""
-    while len(line) > LONGEST_LINE:
-        at = line.rfind(",[", 0, LONGEST_LINE) + 1
+    while len(line) > MAX_LINE_LENGTH:
+        at = line.rfind(",[", 0, MAX_LINE_LENGTH) + 1
         if at <= 0:
             break
         yield line[:at]
@@ -929,7 +896,7 @@ def _moves(frame: Frame) -> bool:
 
 
 def _wish(frame: Frame, otherwise: str) -> str:
-    return frame.name if _is_name(frame.name) and len(frame.name) <= LONGEST_NAME else otherwise
+    return frame.name if _is_name(frame.name) and len(frame.name) <= MAX_NAME_LENGTH else otherwise
 
 
 def _frame(frame: Frame) -> str:

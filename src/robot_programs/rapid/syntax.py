@@ -381,11 +381,11 @@ class Module(Node):
 
 # The words of a module as they are read: one after the other, so that a file's words are never all in memory.
 
-MOST_WORDS = 2_000_000
+MAX_WORDS = 2_000_000
 """Of one statement or declaration; an array of a hundred thousand targets, each of lists of numbers, has fewer."""
 
 
-MOST_VALUES = 5_000_000
+MAX_VALUES = 5_000_000
 """Values of a file, those in lists included: numbers in a list of nothing else count as one."""
 
 
@@ -409,16 +409,16 @@ class Words:
         """The word that is to be read next."""
         self.end = 0
         """Behind the word read last."""
-        self._left = MOST_WORDS
+        self._left = MAX_WORDS
         """Words that may still be read before another statement begins."""
         self._begun = 0
         """Where the last one began."""
-        self._values = MOST_VALUES
+        self._values = MAX_VALUES
         """Values that may still be read."""
 
     def begin(self) -> None:
         """Note that a statement or a declaration begins at the next word."""
-        self._left, self._begun = MOST_WORDS, self.next.start
+        self._left, self._begun = MAX_WORDS, self.next.start
 
     def take(self) -> Token:
         """Read a word.
@@ -432,7 +432,7 @@ class Words:
         if not self._left:
             raise TooMuch(
                 self._begun,
-                f"has more than {MOST_WORDS:,} words in the statement that begins here; divide it into several",
+                f"has more than {MAX_WORDS:,} words in the statement that begins here; divide it into several",
             )
         self._left -= 1
         self.end = token.start + len(token.text)
@@ -455,7 +455,7 @@ class Words:
             TooMuch: there are more than in any program.
         """
         if not self._values:
-            raise TooMuch(self.next.start, f"has more than {MOST_VALUES:,} values; divide it into several files")
+            raise TooMuch(self.next.start, f"has more than {MAX_VALUES:,} values; divide it into several files")
         self._values -= 1
 
     def behind_next(self) -> Token:

@@ -31,7 +31,7 @@ from robot_programs.rapid.syntax import (
 # Source: Technical reference manual, RAPID overview (expressions), and RAPID instructions, functions and data types
 # (Offs, RelTool).
 
-FARTHEST_SHIFT_MM = 1e6
+MAX_SHIFT_MM = 1e6
 """No shift is farther."""
 
 
@@ -117,7 +117,7 @@ def shifted(name: str, T: Float[np.ndarray, "4 4"], by: Sequence[Value], options
     xyz = [v for v in by if isinstance(v, float)]
     if len(by) != 3 or len(xyz) != 3:
         raise Unresolved(f"{name}() is not given a target and three distances")
-    if not all(abs(v) <= FARTHEST_SHIFT_MM for v in xyz):
+    if not all(abs(v) <= MAX_SHIFT_MM for v in xyz):
         raise Unresolved(f"{name}() shifts out of any range")
     T = T.copy()
     if name.lower() == "offs":
@@ -145,7 +145,7 @@ def pose_numbers(T: Float[np.ndarray, "4 4"]) -> tuple[float, ...]:
 
 # Tools and work objects: from tooldata and wobjdata to frames.
 
-FARTHEST_MM = 1e6
+MAX_COORDINATE_MM = 1e6
 """No coordinate of a robot's cell is larger; the controller's 9E9 stands for none."""
 
 UNIT_TOLERANCE = 0.01
@@ -198,7 +198,7 @@ def position(value: Value, what: str) -> tuple[float, ...]:
         Unresolved: it is none.
     """
     xyz = numbers(value, 3, f"the position of {what}")
-    if not all(abs(v) <= FARTHEST_MM for v in xyz):
+    if not all(abs(v) <= MAX_COORDINATE_MM for v in xyz):
         raise Unresolved(f"the position of {what} is out of any range")
     return xyz
 
@@ -266,7 +266,7 @@ def _frame_pose(value: Value, what: str) -> Float[np.ndarray, "4 4"]:
 Options = Mapping[str, Value]
 Function = Callable[[Sequence[Value], Options], Value]
 
-TIE = 1e-6
+TIE_TOLERANCE = 1e-6
 """So near to halfway between two rounded numbers, the controller's 32-bit numbers may lie on either side."""
 
 
@@ -365,7 +365,9 @@ def _cut(name: str, to_whole: Callable[[float], float], ties: float) -> Function
         if not options.keys() <= {"dec"} or not isinstance(decimals, float) or decimals not in range(7):
             raise Unresolved(f"{name}() is not given a number of decimals from 0 to 6")
         scaled = value * 10.0**decimals
-        if abs((scaled - ties) - round(scaled - ties)) < TIE * max(1.0, abs(scaled)) and scaled != round(scaled):
+        if abs((scaled - ties) - round(scaled - ties)) < TIE_TOLERANCE * max(1.0, abs(scaled)) and scaled != round(
+            scaled
+        ):
             raise Unresolved(f"{name}() is given a number that lies between two others")
         return to_whole(scaled) / 10.0**decimals
 
@@ -541,10 +543,10 @@ def _common(first: State, others: Sequence[State]) -> Iterator[tuple[Symbol, Abs
             yield symbol, AbstractValue(value=value.value, settable=settable)
 
 
-CHAIN = 100
+MAX_REFERENCES = 100
 """Values that lead to others through more steps than this probably lead to themselves."""
 
-MOST_ELEMENTS = 1e7
+MAX_ELEMENTS = 1e7
 """No array has more."""
 
 
@@ -585,12 +587,12 @@ class Values:
         Raises:
             Unresolved: the text does not give it.
         """
-        if depth > CHAIN:
+        if depth > MAX_REFERENCES:
             raise Unresolved("data refer to each other in a circle, or too deeply")
         match expression:
             case Number() | Text() | Truth():
                 return expression.value
-            case Aggregate() if expression.is_plain and depth < CHAIN:
+            case Aggregate() if expression.is_plain and depth < MAX_REFERENCES:
                 return expression.numbers
             case Aggregate():
                 return tuple(self.of(item, scope, depth + 1) for item in expression.items)
@@ -682,7 +684,7 @@ class Values:
                 case Index():
                     for item in selector.items:
                         index = self.number(item, scope, depth + 1)
-                        if not 1.0 <= index <= MOST_ELEMENTS or index != int(index):
+                        if not 1.0 <= index <= MAX_ELEMENTS or index != int(index):
                             raise Unresolved(f"{index:g} is not an index of '{symbol.name}'")
                         path.append(int(index) - 1)
                 case Component():
@@ -712,7 +714,7 @@ class Values:
     def _written(self, node: Expression, symbol: Symbol, depth: int) -> Value:
         if symbol.scope is None:
             raise Unresolved(f"'{symbol.name}' is declared without a value")
-        if isinstance(node, Number) and depth < CHAIN:
+        if isinstance(node, Number) and depth < MAX_REFERENCES:
             return node.value
         if node not in self._known:
             self._known[node] = Values(assigned=self.assigned, _known=self._known).of(node, symbol.scope, depth + 1)
@@ -779,13 +781,13 @@ DEG_DECIMALS = 6
 QUATERNION_DECIMALS = 9
 """Smaller digits are rounding errors."""
 
-LARGE = 1e7
+MIN_EXPONENT_VALUE = 1e7
 """From here on numbers are written with an exponent, as the controller writes its 9E+09."""
 
 
 def real(value: float, decimals: int) -> str:
     """The shortest text that gives a value back in single precision, rounded to so many decimals before."""
-    if abs(value) >= LARGE:
+    if abs(value) >= MIN_EXPONENT_VALUE:
         mantissa, exponent = f"{np.format_float_scientific(np.float32(value), trim='-', exp_digits=2)}".split("e")
         return f"{mantissa}E{exponent}"
     text = np.format_float_positional(np.float32(round(value, decimals)), unique=True, trim="-")

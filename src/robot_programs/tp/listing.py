@@ -732,10 +732,10 @@ def _register(text: str) -> int | None:
 # is set up, so that they agree here where either does. With the wrist behind axis 1 it is not known which elbow is
 # called up: either counts.
 
-EDGE = np.radians(1e-6)
+EDGE_TOLERANCE_RAD = np.radians(1e-6)
 """This near to the border between two values either is right, radians."""
 
-SLACK = np.radians(1.0)
+POSTURE_TOLERANCE_RAD = np.radians(1.0)
 """Postures of one pose differ by far more; its printed numbers are rounded, so that its joints are not exact, radians."""
 
 _TEXT = re.compile(r"(?P<flip>[NF])\s*(?P<elbow>[UD])\s*(?P<front>[TB])\s*(?:,\s*(-?\d)\s*,\s*(-?\d)\s*,\s*(-?\d)\s*)?")
@@ -777,13 +777,13 @@ class Configuration:
         right = np.ones(len(q), dtype=bool)
         if len(robot.joint_names) != 6 or any(robot.prismatic):
             return right
-        right &= np.where(self.flip, q[:, 4] > -SLACK, q[:, 4] < SLACK)
+        right &= np.where(self.flip, q[:, 4] > -POSTURE_TOLERANCE_RAD, q[:, 4] < POSTURE_TOLERANCE_RAD)
         bends = arm_bends(robot, q)
         if bends is not None:
-            right &= np.where(self.front, bends[:, 0] > -SLACK, bends[:, 0] < SLACK)
+            right &= np.where(self.front, bends[:, 0] > -POSTURE_TOLERANCE_RAD, bends[:, 0] < POSTURE_TOLERANCE_RAD)
             if self.front:
-                right &= np.where(self.up, bends[:, 1] > -SLACK, bends[:, 1] < SLACK)
-        low, high = _turns(q - SLACK), _turns(q + SLACK)
+                right &= np.where(self.up, bends[:, 1] > -POSTURE_TOLERANCE_RAD, bends[:, 1] < POSTURE_TOLERANCE_RAD)
+        low, high = _turns(q - POSTURE_TOLERANCE_RAD), _turns(q + POSTURE_TOLERANCE_RAD)
         first, second, third = ((low <= turn) & (turn <= high) for turn in self.turns)
         return right & third[:, 5] & ((first[:, 0] & second[:, 3]) | (first[:, 3] & second[:, 4]))
 
@@ -812,7 +812,7 @@ class Configuration:
 
 
 def _decided(angle: float, otherwise: bool) -> bool:
-    return otherwise if abs(angle) < EDGE else bool(angle > 0.0)
+    return otherwise if abs(angle) < EDGE_TOLERANCE_RAD else bool(angle > 0.0)
 
 
 def _turns(q: Float[np.ndarray, "*n"]) -> Int[np.ndarray, "*n"]:

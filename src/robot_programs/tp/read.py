@@ -41,7 +41,7 @@ from robot_programs.tp.rewrite import Site, Written, rewrite
 
 # User frames and tools by number: from a backup's variables, or given with the program.
 
-PARALLEL = 1e-6
+MIN_SINE = 1e-6
 """Sine of the angle between two axes below which they are parallel."""
 
 
@@ -57,7 +57,7 @@ def world_in_base(robot: Robot) -> Float[np.ndarray, "4 4"]:
         raise InputError(f"{robot.name} has no two turning axes at its base, where FANUC's world frame would be")
     first, second = robot.joint_frames(np.zeros((1, len(robot.joint_names))))[0, :2]
     common = np.cross(first[:3, 2], second[:3, 2])
-    if np.linalg.norm(common) < PARALLEL:
+    if np.linalg.norm(common) < MIN_SINE:
         raise InputError(
             f"axes 1 and 2 of {robot.name} are parallel; FANUC's world frame of such an arm is not known here"
         )
@@ -153,7 +153,7 @@ _ASSIGNED_VARIABLE = re.compile(r"\$MNU(?P<kind>FRAME|TOOL)\s*\[[^=]*=(?!=)", re
 _STATED = re.compile(r"\s*(?:GP\d\s*:)?\s*(\d{1,5})\s*(?:[:,].*)?", re.IGNORECASE | re.DOTALL)
 """What is not a number is computed: then any may be meant."""
 
-NO_TURN = 1e-9
+TURN_TOLERANCE = 1e-9
 """Entries of the rotation of a register that only shifts."""
 
 
@@ -418,7 +418,7 @@ class Resolver:
                 raise Unresolved(
                     f"its {name}, PR[{offset.register}], is not known; pass the backup's posreg.va with the program"
                 )
-            if np.abs(register.T[:3, :3] - np.eye(3)).max() > NO_TURN:
+            if np.abs(register.T[:3, :3] - np.eye(3)).max() > TURN_TOLERANCE:
                 raise Unresolved(f"its {name}, PR[{offset.register}], turns the position, which is not provided for")
             self._refuse_strange(f"its {name}, PR[{offset.register}],", state)
             self._say_registers(at)

@@ -3,16 +3,15 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core import se3
 from robot_programs.core.errors import InputError
-from robot_programs.core.program import Move, Waypoint
+from robot_programs.core.program import Composition, Move, Waypoint
 from robot_programs.core.robot import Robot
-from robot_programs.core.source import Edit, Source, edited_piece
+from robot_programs.core.source import Edit, Source
 from robot_programs.tp.listing import (
     Configuration,
     Group,
@@ -176,7 +175,6 @@ class _Rewriting:
     def _instruction(self, site: Site, move: Move, waypoint: Waypoint) -> str:
         """The motion's own text with another position, passing by it."""
         motion, own = site.motion, site.instruction
-        text = self.source.text
         edits: list[Edit] = []
         points = [waypoint] if waypoint.via is None else [waypoint.via, waypoint]
         for written, point in zip(site.written, points, strict=True):
@@ -186,7 +184,7 @@ class _Rewriting:
         if move.stops:
             start, end = motion.termination
             edits.append(Edit(start=start, end=end, text=PASSING))
-        piece = edited_piece(text[own.number[1] : own.end], edits, own.number[1])
+        piece = self.source.piece(own.number[1], own.end, edits)
         # without a number and a semicolon, the line behind would go on with this one
         return piece if piece.endswith(";") else f"{piece} ;"
 
@@ -205,7 +203,7 @@ class _Rewriting:
             if not np.isnan(value):
                 edits += edits_for(position.groups[number], {name: value})
         first = position.number_at[1]
-        return edited_piece(self.source.text[first : position.end], edits, first)
+        return self.source.piece(first, position.end, edits)
 
     def _values(self, written: Written, waypoint: Waypoint) -> tuple[dict[str, float], Configuration | None]:
         """Values of all components, millimetres and degrees, and the configuration of a pose."""
@@ -310,45 +308,28 @@ class _Rewriting:
 NEWLINE = "\r\n"
 """As FANUC's controllers write it."""
 
-LONGEST_NAME = 36
-LONGEST_REMARK = 32
+MAX_NAME_LENGTH = 36
+MAX_REMARK_LENGTH = 32
 
 
-def compose_tp(
-    name: str,
-    moves: Sequence[Move],
-    *,
-    notes: Sequence[str] = (),
-    wait_s: float = 0.0,
-    joint_speed_percent: float = 10.0,
-) -> Source:
-    """A program of its own, ``name.ls``.
-
-    Args:
-        name: of the program.
-        moves: its motions, to joint positions: to poses a program says the numbers of user frame and tool, which it cannot state.
-        notes: a remark before each motion.
-        wait_s: seconds to wait behind each motion that stops and waits.
-        joint_speed_percent: of the axes' largest speeds.
+def compose_tp(program: Composition) -> Source:
+    """A program of its own, ``name.ls``, of motions to joint positions: it cannot state its user frames and tools.
 
     Raises:
         InputError: TP cannot say it.
     """
-    if not re.fullmatch(f"[A-Za-z][A-Za-z0-9_]{{0,{LONGEST_NAME - 1}}}", name):
-        raise InputError(
-            f"'{name}' is not a name of a TP program; begin with a letter, and use at most {LONGEST_NAME} letters, digits and _"
-        )
+    program.expect_name("a TP program", MAX_NAME_LENGTH)
     positions: list[str] = []
-    for number, move in enumerate(moves):
+    for number, move in enumerate(program.moves):
         if move.end.q is None:
             raise InputError(
                 f"motion {number} goes to a pose in '{move.part.name}'; a TP program does not state its frames, so that new ones "
                 "are written of motions to joint positions only: correct a program that is there, or write another language"
             )
         positions.append(f"P[{number + 1}{listed((0, 0), joint_values(move.end.q), '', NEWLINE)}")
-    instructions = list(_instructions(moves, notes, wait_s, joint_speed_percent))
+    instructions = list(_instructions(program))
     lines = [
-        f"/PROG  {name.upper()}",
+        f"/PROG  {program.name.upper()}",
         "/ATTR",
         "OWNER\t\t= MNEDITOR;",
         f"LINE_COUNT\t= {len(instructions)};",
@@ -359,13 +340,13 @@ def compose_tp(
         *positions,
         "/END",
     ]
-    return Source(path=Path(f"{name}.ls"), text=NEWLINE.join(lines) + NEWLINE, encoding="utf-8")
+    return program.written(lines, ".ls", NEWLINE)
 
 
-def _instructions(moves: Sequence[Move], notes: Sequence[str], wait_s: float, percent: float) -> Iterator[str]:
-    for i, move in enumerate(moves):
-        if notes:
-            yield f"  !{' '.join(notes[i].split())[:LONGEST_REMARK]}"
-        yield f"J P[{i + 1}] {percent:g}% {'FINE' if move.stops else 'CNT100'}"
-        if move.stops and move.waits and wait_s:
-            yield f"  WAIT {wait_s:6.2f}(sec)"
+def _instructions(program: Composition) -> Iterator[str]:
+    for i, move in enumerate(program.moves):
+        if program.notes:
+            yield f"  !{program.note(i)[:MAX_REMARK_LENGTH]}"
+        yield f"J P[{i + 1}] {program.joint_speed_percent:g}% {'FINE' if move.stops else 'CNT100'}"
+        if waits_s := program.waits_s(i):
+            yield f"  WAIT {waits_s:6.2f}(sec)"

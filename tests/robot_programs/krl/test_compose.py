@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from robot_programs.core.program import Frame, Move, Target
+from robot_programs.core.program import Composition, Frame, Move, Target
 from robot_programs.core.source import Place
 from robot_programs.krl.read import read_krl
 from robot_programs.krl.rewrite import compose_krl
@@ -32,7 +32,9 @@ def move(kind: str, *, T=None, q=None, via=None, stops: bool = True, speed=None,
 def test_a_measuring_program_reads_as_the_joint_positions_it_was_given(rng):
     q = rng.uniform(KR16.limits[:, 0], KR16.limits[:, 1], (5, 6))
     notes = [f"pose {i}\nnext" for i in range(5)]
-    source = compose_krl("measure", KR16, [move("axes", q=row) for row in q], notes=notes, wait_s=3.0)
+    source = compose_krl(
+        Composition(name="measure", robot=KR16, moves=[move("axes", q=row) for row in q], notes=notes, wait_s=3.0)
+    )
     program = read_krl([source])
     assert not program.diagnostics
     np.testing.assert_allclose([m.end.q for m in program.moves], q, atol=1.1e-8)
@@ -51,7 +53,7 @@ def test_motions_to_poses_read_as_they_were_given(rng):
         move("linear", T=T[1], speed=0.25, stops=False),
         move("circular", T=T[2], via=T[0], speed=0.25),
     ]
-    program = read_krl([compose_krl("path", KR16, moves, q=q)])
+    program = read_krl([compose_krl(Composition(name="path", robot=KR16, moves=moves, q=q))])
     assert not program.diagnostics
     for given_move, read in zip(moves, program.moves, strict=True):
         assert (read.kind, read.stops, read.speed) == (given_move.kind, given_move.stops, given_move.speed)
@@ -62,7 +64,7 @@ def test_motions_to_poses_read_as_they_were_given(rng):
 
 def test_a_program_that_was_read_can_be_composed_again():
     program = read_krl(milling())
-    again = read_krl([compose_krl("again", KR16, program.moves)])
+    again = read_krl([compose_krl(Composition(name="again", robot=KR16, moves=program.moves))])
     for old, new in zip(program.moves, again.moves, strict=True):
         assert (new.kind, new.stops) == (old.kind, old.stops)
         if old.end.T is not None:
@@ -85,9 +87,9 @@ def test_a_program_that_was_read_can_be_composed_again():
 )
 def test_what_krl_cannot_say_is_refused(name, moves, message):
     with pytest.raises(TaskcalError, match=message):
-        compose_krl(name, KR16, moves)
+        compose_krl(Composition(name=name, robot=KR16, moves=moves))
 
 
 def test_a_robot_of_seven_axes_is_refused():
     with pytest.raises(TaskcalError, match="barrett-wam is not a robot of up to six turning axes"):
-        compose_krl("part", load_robot("barrett-wam"), [])
+        compose_krl(Composition(name="part", robot=load_robot("barrett-wam"), moves=[]))

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from robot_programs.core.program import Frame, Move, Target
+from robot_programs.core.program import Composition, Frame, Move, Target
 from robot_programs.core.source import Place
 from robot_programs.rapid.read import read_rapid
 from robot_programs.rapid.resolve import Configuration
-from robot_programs.rapid.rewrite import LONGEST_LINE, compose_rapid
+from robot_programs.rapid.rewrite import MAX_LINE_LENGTH, compose_rapid
 from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import load_robot
 from tests.laws.chains import rigid
@@ -40,7 +40,11 @@ def to_pose(rng, kind, tool, part, in_hand=False, speed=0.1) -> Move:
 
 def test_a_measuring_program():
     q = np.radians([[0, -10, 20, 30.5, 40, -50], [10, -10, 20, 30, 40, -50]])
-    source = compose_rapid("MEASURE", ROBOT, [to_axes(row) for row in q], notes=["pose 1", "pose 2"], wait_s=3.0)
+    source = compose_rapid(
+        Composition(
+            name="MEASURE", robot=ROBOT, moves=[to_axes(row) for row in q], notes=["pose 1", "pose 2"], wait_s=3.0
+        )
+    )
     assert source.path == Path("MEASURE.mod")
     assert source.text.split("\r\n") == [
         "MODULE MEASURE",
@@ -70,8 +74,8 @@ def test_what_is_composed_is_read_again(rng):
         pick = lambda some: some[int(rng.integers(len(some)))]  # noqa: E731
         moves.append(to_pose(rng, kind, pick(frames), pick(parts), speed=float(rng.choice([0.1, 0.0333, 2.5]))))
     moves.append(to_pose(rng, "linear", frames[0], parts[0], in_hand=True))
-    source = compose_rapid("Job", ROBOT, moves, zone="z5")
-    assert max(map(len, source.text.splitlines())) <= LONGEST_LINE
+    source = compose_rapid(Composition(name="Job", robot=ROBOT, moves=moves, zone="z5"))
+    assert max(map(len, source.text.splitlines())) <= MAX_LINE_LENGTH
     program = read_rapid([source])
     assert not program.diagnostics
     for found, move in zip(program.moves, moves, strict=True):
@@ -91,22 +95,26 @@ def test_what_is_composed_is_read_again(rng):
 def test_joint_positions_decide_the_configuration():
     rng = np.random.default_rng(0)
     q = np.radians([[-100.0, 0, 0, 95, -5, 185]])
-    (move,) = read_rapid([compose_rapid("Job", ROBOT, [to_pose(rng, "joint", HAND, BASE)], q=q)]).moves
+    (move,) = read_rapid(
+        [compose_rapid(Composition(name="Job", robot=ROBOT, moves=[to_pose(rng, "joint", HAND, BASE)], q=q))]
+    ).moves
     assert str(move.end.posture) == "[-2,1,2,1]"
 
 
 @pytest.mark.parametrize("name", ["", "3d", "my program", "x" * 29, "module", "größe"])
 def test_names_that_rapid_does_not_allow(name):
     with pytest.raises(TaskcalError, match="is not a name of a RAPID module"):
-        compose_rapid(name, ROBOT, [])
+        compose_rapid(Composition(name=name, robot=ROBOT, moves=[]))
 
 
 def test_a_robot_of_seven_joints_is_refused():
     with pytest.raises(TaskcalError, match="six turning axes"):
-        compose_rapid("Job", load_robot("barrett-wam"), [])
+        compose_rapid(Composition(name="Job", robot=load_robot("barrett-wam"), moves=[]))
 
 
 def test_long_comments_are_broken():
-    source = compose_rapid("Job", ROBOT, [to_axes(np.zeros(6))], notes=["word " * 80 + "\nend"])
-    assert max(map(len, source.text.splitlines())) <= LONGEST_LINE
+    source = compose_rapid(
+        Composition(name="Job", robot=ROBOT, moves=[to_axes(np.zeros(6))], notes=["word " * 80 + "\nend"])
+    )
+    assert max(map(len, source.text.splitlines())) <= MAX_LINE_LENGTH
     assert not read_rapid([source]).diagnostics

@@ -2,7 +2,7 @@
 
 import pytest
 
-from robot_programs.rapid.parse import DEPTH
+from robot_programs.rapid.parse import MAX_DEPTH
 from robot_programs.rapid.read import read_rapid
 from tests.robot_programs.rapid.samples import module
 
@@ -24,4 +24,4 @@ from tests.robot_programs.rapid.samples import module
 )
 def test_deep_nesting_is_reported(body):
     program = read_rapid([module(body)])
-    assert any(f"nested deeper than {DEPTH}" in diagnostic.text for diagnostic in program.diagnostics)
+    assert any(f"nested deeper than {MAX_DEPTH}" in diagnostic.text for diagnostic in program.diagnostics)

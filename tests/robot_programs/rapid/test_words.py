@@ -22,13 +22,13 @@ def read(tmp_path, text):
 @pytest.mark.parametrize(
     ("module", "bound", "text", "line", "said"),
     [
-        (words, "MOST_WORDS", "CONST num a{9}:=\n" + "[1,[2]],\n" * 9, 2, "20 words in the statement that begins here"),
-        (words, "MOST_VALUES", "CONST num a{30}:=[" + "[1],\n" * 30, 20, "20 values"),
-        (statements, "MOST_STATEMENTS", "VAR num a;\n" * 30, 22, "20 statements and declarations"),
-        (statements, "MOST_PROBLEMS", "PROC p()\n" + "1;\n" * 30, 3, "at more than 20 places"),
-        (statements, "MOST_UNPARSED", "PROC p()\n" + "<a>\n" * 30, 9, "in more than 20 words"),
-        (parser, "MOST_ROUTINES", "PROC p() ENDPROC\n" * 30, 21, "20 modules and routines"),
-        (expressions, "MOST_ARGUMENTS", "PROC p()\nF " + "1,\n" * 30 + "1;\n", 23, "20 arguments in one call"),
+        (words, "MAX_WORDS", "CONST num a{9}:=\n" + "[1,[2]],\n" * 9, 2, "20 words in the statement that begins here"),
+        (words, "MAX_VALUES", "CONST num a{30}:=[" + "[1],\n" * 30, 20, "20 values"),
+        (statements, "MAX_STATEMENTS", "VAR num a;\n" * 30, 22, "20 statements and declarations"),
+        (statements, "MAX_PROBLEMS", "PROC p()\n" + "1;\n" * 30, 3, "at more than 20 places"),
+        (statements, "MAX_UNPARSED_WORDS", "PROC p()\n" + "<a>\n" * 30, 9, "in more than 20 words"),
+        (parser, "MAX_ROUTINES", "PROC p() ENDPROC\n" * 30, 21, "20 modules and routines"),
+        (expressions, "MAX_ARGUMENTS", "PROC p()\nF " + "1,\n" * 30 + "1;\n", 23, "20 arguments in one call"),
     ],
 )
 def test_more_of_something_than_any_program_has_is_refused_by_name(
