@@ -8,13 +8,18 @@ from scipy.spatial.transform import Rotation
 
 from taskcal.demo.procedure import reference_task
 from taskcal.kinematics.inverse import JUMP_RAD, conditioning, find_posture, solve_near
-from taskcal.kinematics.tracing import MAX_STEEPNESS, STRIDE, Outcome, Traced, rejections, retrace, trace
+from taskcal.kinematics.tracing import MAX_STEEPNESS, STRIDE, Outcome, Traced, TracedPath, rejections, solve_path, trace
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, Harmonics
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
 from tests.laws import plain
 from tests.laws.robots import generators, industrial, industrial_positions
+
+
+def retrace(model, T, near, x=None):
+    """The path solved from seeds near its postures."""
+    return solve_path(TracedPath(model=model, T=T, x=x, tip=np.eye(4)), near)
 
 
 def motion(T: np.ndarray) -> np.ndarray:
@@ -243,29 +248,3 @@ def test_where_both_ways_never_agree_one_pose_is_refused_and_a_new_stretch_begin
     assert "another branch" in rejections(model.robot, traced)[0][1]
     assert_continuous(traced, model.poses(q))
     np.testing.assert_allclose(traced.q[60:], near[60:], atol=1e-7)
-
-
-def test_a_free_spin_traces_where_the_fixed_one_meets_a_limit():
-    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
-    start = find_posture(model, reference_task().workspace.middle()[0])
-    tip = np.linalg.inv(model.robot.T_flange_tool)
-    q = np.tile(start, (300, 1))
-    q[:, 5] = np.radians(np.linspace(200.0, 400.0, 300))
-    T = model.poses(q) @ tip
-    fixed = trace(model, T, q[0], tip=tip)
-    assert fixed.outcome[-1] == Outcome.OUTSIDE_LIMITS
-    free = trace(model, T, q[0], tip=tip, spin="free")
-    assert free.reached.all()
-    at = model.poses(free.q) @ tip
-    np.testing.assert_allclose(at[:, :3, 2:], T[:, :3, 2:], rtol=0.0, atol=2e-9)
-    np.testing.assert_allclose(free.q, np.tile(q[0], (300, 1)), atol=1e-7)  # the tip stands still, and so do the joints
-
-
-@pytest.mark.parametrize("n", [0, 1])
-def test_a_path_of_one_pose_or_none(n):
-    model = ErrorModel(load_robot("ur5"))
-    q = np.radians([[0.0, -60.0, 80.0, -40.0, -70.0, 10.0]])
-    traced = trace(model, model.poses(q)[:n], q[0])
-    assert traced.reached.tolist() == [True] * n
-    assert traced.q.shape == (n, 6)
-    assert rejections(model.robot, traced) == []

@@ -125,7 +125,7 @@ STEP_MARGIN = 0.1
 SAME_POSTURE_RAD = 1e-6
 """Postures nearer to each other than this are one, radians."""
 
-ALIKE = 6
+MARGIN_DIGITS = 6
 """Digits to which the margins of postures, and how far they are from the middle, are compared."""
 
 JUMP_RAD = np.pi / 3
@@ -227,7 +227,6 @@ def conditioning(
     x: Float[np.ndarray, " p"] | None = None,
     *,
     tip: Float[np.ndarray, "4 4"] | None = None,
-    spin: Spin = "fixed",
 ) -> Float[np.ndarray, " n"]:
     """Smallest over largest singular value of what the joints do to the tool, a metre counting as two radians.
 
@@ -240,7 +239,7 @@ def conditioning(
         closing = closes(model, q[rows], x)
         if closing.any():
             at = model.walk(q[rows][closing], x)
-            goal = Goal(np.tile(np.eye(4), (len(at.s), 1, 1)), frame, spin == "free")
+            goal = Goal(np.tile(np.eye(4), (len(at.s), 1, 1)), frame, False)
             s = np.linalg.svd(task_jacobian(goal, model.chain, at.s, at.e, _slope(model, at)), compute_uv=False)
             ratio[rows][closing] = s[:, -1] / s[:, 0]
 
@@ -310,7 +309,7 @@ def _best_first(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Float[np
     """
     middle = _bounded(model.robot.limits).mean(axis=1)
     away = np.abs(q - middle).max(axis=1)
-    return q[np.lexsort((np.round(away, ALIKE), -np.round(posture_margin(model, q), ALIKE)))]
+    return q[np.lexsort((np.round(away, MARGIN_DIGITS), -np.round(posture_margin(model, q), MARGIN_DIGITS)))]
 
 
 def _out_of_reach(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> ReachError:
@@ -341,7 +340,6 @@ def follow(
     *,
     steps: int = 12,
     tip: Float[np.ndarray, "4 4"] | None = None,
-    spin: Spin = "fixed",
 ) -> Reached:
     """Solve poses on the branch of a starting posture, each along a straight path from it in small steps.
 
@@ -352,7 +350,6 @@ def follow(
         x: parameter values; the nominal robot by default.
         steps: how many steps the path is divided into.
         tip: pose, in the tool, of the frame that shall be at T; the tool itself by default.
-        spin: ``free`` where that frame may turn about its own z axis.
     """
     home = model.poses(start[None], x)[0] @ (np.eye(4) if tip is None else tip)
     q = np.tile(start, (len(T), 1))
@@ -363,9 +360,9 @@ def follow(
         R = se3.exp(share * turn) @ home[:3, :3]
         p = home[:3, 3] + share * (T[:, :3, 3] - home[:3, 3])
         # in between, two Newton steps keep up; only the end must be exact
-        ahead = newton_steps(model, se3.pose(R, p), q, x, iterations=2, tip=tip, spin=spin).q
+        ahead = newton_steps(model, se3.pose(R, p), q, x, iterations=2, tip=tip).q
         stayed &= np.abs(ahead - q).max(axis=1) < JUMP_RAD
         q = ahead
-    end = solve_near(model, T, q, x, tip=tip, spin=spin)
+    end = solve_near(model, T, q, x, tip=tip)
     stayed &= np.abs(end.q - q).max(axis=1) < JUMP_RAD
     return Reached(q=end.q, reached=end.reached & stayed)

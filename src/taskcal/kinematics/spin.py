@@ -4,7 +4,7 @@ Postures are followed along the path for a grid of angles; the sequence of them 
 programming (Viterbi 1967), as redundancy is resolved along paths since Nakamura and Hanafusa (1987).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -20,19 +20,19 @@ from taskcal.short_repr import short_repr
 GRID_ANGLES = 24
 """Spins tried, a whole turn of them."""
 
-SOUGHT = 4
+SEARCH_STRIDE = 4
 """At each so many of them postures are sought all over the joint ranges; the others' are followed from there."""
 
 GUIDE_STRIDE = 0.15
 """Between guide poses the tool moves not farther than this, radians and half metres."""
 
-COMFORTABLE_MARGIN = 0.1
+MIN_COMFORTABLE_MARGIN = 0.1
 """A constant spin will do where no posture comes nearer than this to limits and singular postures; see `posture_margin`."""
 
-SMOOTHINGS = 6
+SMOOTHING_ROUNDS = 6
 """How often a spin that changes is averaged with its neighbours."""
 
-TIED = 1e-9
+MAX_TIE = 1e-9
 """Relative difference of costs below which rounding decides."""
 
 
@@ -64,13 +64,7 @@ class _States:
     """Which state at the guide pose before it comes from."""
 
     def take(self, rows: np.ndarray) -> "_States":
-        return _States(
-            q=self.q[rows],
-            turn=self.turn[rows],
-            cost=self.cost[rows],
-            tightest=self.tightest[rows],
-            before=self.before[rows],
-        )
+        return _States(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -120,8 +114,8 @@ def choose_spin(
     guide = _guide(model, x, tip, carried, travel)
     layers = [_first(guide)]
     held = _search(guide, layers[0], steps=(0,))
-    if len(held) == len(guide.travel) and held[-1].tightest.max() >= COMFORTABLE_MARGIN:
-        best = _least(held[-1], held[-1].tightest >= COMFORTABLE_MARGIN)
+    if len(held) == len(guide.travel) and held[-1].tightest.max() >= MIN_COMFORTABLE_MARGIN:
+        best = _least(held[-1], held[-1].tightest >= MIN_COMFORTABLE_MARGIN)
         layers = held
     else:
         layers = _search(guide, layers[0], steps=(0, -1, 1))
@@ -200,7 +194,7 @@ def _first(guide: _Guide) -> _States:
     """All postures at the first pose, for every spin of the grid."""
     found: list[np.ndarray] = []
     turns: list[int] = []
-    for turn in range(0, GRID_ANGLES, SOUGHT):
+    for turn in range(0, GRID_ANGLES, SEARCH_STRIDE):
         goal = guide.at(0, np.array([turn]))
         try:
             postures = find_postures(guide.model, (goal @ se3.inverse(guide.tip))[0])
@@ -215,7 +209,7 @@ def _first(guide: _Guide) -> _States:
             f"{guide.model.robot.name} does not reach the start of the path, x {x:.0f}, y {y:.0f}, z {z:.0f} mm, with any rotation "
             "about the tool's axis; move the part, or tilt the tool"
         )
-    for _ in range(SOUGHT // 2):
+    for _ in range(SEARCH_STRIDE // 2):
         step = np.repeat([0, -1, 1], len(states.q))
         states = _solved(guide, np.tile(states.q, (3, 1)), np.tile(states.turn, 3) + step)
     return states
@@ -272,7 +266,7 @@ def _cheapest(states: _States) -> Int[np.ndarray, " k"]:
 def _least(states: _States, among: Bool[np.ndarray, " m"]) -> int:
     """The state that costs least; of mirrored postures, which cost the same but for rounding, always the same one."""
     cost = np.where(among, states.cost, np.inf)
-    tied = np.flatnonzero(cost <= cost.min() * (1.0 + TIED))
+    tied = np.flatnonzero(cost <= cost.min() * (1.0 + MAX_TIE))
     q = np.round(states.q[tied], 6)
     keys = [*q.T[::-1], np.round(np.abs(q).sum(axis=1), 5)]
     return int(tied[np.lexsort(keys)[0]])
@@ -297,7 +291,7 @@ def _followed(
 ) -> Spun:
     """The whole path with a spin known at the guide poses: smoothed if the robot can follow it so."""
     smooth = turns.copy()
-    for _ in range(SMOOTHINGS):
+    for _ in range(SMOOTHING_ROUNDS):
         smooth[1:-1] = (smooth[:-2] + 2.0 * smooth[1:-1] + smooth[2:]) / 4.0
     reason = ""
     for angles in (smooth, turns) if np.ptp(turns) else (turns,):

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.geometry import se3
 from taskcal.kernels.pose_step import RADIANS_PER_METRE
-from taskcal.kinematics.inverse import JUMP_RAD, NewtonEnd, Spin, conditioning, follow, newton_steps
+from taskcal.kinematics.inverse import JUMP_RAD, NewtonEnd, conditioning, follow, newton_steps
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
@@ -103,7 +103,6 @@ def trace(
     x: Float[np.ndarray, " p"] | None = None,
     *,
     tip: Float[np.ndarray, "4 4"] | None = None,
-    spin: Spin = "fixed",
 ) -> Traced:
     """Solve the poses of a path in their order, on the branch of a starting posture and without jumps.
 
@@ -116,41 +115,21 @@ def trace(
         start: posture to begin with, radians; the path from it to the first pose is taken straight too.
         x: parameter values; the nominal robot by default.
         tip: pose, in the tool, of the frame that shall be at T; the tool itself by default.
-        spin: ``free`` where that frame may turn about its own z axis.
     """
-    path = _Path(model=model, T=T, x=x, tip=np.eye(4) if tip is None else tip, spin=spin)
-    return _judge(path, _seeds(path, start)) if len(T) else _judge(path, np.zeros((0, len(start))))
+    path = TracedPath(model=model, T=T, x=x, tip=np.eye(4) if tip is None else tip)
+    return solve_path(path, _seeds(path, start)) if len(T) else solve_path(path, np.zeros((0, len(start))))
 
 
-def retrace(
-    model: ErrorModel,
-    T: Float[np.ndarray, "n 4 4"],
-    near: Float[np.ndarray, "n joints"],
-    x: Float[np.ndarray, " p"] | None = None,
-    *,
-    tip: Float[np.ndarray, "4 4"] | None = None,
-    spin: Spin = "fixed",
-) -> Traced:
-    """Solve the poses of a path from postures near the ones looked for, such as another robot's along the same path.
+def solve_path(path: "TracedPath", seed: Float[np.ndarray, "n joints"]) -> Traced:
+    """Solve the poses of a path from seeds near the postures looked for, and say what became of each.
 
-    Args:
-        model: the model.
-        T: tool poses in the base, in the order of the path.
-        near: a posture for each; where the tool moves farther than `STRIDE` in one step, what joins one to the next.
-        x: parameter values; the nominal robot by default.
-        tip: pose, in the tool, of the frame that shall be at T; the tool itself by default.
-        spin: ``free`` where that frame may turn about its own z axis.
+    Where the tool moves farther than `STRIDE` in one step, the seeds join one posture to the next.
     """
-    return _judge(_Path(model=model, T=T, x=x, tip=np.eye(4) if tip is None else tip, spin=spin), near)
-
-
-def _judge(path: "_Path", seed: Float[np.ndarray, "n joints"]) -> Traced:
-    """Solve all poses from their seeds, and say what became of each."""
     robot = path.model.robot
     end = path.solve(path.T, seed)
     stayed = np.abs(end.q - seed).max(axis=1, initial=0.0) < JUMP_RAD
     end, lost = _link(path, end, end.met & robot.inside_limits(end.q), stayed)
-    ratio = conditioning(path.model, end.q, path.x, tip=path.tip, spin=path.spin)
+    ratio = conditioning(path.model, end.q, path.x, tip=path.tip)
     outcome = np.where(lost, np.where(ratio < NEARLY_SINGULAR, Outcome.SINGULAR, Outcome.BRANCH_LOST), Outcome.REACHED)
     outcome[~robot.inside_limits(end.q)] = Outcome.OUTSIDE_LIMITS
     outcome[~end.met] = Outcome.OUT_OF_REACH
@@ -158,30 +137,28 @@ def _judge(path: "_Path", seed: Float[np.ndarray, "n joints"]) -> Traced:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Path:
-    """What is to be met, and by what."""
+class TracedPath:
+    """Poses to be met, and the frame of the tool that meets them."""
 
     model: ErrorModel
     T: Float[np.ndarray, "n 4 4"]
     x: Float[np.ndarray, " p"] | None
     tip: Float[np.ndarray, "4 4"]
-    spin: Spin
 
     def solve(
         self, T: Float[np.ndarray, "n 4 4"], seed: Float[np.ndarray, "n joints"], iterations: int = 15
     ) -> NewtonEnd:
-        return newton_steps(self.model, T, seed, self.x, iterations=iterations, tip=self.tip, spin=self.spin)
+        """Newton steps of the frame to poses T."""
+        return newton_steps(self.model, T, seed, self.x, iterations=iterations, tip=self.tip)
 
     def pose(self, q: Float[np.ndarray, " joints"]) -> Float[np.ndarray, "4 4"]:
+        """Pose of the frame in a posture."""
         return self.model.poses(q[None], self.x)[0] @ self.tip
 
     def motion(self, a: Float[np.ndarray, "n 4 4"], b: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, " n"]:
         """How far the tool moves from a to b, radians and half metres."""
-        if self.spin == "free":
-            angle = 2.0 * np.arcsin(np.minimum(0.5 * np.linalg.norm(b[:, :3, 2] - a[:, :3, 2], axis=1), 1.0))
-        else:
-            chord = np.linalg.norm(b[:, :3, :3] - a[:, :3, :3], axis=(1, 2))
-            angle = 2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0))
+        chord = np.linalg.norm(b[:, :3, :3] - a[:, :3, :3], axis=(1, 2))
+        angle = 2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0))
         return np.hypot(RADIANS_PER_METRE * np.linalg.norm(b[:, :3, 3] - a[:, :3, 3], axis=1), angle)
 
     def walk(
@@ -210,7 +187,7 @@ def _allowed(motion: Float[np.ndarray, " n"] | float) -> Float[np.ndarray, " n"]
     return np.minimum(MAX_STEEPNESS * motion + JOINT_ROUNDING, JUMP_RAD)
 
 
-def _seeds(path: _Path, start: Float[np.ndarray, " joints"]) -> Float[np.ndarray, "n joints"]:
+def _seeds(path: TracedPath, start: Float[np.ndarray, " joints"]) -> Float[np.ndarray, "n joints"]:
     """Postures near the ones looked for, interpolated between those followed in strides."""
     travel = np.concatenate([[0.0], np.cumsum(path.motion(path.T[:-1], path.T[1:]))])
     anchor = np.diff(np.floor(travel / STRIDE), prepend=-1.0) > 0.0
@@ -222,7 +199,7 @@ def _seeds(path: _Path, start: Float[np.ndarray, " joints"]) -> Float[np.ndarray
         ahead = path.walk(q, at, path.T[coming[-1]])
         if ahead is None:
             rows = coming[: -STRIDES_AHEAD - 1 : -1]
-            found = follow(path.model, path.T[rows], q, path.x, tip=path.tip, spin=path.spin)
+            found = follow(path.model, path.T[rows], q, path.x, tip=path.tip)
             first = int(np.argmax(found.reached)) if found.reached.any() else len(rows)
             del coming[len(coming) - first :]
             if first == len(rows):
@@ -241,7 +218,7 @@ def _seeds(path: _Path, start: Float[np.ndarray, " joints"]) -> Float[np.ndarray
 
 
 def _link(
-    path: _Path, end: NewtonEnd, good: Bool[np.ndarray, " n"], stayed: Bool[np.ndarray, " n"]
+    path: TracedPath, end: NewtonEnd, good: Bool[np.ndarray, " n"], stayed: Bool[np.ndarray, " n"]
 ) -> tuple[NewtonEnd, Bool[np.ndarray, " n"]]:
     """Hold each step between good poses against the tool's motion, or against the seed where the tool moved far.
 
