@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.correction.controller import TURN_SPEED, joint_motion, simulate_controller
+from taskcal.correction.controller import TURN_SPEED_RAD_S, joint_motion, simulate_controller
 from taskcal.geometry import se3
 from taskcal.robot.error_model import ErrorModel
 
@@ -33,7 +33,7 @@ def test_a_reorientation_has_its_own_speed(robot, turn, length, turn_speed):
     moves = turn(length, turn_speed)
     trajectory = simulate_controller(robot, moves)
     found = joint_motion(robot, moves, trajectory)
-    rate = turn_speed or TURN_SPEED
+    rate = turn_speed or TURN_SPEED_RAD_S
     J = ErrorModel(robot).joint_jacobian(trajectory.q)
     twist = np.concatenate([[length * rate / TURN, 0.0, 0.0], rate * AXIS])
     expected = np.abs(np.linalg.solve(J, np.broadcast_to(twist, (len(J), 6))[..., None])).max(axis=0)[:, 0]
@@ -42,9 +42,9 @@ def test_a_reorientation_has_its_own_speed(robot, turn, length, turn_speed):
 
 
 def test_the_path_speed_counts_where_it_takes_longer(robot, turn):
-    moves = turn(0.2, TURN_SPEED)
+    moves = turn(0.2, TURN_SPEED_RAD_S)
     trajectory = simulate_controller(robot, moves)
     found = joint_motion(robot, moves, trajectory)
-    faster = joint_motion(robot, [replace(m, turn_speed=10.0 * TURN_SPEED) for m in moves], trajectory)
+    faster = joint_motion(robot, [replace(m, turn_speed=10.0 * TURN_SPEED_RAD_S) for m in moves], trajectory)
     np.testing.assert_array_equal(found.speed, faster.speed)
     assert joint_motion(robot, [replace(m, turn_speed=None) for m in moves], trajectory).turn_speed_assumed is None

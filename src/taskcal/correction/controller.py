@@ -439,7 +439,7 @@ def _agrees(robot: Robot, target: Target, q: Float[np.ndarray, "n joints"]) -> n
 MIN_STEP_S = 1e-9
 """Samples nearer together in time than this are one, seconds."""
 
-TURN_SPEED = float(np.radians(500.0))
+TURN_SPEED_RAD_S = float(np.radians(500.0))
 """Reorientation speed where a program states none, radians per second: that of all of ABB's predefined speeddata
 (Technical reference manual, RAPID, data type speeddata)."""
 
@@ -463,7 +463,7 @@ class JointMotion:
     nearest_singular: int | None
     """Motion where that is."""
     turn_speed_assumed: int | None = None
-    """First motion that states no reorientation speed and turns faster than `TURN_SPEED` at its path speed."""
+    """First motion that states no reorientation speed and turns faster than `TURN_SPEED_RAD_S` at its path speed."""
 
     def summary(self) -> dict[str, Any]:
         """In degrees and millimetres, with shares of the limits where the robot file states them."""
@@ -553,7 +553,7 @@ def _durations(
     about = (
         np.linalg.norm(trajectory.segments.turn, axis=1)[trajectory.move]
         * step
-        / np.where(unstated, TURN_SPEED, stated)
+        / np.where(unstated, TURN_SPEED_RAD_S, stated)
     )
     time = np.maximum(along, about)
     rows = np.flatnonzero(unstated & (about > along))
@@ -567,7 +567,7 @@ def _largest(values: Float[np.ndarray, "k joints"], otherwise: Float[np.ndarray,
 
 # In which direction each drive turns along a program: it decides on which side of its lost motion the drive stands.
 
-BEFORE_END = 1e-9
+END_SHARE = 1e-9
 """Share of a motion before its end, which is its own place and not the start of the next motion."""
 
 
@@ -582,7 +582,7 @@ class DriveDirections:
 
     def at(self, move: Int[np.ndarray, " n"], share: Float[np.ndarray, " n"]) -> Conditions:
         """The conditions at shares of the lengths of some motions; from one sample to the next a drive turns over evenly."""
-        place = move + np.clip(share, 0.0, 1.0 - BEFORE_END)
+        place = move + np.clip(share, 0.0, 1.0 - END_SHARE)
         if not len(self.place):
             return Conditions(approach=np.zeros((len(place), self.approach.shape[1])))
         columns = [np.interp(place, self.place, column) for column in self.approach.T]
@@ -608,8 +608,8 @@ def drive_directions(robot: Robot, moves: Sequence[Move], trajectory: Controller
     number = np.arange(len(moves))
     started = np.flatnonzero(np.isfinite(trajectory.start[:, 0]))
     alone = np.flatnonzero(np.isfinite(trajectory.end[:, 0]) & ~np.isin(number, trajectory.move))
-    along = trajectory.move + np.minimum(trajectory.share, 1.0 - BEFORE_END)
-    place = np.concatenate([started, along, alone + 1.0 - BEFORE_END])
+    along = trajectory.move + np.minimum(trajectory.share, 1.0 - END_SHARE)
+    place = np.concatenate([started, along, alone + 1.0 - END_SHARE])
     q = np.concatenate([trajectory.start[started], trajectory.q, trajectory.passes[alone]])
     order = np.argsort(place, kind="stable")
     place, turned = place[order], q[order] @ drive_motion(robot).T

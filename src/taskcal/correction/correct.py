@@ -12,9 +12,9 @@ from robot_programs.core.source import Place, Source
 from robot_programs.languages import language_of
 from robot_programs.reading import compose_program, parse_program
 from taskcal.arguments import expect_kinds
-from taskcal.correction.cell import Cell, Mounted, ask_for_base, base_statement, mount
+from taskcal.correction.cell import Cell, ask_for_base, base_statement, mount
 from taskcal.correction.controller import (
-    TURN_SPEED,
+    TURN_SPEED_RAD_S,
     ControllerTrajectory,
     JointMotion,
     drive_directions,
@@ -32,7 +32,7 @@ from taskcal.correction.correction import (
     assess,
     budget_of,
 )
-from taskcal.correction.frames import FrameCalibration, frames_on, place_motions, variances_at, wanted_segments
+from taskcal.correction.frames import frames_on, place_motions, variances_at, wanted_segments
 from taskcal.correction.path import RoundedPath
 from taskcal.correction.subdivision import CorrectionProblem, Subdivision, subdivide
 from taskcal.errors import TaskcalError
@@ -80,7 +80,7 @@ def target_changes(robot: Robot, subdivision: Subdivision, trajectory: Controlle
 
 # Which motions are not corrected, and why.
 
-SWINGING_RATIO = 0.1
+MAX_SWINGING_RATIO = 0.1
 """Ratio of the Jacobian's singular values under which a large motion of the joints is put down to a singular posture."""
 
 
@@ -123,7 +123,7 @@ def find_rejections(
 
 def _why_joints_swing(robot: Robot, q: Float[np.ndarray, " joints"]) -> str:
     """What to add where a joint moves far for a small correction."""
-    if conditioning(ErrorModel(robot), q[None])[0] > SWINGING_RATIO:
+    if conditioning(ErrorModel(robot), q[None])[0] > MAX_SWINGING_RATIO:
         return ""
     return "; near a singular posture a small correction swings the joints"
 
@@ -141,8 +141,8 @@ def _why_unreached(robot: Robot, q: Float[np.ndarray, " joints"]) -> str:
 
 # What is written for the motions that a correction changes.
 
-UNMOVED, UNTURNED = 1e-7, 1e-7
-"""A target that moves and turns by less, metres and radians, keeps its text."""
+MIN_SHIFT_M, MIN_TURN_RAD = 1e-7, 1e-7
+"""A target that moves and turns by less keeps its text: programs state a thousandth of a millimetre."""
 
 
 def choose_waypoints(
@@ -165,10 +165,10 @@ def choose_waypoints(
         program: the one whose own text is rewritten; None where a new one is written.
     """
     moves, robot = problem.moves, problem.robot
-    kept = {i for i, move in enumerate(moves) if keep_joints and move.kind == "axes"}
-    rejected = problem.trajectory.rejected | find_rejections(robot, subdivision, changes, bounds)
-    rejected = {i: why for i, why in rejected.items() if i not in kept}
-    waypoints = _waypoints(moves, subdivision, changes, kept | rejected.keys())
+    joint_motions = {i for i, move in enumerate(moves) if keep_joints and move.kind == "axes"}
+    found = problem.trajectory.rejected | find_rejections(robot, subdivision, changes, bounds)
+    rejected = {i: why for i, why in found.items() if i not in joint_motions}
+    waypoints = _waypoints(moves, subdivision, changes, joint_motions | rejected.keys())
     if program is not None:
         visits = tuple(program.visits())
         while True:
@@ -182,7 +182,7 @@ def choose_waypoints(
 
 
 def _waypoints(
-    moves: Sequence[Move], subdivision: Subdivision, changes: TargetChanges, kept: Set[int]
+    moves: Sequence[Move], subdivision: Subdivision, changes: TargetChanges, left: Set[int]
 ) -> dict[int, tuple[Waypoint, ...]]:
     """What is written for every motion that changes.
 
@@ -190,41 +190,30 @@ def _waypoints(
         moves: the motions of the program.
         subdivision: as corrected.
         changes: how far that moves them.
-        kept: numbers of motions that stay as they are.
+        left: numbers of motions that stay as they are.
     """
     nodes = subdivision.nodes
     first = np.searchsorted(nodes.move, np.arange(len(moves) + 1))
     waypoints: dict[int, tuple[Waypoint, ...]] = {}
     for i, move in enumerate(moves):
         rows = range(first[i], first[i + 1])
-        unchanged = subdivision.pieces[i] == 1 and changes.shift[i] < UNMOVED and changes.turn[i] < UNTURNED
-        if i in kept or not rows or unchanged:
+        unchanged = subdivision.pieces[i] == 1 and changes.shift[i] < MIN_SHIFT_M and changes.turn[i] < MIN_TURN_RAD
+        if i in left or not rows or unchanged:
             continue
         if move.kind == "axes":
             waypoints[i] = (Waypoint(kind="axes", q=nodes.q[rows[-1]], T=None),)
             continue
-        if move.via is None:
-            waypoints[i] = tuple(
-                Waypoint(
-                    kind=move.kind,
-                    q=nodes.q[k],
-                    T=nodes.T[k],
-                    external=_external(moves, i, nodes.share[k]),
-                    share=float(nodes.share[k]),
-                )
-                for k in rows
-            )
-            continue
+        arc = move.via is not None
         waypoints[i] = tuple(
             Waypoint(
-                kind="circular",
+                kind="circular" if arc else move.kind,
                 q=nodes.q[k],
                 T=nodes.T[k],
-                via=Waypoint(kind="circular", q=nodes.q[k - 1], T=nodes.T[k - 1]),
+                via=Waypoint(kind="circular", q=nodes.q[k - 1], T=nodes.T[k - 1]) if arc else None,
                 external=_external(moves, i, nodes.share[k]),
                 share=float(nodes.share[k]),
             )
-            for k in rows[1::2]
+            for k in (rows[1::2] if arc else rows)
         )
     return waypoints
 
@@ -253,7 +242,7 @@ def diagnose(
     subdivision: Subdivision,
     motion: JointMotion,
 ) -> tuple[Diagnostic, ...]:
-    """What the user should know, by file and line.
+    """What the user should know of a corrected program, by file and line.
 
     Args:
         program: as it was given.
@@ -265,29 +254,23 @@ def diagnose(
         motion: how the corrected program moves the joints.
     """
     moves = program.moves
-    out = list(program.diagnostics)
-    out += [Diagnostic(place=moves[i].place, text=text) for i, text in sorted(trajectory.warnings.items())]
+    found: list[tuple[int, str]] = sorted(trajectory.warnings.items())
     for k, text in sorted(new_trajectory.rejected.items()):
-        i = origin[k][0]
-        if i not in trajectory.rejected:
-            out.append(Diagnostic(place=moves[i].place, text=f"as corrected, {text}"))
+        if origin[k][0] not in trajectory.rejected:
+            found.append((origin[k][0], f"as corrected, {text}"))
     for i, move in enumerate(moves):
-        if move.kind in ("linear", "circular") and subdivision.pieces[i] and np.isnan(trajectory.start[i, 0]):
-            text = "begins where the text does not tell: corrected at its points, not looked at between them"
-            out.append(Diagnostic(place=move.place, text=text))
-        elif move.kind in ("linear", "circular") and subdivision.pieces[i] and move.texts_motions > 1:
-            text = f"stands for {move.texts_motions} motions, so that it is not divided: corrected at its points alone"
-            out.append(Diagnostic(place=move.place, text=text))
-        elif move.kind in ("linear", "circular") and subdivision.pieces[i] and not move.divisible:
-            text = "does something once along its way, so that it is not divided: corrected at its points alone"
-            out.append(Diagnostic(place=move.place, text=text))
+        why = ""
+        if move.kind in ("linear", "circular") and subdivision.pieces[i]:
+            why = _why_undivided(move, starts=bool(np.isfinite(trajectory.start[i, 0])))
+        if why:
+            found.append((i, why))
     for i in np.flatnonzero(np.isfinite(subdivision.deviation) & (subdivision.deviation > subdivision.tolerance)):
         text = f"leaves its path by {subdivision.deviation[i] * 1e3:.3f} mm between corrected targets, however finely it is divided"
         if trajectory.corners.after[i] >= 0 or trajectory.corners.before[i] >= 0:
             text += "; its rounded corners stay clear of further targets"
-        out.append(Diagnostic(place=moves[int(i)].place, text=text))
+        found.append((int(i), text))
     unknown = [
-        moves[i]
+        i
         for (i, _, end), move in zip(origin, written, strict=True)
         if end == 1.0 and not move.stops and move.zone is None
     ]
@@ -297,28 +280,36 @@ def diagnose(
             f"passes by its target in a corner whose size is not known{others}: assessed as if the tool went through the "
             "target"
         )
-        out.append(Diagnostic(place=unknown[0].place, text=text))
+        found.append((unknown[0], text))
     if motion.nearest_singular is not None and motion.conditioning < NEARLY_SINGULAR:
-        out.append(
-            Diagnostic(
-                place=moves[origin[motion.nearest_singular][0]].place,
-                text=f"passes near a singular posture (ratio {motion.conditioning:.3f}), where small corrections take large joint "
-                "motions",
-            )
+        text = (
+            f"passes near a singular posture (ratio {motion.conditioning:.3f}), where small corrections take large joint "
+            "motions"
         )
+        found.append((origin[motion.nearest_singular][0], text))
     if motion.turn_speed_assumed is not None:
-        out.append(
-            Diagnostic(
-                place=moves[origin[motion.turn_speed_assumed][0]].place,
-                text=f"states no reorientation speed; joint speeds are those at {np.degrees(TURN_SPEED):.0f}°/s from here on, "
-                "wherever the path speed would turn the tool faster",
-            )
+        text = (
+            f"states no reorientation speed; joint speeds are those at {np.degrees(TURN_SPEED_RAD_S):.0f}°/s from here on, "
+            "wherever the path speed would turn the tool faster"
         )
+        found.append((origin[motion.turn_speed_assumed][0], text))
     for joint, speed, limit in zip(motion.robot.joint_names, motion.speed, motion.robot.speed_limits, strict=True):
         if speed > limit:
-            text = f"{joint} would have to turn {speed / limit:.2f} times as fast as it can, at the programmed speed"
-            out.append(Diagnostic(place=moves[0].place, text=text))
-    return tuple(out)
+            found.append(
+                (0, f"{joint} would have to turn {speed / limit:.2f} times as fast as it can, at the programmed speed")
+            )
+    return (*program.diagnostics, *(Diagnostic(place=moves[i].place, text=text) for i, text in found))
+
+
+def _why_undivided(move: Move, *, starts: bool) -> str:
+    """Why a line or an arc is corrected at its points alone; empty where it is divided."""
+    if not starts:
+        return "begins where the text does not tell: corrected at its points, not looked at between them"
+    if move.texts_motions > 1:
+        return f"stands for {move.texts_motions} motions, so that it is not divided: corrected at its points alone"
+    if not move.divisible:
+        return "does something once along its way, so that it is not divided: corrected at its points alone"
+    return ""
 
 
 def diagnose_new_corners(
@@ -442,7 +433,7 @@ def _check_plain(program: Program) -> None:
 
 # Whether a rewritten program, read again, says what was to be written.
 
-ROUNDING = 1e-5
+ROUNDING_M = 1e-5
 """Numbers are written to this at least, metres."""
 
 
@@ -469,7 +460,7 @@ def check_reading(
             if waypoint.T is None or move.end.T is None:
                 continue
             off = float(np.linalg.norm(move.end.T[:3, 3] - waypoint.T[:3, 3]))
-            if off > tolerance + ROUNDING:
+            if off > tolerance + ROUNDING_M:
                 raise TaskcalError(
                     f"{move.place}: the corrected program reads {off * 1e3:.3f} mm beside what it should say; nothing was written"
                 )
@@ -661,30 +652,18 @@ def correct(
         joint_change=np.where(written, changes.joint, 0.0),
         rejected=rejected,
         diagnostics=(
-            *_diagnose_cell(given, program, cell, mounted, trajectory),
+            *ask_for_base(given, cell, trajectory.out_of_reach),
+            *mounted.diagnostics,
+            *diagnose_unused_frames(cell, program),
             *diagnose(program, trajectory, new_trajectory, rewritten.origin, written_moves, subdivision, motion),
             *([] if into is None else diagnose_new_corners(program, trajectory, new_trajectory, rewritten.origin)),
             *([] if into is not None else diagnose_unchanged_files(program, rejected)),
         ),
-        statements=_statements(frames, given, cell),
+        statements=tuple(
+            filter(None, (*dict.fromkeys(frame.statement for frame in frames), base_statement(given, cell)))
+        ),
         motion=motion,
     )
-
-
-def _diagnose_cell(
-    given: Program, program: Program, cell: Cell, mounted: Mounted, trajectory: ControllerTrajectory
-) -> tuple[Diagnostic, ...]:
-    """What the user should know of where the robot stands, and of the tools and parts around it."""
-    return (
-        *ask_for_base(given, cell, trajectory.out_of_reach),
-        *mounted.diagnostics,
-        *diagnose_unused_frames(cell, program),
-    )
-
-
-def _statements(frames: Sequence[FrameCalibration], given: Program, cell: Cell) -> tuple[str, ...]:
-    """Relative to which frames, and with which tools, a program is accurate."""
-    return tuple(filter(None, (*dict.fromkeys(frame.statement for frame in frames), base_statement(given, cell))))
 
 
 def _tolerances(variances: Float[np.ndarray, "m sources"]) -> tuple[float, float]:
