@@ -25,9 +25,6 @@ ONE_IMPORTER = {
         "taskcal.planning.experiment",
         "taskcal.reading.inference",
         "taskcal.reading.rows",
-        "taskcal.cli.options.correction",
-        "taskcal.cli.fit_report",
-        "taskcal.cli.options.fit",
         "taskcal.studio.server",
     },
     "one of many alike, which a table names": {

@@ -81,8 +81,12 @@ class Export:
     text: str
     loss: Loss
     frames: Mapping[str, Float[np.ndarray, "4 4"]]
-    """Poses that belong to the file and stand beside it: of its base in the robot's, of the tool in its last frame."""
+    """Poses that the file does not hold: of its base in the robot's, of the tool in its last frame."""
     remarks: tuple[str, ...] = ()
+
+    def summary(self) -> dict[str, Any]:
+        """Loss and frames, in millimetres and degrees."""
+        return {"loss": self.loss.summary(), "frames": {name: placed(T) for name, T in self.frames.items()}}
 
 
 def placed(T: Float[np.ndarray, "4 4"]) -> dict[str, Any]:

@@ -271,7 +271,7 @@ def test_the_program_itself_is_never_overwritten(run: Run, cell, part):
     before = part.read_bytes()
     ended = run("correct", "-c", cell / "cal.json", part, "-o", part)
     assert ended.status == 1
-    assert "never overwritten" in ended.err
+    assert "would overwrite an input file" in ended.err
     assert part.read_bytes() == before
 
 

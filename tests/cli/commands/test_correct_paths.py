@@ -53,7 +53,7 @@ def test_points_of_another_tool_stay_are_named_and_make_the_exit_status_1(run: R
     path.write_text(first + "LOAD/TOOL,2\nGOTO/1750.,30.,1450.\n")
     ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.apt")
     assert ended.status == 1
-    assert "two-tools.apt:4: left as it was: tool 2 is loaded, and it is not known where that is" in ended.err
+    assert "two-tools.apt:4: unchanged: tool 2 is loaded, and it is not known where that is" in ended.err
     assert (tmp_path / "out.apt").read_text().endswith("\nLOAD/TOOL,2\nGOTO/1750.,30.,1450.\n")
 
 

@@ -65,10 +65,10 @@ def test_of_many_only_those_that_need_a_look_are_shown(run: Run, fleet: Path, mo
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--identify"], "whose campaigns? Name the nominal robot"),
-        (["--robot", "ur5"], "it goes with --identify"),
+        (["--identify"], "--identify needs --robot"),
+        (["--robot", "ur5"], "--robot requires --identify"),
         (["--accuracy-mm", "0"], "0 is not above zero"),
-        (["--engine", "dask"], "which cluster?"),
+        (["--engine", "dask"], "needs --scheduler"),
     ],
 )
 def test_wrong_usage(run: Run, fleet: Path, options: list[str], said: str) -> None:

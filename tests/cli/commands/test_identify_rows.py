@@ -75,7 +75,7 @@ def test_a_row_that_cannot_be_right_is_named_as_the_file_has_it(
         ("0\n1\nthree\n", ":3: 'three' is not a row number"),
         ("0\n60\n", ":2: row 60: "),
         ("-1\n", ":1: '-1' is not a row number"),
-        ("5\n6\n5\n", ":3: row 5 stands in line 1 already"),
+        ("5\n6\n5\n", ":3: row 5 is in line 1 already"),
         ("# nothing\n", ": names no row"),
     ],
 )

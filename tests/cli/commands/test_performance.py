@@ -46,7 +46,7 @@ def circle(tmp_path: Path) -> tuple[Path, Path]:
 def test_poses_directions_and_distances(run: Run, poses: Path) -> None:
     ended = run("performance", poses, "--json")
     assert ended.status == 0
-    assert ended.err == "ISO 9283 asks for 30 cycles of a pose; there are 4\n"
+    assert ended.err == "ISO 9283 requires 30 cycles of a pose; there are 4\n"
     result = ended.json
     assert list(result) == ["poses", "directions", "distances"]
     left, right, *_ = result["poses"]

@@ -25,7 +25,7 @@ def test_the_table_for_people(run: Run, cell: Path) -> None:
     ended = run("place", "--robot", IRB6660, cell / "list.toml", "--region", "0,0,0")
     assert ended.status == 0
     assert "Best of 1 placements" in ended.out
-    assert "as it stands" in ended.out
+    assert "present placement" in ended.out
 
 
 @pytest.mark.parametrize(
@@ -35,7 +35,7 @@ def test_the_table_for_people(run: Run, cell: Path) -> None:
         (["--region", "a,0,0"], "'a' is not a range"),
         (["--region", "0,0,0", "--turn", "1:x"], "'1:x' is not a range"),
         (["--region", "0,0,0", "--force-n", "1,2"], "'1,2' is not a force"),
-        (["--region", "0,0,0", "--calibration", "cal.json"], "exactly one"),
+        (["--region", "0,0,0", "--calibration", "cal.json"], "give one of them"),
     ],
 )
 def test_what_cannot_be_understood_is_a_usage_error(run: Run, cell: Path, options: list[str], reason: str) -> None:

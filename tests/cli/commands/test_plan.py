@@ -277,7 +277,7 @@ def test_effects_are_planned_for_when_asked(run: Run, cell: Path, tmp_path: Path
     # more to find out with as many poses, and more that may go wrong beforehand
     assert more.json["expected_error_mm"] > plain.json["expected_error_mm"]
     for arguments, words in (
-        (["--robot", IRB6660, "--effects", "auto"], "could prove them"),
+        (["--robot", IRB6660, "--effects", "auto"], "list the effects"),
         (["--robot", IRB6660, "--effects", "slack"], "slack"),
         (["--calibration", cell / "cal.json", "--effects", "gain"], "the calibration brings its own"),
     ):

@@ -45,7 +45,7 @@ def test_the_table_names_circles_frames_and_the_worst_rows(run: Run, swept: Path
     lower_arm = re.search(r"J2 +tool +\d+ +80\.2 +([\d.]+)", shown)
     assert lower_arm is not None
     assert float(lower_arm[1]) == pytest.approx(700.0, abs=0.1)
-    assert all(text in shown for text in ("tracker", "worst rows"))
+    assert all(text in shown for text in ("tracker", "largest residuals"))
 
 
 def test_identify_takes_the_file_and_can_hold_it(run: Run, swept: Path, tmp_path: Path) -> None:

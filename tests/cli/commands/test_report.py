@@ -99,7 +99,8 @@ def test_what_the_remainder_goes_with(run: Run, cell: Path, tmp_path: Path) -> N
     assert all(e["share"] < 0.2 for e in remainder["explained"])
     assert figures(page) >= 3
     assert "Residual analysis" in page.read_text(encoding="utf-8")
-    assert "What the residuals, " in run("report", cal, "--campaign", cell / "one.csv", "-o", page).out
+    shown = run("report", cal, "--campaign", cell / "one.csv", "-o", page).out
+    assert "Residual variance explained, by quantity" in shown
     other = run("report", cal, "--campaign", cell / "three.csv", "-o", page)
     assert (other.status, other.out) == (1, "")
     assert f"{cell / 'three.csv'}: the campaign's targets are" in other.err
@@ -184,7 +185,7 @@ def test_every_page_has_a_head_and_a_summary_if_asked_for(run: Run, path: Path, 
     given = [command, "--robot", IRB6660, "--task", path, *most.get(command, []), *beside]
     alone = run(*given)
     assert alone.status == 2
-    assert "needs a page to stand on" in alone.err
+    assert "--header requires --report" in alone.err
     summary = tmp_path / "s.md"
     ended = run(*given, "--markdown", summary)
     assert ended.status == 0, ended.err

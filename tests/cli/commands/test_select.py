@@ -51,7 +51,7 @@ def test_the_effects_of_a_calibration_compete_too(run: Run, cell: Path, tmp_path
 def test_a_campaign_cross_validates_every_size(run: Run, cell: Path) -> None:
     task = ["select", "--robot", IRB6660, "--task", cell / "task.toml", "--campaign", cell / "one.csv", "--json"]
     ended = run(*task)
-    assert "cross-validating 46 sizes" in ended.err
+    assert "cross-validating 46 model sizes" in ended.err
     assert all(nested["cross_validated_mm"] > 0 for nested in ended.json["ladder"])
 
 

@@ -103,9 +103,9 @@ def test_the_same_robot_measured_again(run: Run, cell: Path, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (("abb-irb6660-205-1.9", "ur5"), "is the truth of ur5, not of abb-irb6660-205-1.9"),
+        (("abb-irb6660-205-1.9", "ur5"), "was simulated for ur5, not abb-irb6660-205-1.9"),
         (('"J1.tx"', '"J1.tq"'), "differ in parameter 'J1.tq'"),
-        (('"targets"', '"target"'), "holds no truth"),
+        (('"targets"', '"target"'), "is not the truth"),
         (("{", "["), "is not JSON"),
     ],
 )
@@ -141,7 +141,7 @@ def test_a_robot_is_measured_without_a_tracker(run: Run, cell: Path, tmp_path: P
     ("options", "message"),
     [
         (["--observe", "sokcet"], "did you mean 'socket'"),
-        (["--observe", "wire", "--pose"], "they are a tracker's"),
+        (["--observe", "wire", "--pose"], "only for a tracker"),
         (["--observe", "wire", "--distances", "d.csv"], "only sockets have stated distances"),
         (["--places", "2"], "a tracker needs no places"),
         (["--joint-error-deg", "-1"], "-1 is not zero or above"),

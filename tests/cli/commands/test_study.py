@@ -160,7 +160,7 @@ def test_ways_to_measure_stand_in_one_table(run: Run, ask: list[object], cell: P
     shown = run(*of)
     assert shown.status == 0
     assert "measured by" in shown.out
-    assert "without a calibration" in shown.out
+    assert "nominal, frames taught" in shown.out
 
 
 @pytest.mark.parametrize(

@@ -1,53 +1,45 @@
 """``taskcal compare``: what changed between calibrations of one robot."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from taskcal.cli.options.common import CountOption, JsonOption, SeedOption, check_above_zero, look_at_calibrations
-from taskcal.cli.options.task import REACHING, read_and_reach
+from taskcal.cli.options.common import (
+    REACHING,
+    TASK,
+    CountOption,
+    JsonOption,
+    SeedOption,
+    argument,
+    check_above_zero,
+    look_at_calibration,
+    option,
+    read_and_reach,
+)
 from taskcal.cli.output import info, say, show, show_facts, write_json
 from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from taskcal.identification.comparison import Comparison
-    from taskcal.robot.error_model import ErrorModel
 
 
 def command(
     calibrations: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="CAL.json CAL.json…",
-            readable=False,
-            callback=look_at_calibrations,
-            help="Calibrations; each is compared with the first.",
+        argument(
+            "CAL.json CAL.json…",
+            "Calibrations; each is compared with the first.",
+            callback=lambda paths: [look_at_calibration(path) for path in paths],
         ),
     ],
-    task: Annotated[
-        Path | None,
-        typer.Option(
-            "--task",
-            "-t",
-            metavar="TASK.toml",
-            readable=False,
-            help="Where it matters; by default at the poses measured.",
-        ),
-    ] = None,
+    task: Annotated[Path | None, option(*TASK, "Compare over this task; by default at the measured poses.")] = None,
     accuracy_mm: Annotated[
         float | None,
-        typer.Option(
-            "--accuracy-mm",
-            metavar="MM",
-            help="Accuracy needed, for whether the robot is due again; by default the task's.",
-        ),
+        option("--accuracy-mm", "MM", "Required accuracy, for whether recalibration is due; by default the task's."),
     ] = None,
     all_parameters: Annotated[
-        bool, typer.Option("--parameters", help="List all parameters, not only those that clearly changed.")
+        bool, option("--parameters", help="List all parameters, not only those that changed significantly.")
     ] = False,
     count: CountOption = 200,
     seed: SeedOption = 0,
@@ -55,50 +47,35 @@ def command(
 ) -> None:
     """Compare calibrations of one robot and test for change.
 
-    Tracker frames and targets do not count, nor does it matter which parameters each calibration has.
+    Tracker frames and targets do not count, nor does it matter which parameters each calibration estimates.
     """
     check_above_zero(accuracy_mm, "--accuracy-mm")
     if len(calibrations) < 2:
         raise typer.BadParameter("name two calibrations or more", param_hint="CAL.json")
     from taskcal.identification.calibration import load_calibration
     from taskcal.identification.comparison import compare
-
-    first, *others = [load_calibration(path) for path in calibrations]
-    accuracy = None if accuracy_mm is None else accuracy_mm * 1e-3
-    names = [f"comparing {path}" for path in calibrations[1:]]
-    with bar_over([*([] if task is None else [REACHING]), *names]) as begin:
-        q, compared = None, []
-        if task is not None:
-            q, stated = _poses_of(first.model, task, count, seed, begin)
-            accuracy = stated if accuracy is None else accuracy
-        for name, other in zip(names, others, strict=True):
-            begin(name)
-            compared.append(compare(first, other, q))
-    if as_json:
-        write_json({
-            "first": calibrations[0],
-            "accuracy_mm": None if accuracy is None else accuracy * 1e3,
-            "comparisons": [
-                _summary(path, comparison, accuracy)
-                for path, comparison in zip(calibrations[1:], compared, strict=True)
-            ],
-        })  # fmt: skip
-        return
-    for path, comparison in zip(calibrations[1:], compared, strict=True):
-        _show(f"{path} against {calibrations[0]}", comparison, accuracy, all_parameters=all_parameters)
-
-
-def _poses_of(
-    model: "ErrorModel", path: Path, count: int, seed: int, begin: Callable[[str], None]
-) -> "tuple[np.ndarray, float | None]":
     from taskcal.task.task import load_task
 
-    return read_and_reach(model, path, count, seed, begin).q, load_task(path).accuracy
-
-
-def _summary(path: Path, comparison: "Comparison", accuracy: float | None) -> dict[str, Any]:
-    due = None if accuracy is None else comparison.is_due(accuracy)
-    return {"second": path, **comparison.summary(), "due": due}
+    first, *others = [load_calibration(path) for path in calibrations]
+    accuracy, q = None if accuracy_mm is None else accuracy_mm * 1e-3, None
+    names, compared = [f"comparing {path}" for path in calibrations[1:]], dict[Path, "Comparison"]()
+    with bar_over([*([] if task is None else [REACHING]), *names]) as begin:
+        if task is not None:
+            q = read_and_reach(first.model, task, count, seed, begin).q
+            accuracy = load_task(task).accuracy if accuracy is None else accuracy
+        for name, path, other in zip(names, calibrations[1:], others, strict=True):
+            begin(name)
+            compared[path] = compare(first, other, q)
+    if as_json:
+        entries = [
+            {"second": path, **one.summary(), "due": None if accuracy is None else one.is_due(accuracy)}
+            for path, one in compared.items()
+        ]
+        millimetres = None if accuracy is None else accuracy * 1e3
+        write_json({"first": calibrations[0], "accuracy_mm": millimetres, "comparisons": entries})
+        return
+    for path, comparison in compared.items():
+        _show(f"{path} against {calibrations[0]}", comparison, accuracy, all_parameters=all_parameters)
 
 
 def _show(title: str, comparison: "Comparison", accuracy: float | None, *, all_parameters: bool) -> None:
@@ -114,14 +91,14 @@ def _show(title: str, comparison: "Comparison", accuracy: float | None, *, all_p
         info(remark)
     say(title)
     facts = [
-        ("changed", describe_comparison(comparison)),
-        ("largest", f"{comparison.maximum * 1e3:.3f} mm at one of {len(comparison.q)} poses"),
-        ("by chance", describe_chance(comparison)),
+        ("change", describe_comparison(comparison)),
+        ("maximum", f"{comparison.maximum * 1e3:.3f} mm at one of {len(comparison.q)} poses"),
+        ("significance", describe_chance(comparison)),
     ]
     if comparison.verdict != "unchanged" and comparison.resembles:
-        facts.append(("looks like", describe_resemblance(comparison)))
+        facts.append(("consistent with", describe_resemblance(comparison)))
     if accuracy is not None:
-        facts.append(("due again", describe_due(comparison, accuracy)))
+        facts.append(("recalibration", describe_due(comparison, accuracy)))
     show_facts(facts)
     table = tabulate_changes(comparison, None) if all_parameters else tabulate_changes(comparison)
     if len(table):

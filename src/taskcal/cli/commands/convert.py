@@ -1,42 +1,25 @@
-"""``taskcal convert``: what was understood of a file of measurements, as plain CSV or as Parquet."""
+"""``taskcal convert``: a file of measurements as plain CSV or as Parquet."""
 
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from taskcal.cli.options.campaign import TableOptions
-from taskcal.cli.options.common import ForceOption, RobotOption
+from taskcal.cli.options.common import ForceOption, RobotOption, argument, option
 from taskcal.cli.output import check_outputs, info
 
 
 def command(
-    file: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FILE",
-            readable=False,
-            help="Joints, points or both: text in columns, a workbook (.xlsx), or a log.",
-        ),
-    ],
+    file: Annotated[Path, argument("FILE", "Joints, points or both: text in columns, a workbook (.xlsx), or a log.")],
     robot: RobotOption,
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="OUT.csv",
-            readable=False,
-            help="Write the CSV here; as Parquet where it ends in .parquet.",
-        ),
-    ],
+    output: Annotated[Path, option("--output -o", "OUT.csv", "Output CSV, or Parquet if it ends in .parquet.")],
     *,
     table: TableOptions,
     force: ForceOption = False,
 ) -> None:
     """Convert a file of measurements to plain CSV or Parquet.
 
-    What the file did not say and was decided, and what was left out, is said in a line each.
+    One row per pose, units in the column names, shots of one pose averaged. Every inference and every column left out is reported
+    in a line.
     """
     outputs = check_outputs("convert", [("--output", output)], [file, table.points, robot], force=force)
     from taskcal.reading.reader import campaign_of, read_measurements

@@ -1,17 +1,16 @@
 """``taskcal correct``: a robot program and a calibration in, a corrected program out."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from robot_programs.core.files import is_backup
-from taskcal.cli.options.common import look_at_calibration
-from taskcal.cli.options.correction import BoundsOptions, CellOptions
+from taskcal.cli.options.common import argument, check_above_zero, look_at_calibration, option
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import check_outputs, info, keep_note, read_note, show_facts, show_table, tell, write_json
+from taskcal.cli.output import info, keep_note, read_note, show, show_facts, tell
 from taskcal.cli.progress import bar_over
 from taskcal.errors import FileError
 
@@ -19,12 +18,11 @@ if TYPE_CHECKING:
     from robot_programs.core.program import Frame, Program
     from robot_programs.core.source import Source
     from taskcal.correction.cell import Cell
-    from taskcal.correction.correction import Correction
+    from taskcal.correction.correction import Bounds, Correction
     from taskcal.identification.calibration import Calibration
-    from taskcal.report.page import Page
 
 
-SHOWN = 12
+MAX_SHOWN_TARGETS = 12
 """Targets of the table; the JSON result and the page have all of them."""
 
 
@@ -38,26 +36,21 @@ class DestinationOptions:
 
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="OUT",
-            readable=False,
-            help="File to write, or folder: the corrected files keep their names in it. A file of another language (.mod, .src, "
-            ".csv) is written as a new program.",
+        option(
+            "--output -o",
+            "OUT",
+            "File to write, or folder, where the files keep their names. A file of another language (.mod, .src, .csv) becomes a "
+            "new program.",
         ),
     ] = None
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the table without writing a program.")] = False
+    dry_run: Annotated[bool, option("--dry-run", help="Show the table without writing a program.")] = False
     accept_uncertain: Annotated[
-        bool,
-        typer.Option(
-            "--accept-uncertain", help="Write the program even where the uncertainty is larger than the correction."
-        ),
+        bool, option("--accept-uncertain", help="Write the program even if the uncertainty exceeds the correction.")
     ] = False
 
     def __post_init__(self) -> None:
         if self.output is None and not self.dry_run:
-            raise typer.BadParameter("name the file or folder to write, or ask for --dry-run", param_hint="--output")
+            raise typer.BadParameter("name the file or folder to write, or pass --dry-run", param_hint="--output")
 
     def files(self, programs: list[Path]) -> list[Path]:
         """Files to write: the one named, or those of the same names in a folder."""
@@ -67,78 +60,119 @@ class DestinationOptions:
             return list(dict.fromkeys(self.output / path.name for path in programs))
         return [self.output]
 
-    def contents(self, correction: "Correction") -> dict[Path, str | bytes]:
-        """What to write; nothing where it is withheld."""
-        if self.output is None or self.dry_run or self.withholds(correction) or correction.program.backup:
-            return {}
-        return dict(correction.contents(self.output))
-
-    def write_backup(self, correction: "Correction") -> tuple[Path, ...]:
-        """Write the corrected folder or zip file, where one was read, and say where it is.
-
-        Raises:
-            FileError: it cannot be written.
-        """
-        if correction.program.backup is None or self.output is None or self.dry_run or self.withholds(correction):
-            return ()
-        return correction.write(self.output)
-
     def withholds(self, correction: "Correction") -> bool:
         """Whether the program is not written: for its uncertainty, or because every motion was refused."""
         uncertain = correction.uncertain and not self.accept_uncertain
         return (uncertain or bool(correction.why_unwritten)) and not self.dry_run
 
 
+@dataclass(frozen=True, kw_only=True)
+class CellOptions:
+    """What was measured around the robot.
+
+    Raises:
+        typer.BadParameter: a name of the cell file, without the file.
+    """
+
+    cell: Annotated[
+        Path | None,
+        option("--cell", "CELL.toml", "Measured frames of tools and parts; by default those of the controller."),
+    ] = None
+    tool: Annotated[
+        str | None, option("--tool", "NAME", "Tool of the cell file, for APT and CSV, which name none.")
+    ] = None
+    part: Annotated[
+        str | None, option("--part", "NAME", "Part of the cell file, for APT and CSV, which name none.")
+    ] = None
+
+    def __post_init__(self) -> None:
+        for name, given in ((self.tool, "--tool"), (self.part, "--part")):
+            if name is not None and self.cell is None:
+                raise typer.BadParameter(f"{given} requires --cell, which has '{name}'", param_hint=given)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoundsOptions:
+    """Limits of the correction.
+
+    Raises:
+        typer.BadParameter: a bound is not above zero.
+    """
+
+    tolerance_mm: Annotated[
+        float | None,
+        option(
+            "--tolerance-mm",
+            "MM",
+            "Maximum deviation from lines and arcs; by default 0.02, or a fifth of the uncertainty if larger, up to all of it if "
+            "the program would grow by more than half.",
+            show_default=False,
+        ),
+    ] = None
+    max_shift_mm: Annotated[
+        float, option("--max-shift-mm", "MM", "Maximum shift of a target; larger corrections are rejected.")
+    ] = 5.0
+    max_turn_deg: Annotated[
+        float, option("--max-turn-deg", "DEG", "Maximum rotation of a target; larger corrections are rejected.")
+    ] = 1.0
+    max_joint_deg: Annotated[float, option("--max-joint-deg", "DEG", "Maximum joint change at a target.")] = 5.0
+
+    def __post_init__(self) -> None:
+        for bound in fields(self):
+            check_above_zero(getattr(self, bound.name), f"--{bound.name.replace('_', '-')}")
+
+    def bounds(self) -> "Bounds":
+        """In metres and radians."""
+        from math import radians
+
+        from taskcal.correction.correction import Bounds
+
+        return Bounds(
+            tolerance=None if self.tolerance_mm is None else self.tolerance_mm * 1e-3,
+            shift=self.max_shift_mm * 1e-3,
+            turn=radians(self.max_turn_deg),
+            joint=radians(self.max_joint_deg),
+        )
+
+
 def command(
     programs: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="PROGRAM [MORE …]",
-            readable=False,
-            help="Its files: RAPID, KRL, TP (FANUC), APT or CSV; or a folder or zip file with them, such as a backup.",
+        argument(
+            "PROGRAM [MORE …]",
+            "Its files (RAPID, KRL, TP, APT or CSV), or a folder or zip file of them, such as a backup.",
         ),
     ],
     calibration: Annotated[
         Path,
-        typer.Option(
-            "--calibration",
-            "-c",
-            metavar="CAL.json",
-            readable=False,
-            callback=look_at_calibration,
-            help="Calibration written by taskcal identify.",
+        option(
+            "--calibration -c", "CAL.json", "Calibration written by taskcal identify.", callback=look_at_calibration
         ),
     ],
     destination: DestinationOptions,
     around: CellOptions,
     limits: BoundsOptions,
     keep_joints: Annotated[
-        bool,
-        typer.Option(
-            "--keep-joints", help="Leave motions to joint positions as they are, such as those to a home position."
-        ),
+        bool, option("--keep-joints", help="Leave motions to joint positions unchanged, such as to a home position.")
     ] = False,
-    again: Annotated[
-        bool, typer.Option("--again", help="Correct a program even though taskcal correct wrote it.")
-    ] = False,
+    again: Annotated[bool, option("--again", help="Correct a program that taskcal correct wrote.")] = False,
     *,
     page: PageOptions,
 ) -> None:
     """Correct a robot program with the calibrated model.
 
-    Every target becomes the pose that makes the controller, which takes its robot for nominal, drive the joints that the
-    robot as calibrated needs; lines and arcs get more targets where they need them. Whatever else the files say stays,
-    byte for byte. Targets that are refused stay too, are named by file and line with the reason, and make the exit status 1.
-    Where every motion is refused nothing is written.
-    Motions that the text does not tell, such as those to computed targets, stay and are named.
+    Every target becomes the pose at which the nominal controller drives the joints that the calibrated robot needs; lines and
+    arcs get more targets where they need them. All other bytes of the files stay.
 
-    Where the uncertainty is larger than the correction nothing is written, unless asked for with --accept-uncertain;
-    the message says what to measure.
+    Rejected targets stay unchanged. They are listed by file and line with the reason, and make the exit status 1. If every
+    motion is rejected, nothing is written. Motions that the text does not determine, such as to computed targets, stay
+    unchanged and are listed.
+
+    If the uncertainty exceeds the correction, nothing is written without --accept-uncertain; the message states what to
+    measure.
     """
-    inputs = [path for path in (calibration, around.cell, *programs, page.header) if path is not None]
-    named = [*page.places, *(("--output", path) for path in destination.files(programs))]
-    outputs = check_outputs("correct", named, inputs, force=page.force)
-    page.check()
+    named = [("--output", path) for path in destination.files(programs)]
+    outputs = page.begin("correct", named, [calibration, around.cell, *programs])
     from robot_programs.backup import check_place
     from taskcal.correction.correct import correct
     from taskcal.identification.calibration import load_calibration
@@ -149,7 +183,7 @@ def command(
         check_not_corrected(program.sources)
     if program.backup is not None and destination.output is not None and not destination.dry_run:
         check_place(program.backup, destination.output)
-    with bar_over(["reading the program"], 4) as say:
+    with bar_over(["reading the program"], 4) as begin:
         correction = correct(
             calibrated,
             program,
@@ -157,22 +191,30 @@ def command(
             bounds=limits.bounds(),
             into=_new_program(programs[0], destination.output),
             keep_joints=keep_joints,
-            progress=say,
+            progress=begin,
         )
-    contents = destination.contents(correction)
-    written = (*contents, *destination.write_backup(correction))
-    made = page.compose(_page(correction, calibrated)) if page.asked else {}
+    from taskcal.identification.provenance import package_version
+    from taskcal.report.correction import correction_page, state_uncertain
+
+    withheld, contents, written = destination.withholds(correction), dict[Path, str | bytes](), tuple[Path, ...]()
+    if destination.output is not None and not destination.dry_run and not withheld:
+        if program.backup is None:
+            contents |= correction.contents(destination.output)
+        else:
+            written = correction.write(destination.output)
+    made = page.compose(lambda: correction_page(correction, calibrated, version=package_version()))
     outputs.write({**contents, **made})
+    written = (*contents, *written)
     if written:
         remember_corrected(correction)
-    if page.as_json:
-        write_json(_as_json(correction, written, page))
-    else:
-        _show(correction, written, page.in_words(made))
-    withheld = destination.withholds(correction)
-    _say_uncertain(correction, withheld=withheld)
+    page.give(_result(correction, written, page), lambda: _show(correction, written, page.in_words(made)))
+    not_written = "error: not written: " if withheld else ""
+    if correction.uncertain:
+        info(f"{not_written}{state_uncertain(correction)}")
+        if withheld:
+            info("--accept-uncertain writes the program all the same")
     if withheld and correction.why_unwritten:
-        info(f"error: not written: {correction.why_unwritten}")
+        info(f"{not_written}{correction.why_unwritten}")
     if withheld or correction.rejected or any(diagnostic.rejected for diagnostic in correction.diagnostics):
         raise typer.Exit(1)
 
@@ -189,24 +231,6 @@ def _read(programs: list[Path], around: CellOptions, calibration: "Calibration")
     files = any(map(is_backup, programs))
     tools = {} if files or language_of(programs[0]).declares_frames else told
     return cell, read_program(*programs, robot=calibration.model.robot, tool=tool, part=part, tools=tools)
-
-
-def _page(correction: "Correction", calibration: "Calibration") -> "Page":
-    from taskcal.identification.provenance import package_version
-    from taskcal.report.correction import correction_page
-
-    return correction_page(correction, calibration, version=package_version())
-
-
-def _say_uncertain(correction: "Correction", *, withheld: bool) -> None:
-    """Say that the uncertainty is larger than the correction, where it is."""
-    if not correction.uncertain:
-        return
-    from taskcal.report.correction import state_uncertain
-
-    info(f"{'error: not written: ' if withheld else ''}{state_uncertain(correction)}")
-    if withheld:
-        info("--accept-uncertain writes the program all the same")
 
 
 def _new_program(program: Path, output: Path | None) -> Path | None:
@@ -236,13 +260,13 @@ def _frame(cell: "Cell", name: str | None, kind: str) -> "Frame | None":
         raise UnknownName(kind, name, [m.name for m in among.values()], "in the cell file")
     if measured.controller is None:
         raise TaskcalError(
-            f"the cell file does not say where the controller has {kind} '{name}'; add controller = {{ position_mm = …, "
+            f"the cell file does not state the controller's {kind} '{name}'; add controller = {{ position_mm = …, "
             "quaternion = … }"
         )
     return Frame(name=measured.name, T=measured.controller)
 
 
-def _as_json(correction: "Correction", written: tuple[Path, ...], page: PageOptions) -> dict[str, Any]:
+def _result(correction: "Correction", written: tuple[Path, ...], page: PageOptions) -> dict[str, Any]:
     program = correction.program
     return {
         "program": [source.path for source in program.sources],
@@ -273,17 +297,17 @@ def _show(correction: "Correction", written: tuple[Path, ...], pages: str) -> No
     )
 
     show_facts(state_expected(correction))
-    assessed = bool(len(correction.before.error))
-    for table in (tabulate_errors(correction), tabulate_targets(correction, SHOWN)) if assessed else ():
-        show_table(table.title, table.header, table.groups[0][1], left=table.text_columns)
-        if table.note:
-            tell(f"{table.note}\n")
+    if len(correction.before.error):
+        for table in (tabulate_errors(correction), tabulate_targets(correction, MAX_SHOWN_TARGETS)):
+            show(table)
+            if table.note:
+                tell(f"{table.note}\n")
     show_facts(tabulate_correction(correction))
     backup = correction.program.backup
     if backup is not None:
         info(f"{backup.path}: {len(correction.program.sources)} files of the program, {backup.skipped} others")
     moves = correction.program.moves
-    problems = [(moves[i].place, f"left as it was: {why}") for i, why in sorted(correction.rejected.items())]
+    problems = [(moves[i].place, f"unchanged: {why}") for i, why in sorted(correction.rejected.items())]
     problems += [(diagnostic.place, diagnostic.text) for diagnostic in correction.diagnostics]
     for problem in group_remarks(problems):
         info(problem)
@@ -293,10 +317,11 @@ def _show(correction: "Correction", written: tuple[Path, ...], pages: str) -> No
         info(f"written: {pages}")
 
 
-# Programs that ``taskcal correct`` wrote: known again by their bytes, wherever they lie, so that none is corrected twice.
+# Programs that ``taskcal correct`` wrote: known again by their bytes, wherever they lie, so that none is corrected
+# twice.
 #
-# A corrected program bears no mark, for all but its targets stays unchanged. A note has a digest of what was written instead,
-# with the name of the program that it was made from.
+# A corrected program bears no mark, for all but its targets stays unchanged. A note has a digest of what was written
+# instead, with the name of the program that it was made from.
 
 
 def check_not_corrected(sources: "Iterable[Source]") -> None:

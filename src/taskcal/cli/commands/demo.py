@@ -4,9 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from taskcal.cli.options.common import OutputOptions, SeedOption
+from taskcal.cli.options.common import OutputOptions, SeedOption, option
 from taskcal.cli.output import Outputs, check_outputs, say, show, started_as, tell, write_json
 from taskcal.cli.progress import bar_over
 
@@ -24,21 +22,19 @@ ROBOTS = "robots"
 
 
 def command(
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the results; made if absent.")
-    ] = Path("taskcal-demo"),
-    count: Annotated[int, typer.Option("--count", "-n", min=10, help="Measured poses of each campaign.")] = 60,
+    output: Annotated[Path, option("--output -o", "FOLDER", "Folder of the results; made if absent.")] = Path(
+        "taskcal-demo"
+    ),
+    count: Annotated[int, option("--count -n", help="Measured poses of each campaign.", min=10)] = 60,
     seed: SeedOption = 0,
     full: Annotated[
         bool,
-        typer.Option(
+        option(
             "--full",
             help="Continue to a corrected milling program: measure, identify and correct virtual robots (half a minute each).",
         ),
     ] = False,
-    robots: Annotated[
-        int, typer.Option("--robots", min=1, metavar="N", help="Virtual robots of the closed loop, with --full.")
-    ] = 20,
+    robots: Annotated[int, option("--robots", "N", "Virtual robots of the closed loop, with --full.", min=1)] = 20,
     *,
     out: OutputOptions,
 ) -> None:

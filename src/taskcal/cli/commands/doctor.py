@@ -1,9 +1,8 @@
-"""``taskcal doctor``: what is wrong with a campaign, or whether everything that Taskcal needs is there."""
+"""``taskcal doctor``: the diagnosis of a campaign, or a check of the installation."""
 
 import os
 import platform
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
@@ -11,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from taskcal.cli.options.common import ForceOption, JsonOption
-from taskcal.cli.output import check_outputs, info, show_table, tell, write_json
+from taskcal.cli.options.common import OutputOptions, argument, option
+from taskcal.cli.output import info, show_table, tell
 from taskcal.cli.progress import bar_by_parts
 from taskcal.errors import TaskcalError, UnitError
 
@@ -21,60 +20,45 @@ if TYPE_CHECKING:
     from taskcal.robot.robot import Robot
 
 
-@dataclass(frozen=True)
-class Check:
-    """One thing that was looked at."""
-
-    name: str
-    ok: bool
-    found: str
-
-
 def command(
-    campaign: Annotated[
-        Path | None,
-        typer.Argument(metavar="[CAMPAIGN.csv]", readable=False, help="Measurements that may be wrong."),
-    ] = None,
+    campaign: Annotated[Path | None, argument("[CAMPAIGN.csv]", "Measurements to diagnose.")] = None,
     robot: Annotated[
-        str | None,
-        typer.Option("--robot", "-r", metavar="ROBOT", help="The campaign's: a name in the catalogue, or a file."),
+        str | None, option("--robot -r", "ROBOT", "The campaign's robot: catalogue name, or file.")
     ] = None,
-    fix: Annotated[
-        Path | None,
-        typer.Option("--fix", metavar="OUT.csv", readable=False, help="Write the campaign without its mistakes here."),
-    ] = None,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
+    fix: Annotated[Path | None, option("--fix", "OUT.csv", "Output CSV: the campaign with the mistakes fixed.")] = None,
+    *,
+    out: OutputOptions,
 ) -> None:
     """Diagnose a campaign, or (without arguments) check the installation.
 
-    Units, signs, zeros, couplings, the order of joints and rows, frames, poses, targets that slipped, a tracker that moved,
-    drift, gross rows, the robot: every usual mistake is undone, singly and in pairs, and judged on rows held out.
+    Tests the usual mistakes, one by one and in pairs, on held-out rows: units, signs, zeros, couplings, the order of joints and
+    rows, frames, poses, targets that slipped, a tracker that moved, drift, gross errors, the robot.
     """
     if campaign is None:
-        for option, given in (("--robot", robot), ("--fix", fix)):
+        for name, given in (("--robot", robot), ("--fix", fix)):
             if given is not None:
-                raise typer.BadParameter("give the campaign as well: taskcal doctor CAMPAIGN.csv", param_hint=option)
-        _check_installation(as_json)
+                raise typer.BadParameter("give the campaign as well: taskcal doctor CAMPAIGN.csv", param_hint=name)
+        _check_installation(out)
         return
     if robot is None:
-        raise typer.BadParameter("say which robot was measured", param_hint="--robot")
-    outputs = check_outputs("doctor", [("--fix", fix)], [campaign, robot], force=force)
+        raise typer.BadParameter("--robot is required with a campaign", param_hint="--robot")
+    outputs = out.begin("doctor", [("--fix", fix)], [campaign, robot])
     from taskcal.reading.writer import campaign_text
     from taskcal.robot.catalogue import load_robot
 
-    described = load_robot(robot)
-    found = diagnose_file(campaign, described)
+    found = diagnose_file(campaign, load_robot(robot))
     if found.scope:
         info(f"{campaign.name}: {found.scope}")
     if fix is not None and len(found.findings) > len(found.unmended):
         outputs.write({fix: campaign_text(found.campaign, found.robot)})
     elif fix is not None:
-        info(f"{fix} is not written: there is nothing that another file would mend")
-    if as_json:
-        write_json({"findings": [finding.as_json() for finding in found.findings]})
-    else:
-        _show(found, campaign)
+        info(f"{fix} is not written: no finding can be fixed in a file")
+    out.give({"findings": [finding.as_json() for finding in found.findings]}, lambda: _show(found, campaign))
+
+
+MAX_SUBJECTS = 6
+MAX_USEFUL_RATIO = 0.99
+"""Ratio of the error if fixed to the error, up to which a finding is a hint: one that changes nothing is not the cause."""
 
 
 def _show(diagnosis: "Diagnosis", campaign: Path) -> None:
@@ -84,14 +68,14 @@ def _show(diagnosis: "Diagnosis", campaign: Path) -> None:
     rows = [
         (
             finding.id,
-            ", ".join(finding.subject[:6]) + (", …" if len(finding.subject) > 6 else ""),
+            ", ".join(finding.subject[:MAX_SUBJECTS]) + (", …" if len(finding.subject) > MAX_SUBJECTS else ""),
             _millimetres(finding.error_before),
             _millimetres(finding.error_after),
             f"{finding.confidence:.0%}",
         )
         for finding in diagnosis.findings
     ]
-    show_table("", ("finding", "of", "before mm", "after mm", "sure"), rows, left=range(2))
+    show_table("", ("finding", "of", "error, mm", "error if fixed, mm", "confidence"), rows, left=range(2))
     for finding in diagnosis.findings:
         tell(f"{finding.id}: {finding.fix}")
 
@@ -100,23 +84,59 @@ def _millimetres(error: float | None) -> str:
     return "–" if error is None else f"{error * 1e3:.2f}"
 
 
-def _check_installation(as_json: bool) -> None:
-    checks = [_check(name, look) for name, look in _LOOKS.items()]
-    healthy = all(check.ok for check in checks)
-    if as_json:
-        write_json({"ok": healthy, "checks": [asdict(check) for check in checks]})
-    else:
-        rows = [(check.name, "ok" if check.ok else "BROKEN", check.found) for check in checks]
-        show_table("", ("", "", "found"), rows, left=range(3))
+def diagnose_file(path: Path, robot: "Robot") -> "Diagnosis":
+    """The diagnosis of a file, which may be outside the robot's limits, with progress on a terminal.
+
+    Raises:
+        FileError: it cannot be read as a campaign of so many joints.
+    """
+    from taskcal.diagnosis.hypotheses import open_limits
+    from taskcal.reading.reader import read_campaign
+
+    campaign = read_campaign(path, open_limits(robot))
+    with bar_by_parts("testing the usual mistakes") as show:
+        from taskcal.diagnosis.diagnose import diagnose  # only for what could be read: it takes a second to import
+
+        return diagnose(campaign, robot, progress=show)
+
+
+def with_first_finding(refusal: TaskcalError, path: Path, robot: "Robot") -> str:
+    """A refusal's message, with the doctor's first finding if it reduces the error."""
+    message = str(refusal)
+    if isinstance(refusal, UnitError):  # it has to be fixed before anything else can be tested
+        return message
+    try:
+        findings = diagnose_file(path, robot).findings
+    except TaskcalError:
+        return message
+    first = findings[0] if findings else None
+    if first is None or first.error_before is None:  # too few rows, which the refusal states
+        return message
+    before, after = first.error_before * 1e3, None if first.error_after is None else first.error_after * 1e3
+    if after is not None and after > MAX_USEFUL_RATIO * before:
+        return message
+    subject = f" of {', '.join(first.subject[:MAX_SUBJECTS])}" if first.subject else ""
+    change = f"{before:.1f}" if after is None else f"{before:.1f} → {after:.1f}"
+    return f"{message}\nhint: {first.id}{subject} (error {change} mm, confidence {first.confidence:.0%}): {first.fix}"
+
+
+# The installation.
+
+
+def _check_installation(out: OutputOptions) -> None:
+    checks = [{"name": name, **_check(look)} for name, look in _LOOKS.items()]
+    healthy = all(check["ok"] for check in checks)
+    rows = [(str(check["name"]), "ok" if check["ok"] else "BROKEN", str(check["found"])) for check in checks]
+    out.give({"ok": healthy, "checks": checks}, lambda: show_table("", ("", "", "found"), rows, left=range(3)))
     if not healthy:
         raise typer.Exit(1)
 
 
-def _check(name: str, look: Callable[[], str]) -> Check:
+def _check(look: Callable[[], str]) -> dict[str, bool | str]:
     try:
-        return Check(name, True, look())
-    except Exception as error:  # whatever is broken, the others are still to be looked at
-        return Check(name, False, f"{type(error).__name__}: {error}")
+        return {"ok": True, "found": look()}
+    except Exception as error:  # whatever is broken, the others are still to be checked
+        return {"ok": False, "found": f"{type(error).__name__}: {error}"}
 
 
 def _python() -> str:
@@ -160,42 +180,3 @@ _LOOKS: dict[str, Callable[[], str]] = {
     "BLAS threads": _threads,
     "catalogue": _catalogue,
 }
-
-
-# What is wrong with a campaign's file, for the doctor and behind refusals.
-
-
-def diagnose_file(path: Path, robot: "Robot") -> "Diagnosis":
-    """The diagnosis of a file, which may lie outside the robot's limits; how far it is is shown on a terminal.
-
-    Raises:
-        FileError: it cannot be read as a campaign of so many joints.
-    """
-    from taskcal.diagnosis.hypotheses import open_limits
-    from taskcal.reading.reader import read_campaign
-
-    campaign = read_campaign(path, open_limits(robot))
-    with bar_by_parts("looking for what is wrong") as show:
-        from taskcal.diagnosis.diagnose import diagnose  # only for what could be read: it takes a second to import
-
-        return diagnose(campaign, robot, progress=show)
-
-
-def with_first_finding(refusal: TaskcalError, path: Path, robot: "Robot") -> str:
-    """A refusal's message, and what mends it if the doctor knows."""
-    message = str(refusal)
-    if isinstance(refusal, UnitError):  # nothing else can be told before that is mended
-        return message
-    try:
-        findings = diagnose_file(path, robot).findings
-    except TaskcalError:
-        return message
-    first = findings[0] if findings else None
-    if first is None or first.error_before is None:  # too few rows, which the refusal says
-        return message
-    concerned = f" of {', '.join(first.subject[:6])}" if first.subject else ""
-    then = "" if first.error_after is None else f", then {first.error_after * 1e3:.1f} mm"
-    return (
-        f"{message}\ntaskcal doctor finds {first.id}{concerned} ({first.error_before * 1e3:.1f} mm off{then}; "
-        f"{first.confidence:.0%} sure): {first.fix}"
-    )

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskcal.cli.options.common import EngineOptions, OutputOptions, check_above_zero
-from taskcal.cli.output import check_outputs, count_as_written, info, show, show_facts, show_table, tell, write_json
+from taskcal.cli.options.common import EngineOptions, OutputOptions, argument, check_above_zero, option
+from taskcal.cli.output import count_as_written, info, show, show_facts, tell
 from taskcal.cli.progress import bar_by_parts
 
 if TYPE_CHECKING:
     from taskcal.planning.fleet import Fleet
 
-MOST_NAMED = 20
+MAX_NAMED = 20
 """Files that are named on standard error."""
 
 
@@ -28,63 +28,45 @@ class IdentifyOptions:
 
     identify: Annotated[
         bool,
-        typer.Option(
-            "--identify",
-            help="Identify campaigns that have no calibration beside them, and write it there: march.csv gives march.json.",
-        ),
+        option("--identify", help="Identify campaigns without a calibration: march.csv gives march.json beside it."),
     ] = False
     robot: Annotated[
-        str | None,
-        typer.Option(
-            "--robot", "-r", metavar="ROBOT", help="With --identify: the nominal robot of all these campaigns."
-        ),
+        str | None, option("--robot -r", "ROBOT", "With --identify: the nominal robot of these campaigns.")
     ] = None
-    folds: Annotated[
-        int,
-        typer.Option(
-            "--folds", metavar="K", min=2, help="With --identify: parts that are held out in turn, and predicted."
-        ),
-    ] = 5
+    folds: Annotated[int, option("--folds", "K", "With --identify: parts held out in turn, and predicted.", min=2)] = 5
 
     def __post_init__(self) -> None:
         if self.identify and self.robot is None:
-            raise typer.BadParameter("whose campaigns? Name the nominal robot", param_hint="--identify / --robot")
+            raise typer.BadParameter(
+                "--identify needs --robot: the nominal model of these campaigns", param_hint="--identify / --robot"
+            )
         if self.robot is not None and not self.identify:
-            raise typer.BadParameter("calibrations name their robot; it goes with --identify", param_hint="--robot")
+            raise typer.BadParameter("--robot requires --identify: calibrations name their robot", param_hint="--robot")
 
 
 def command(
     robots: Annotated[
         Path,
-        typer.Argument(
-            metavar="ROBOTS/",
-            readable=False,
-            help="Folder with a folder for each robot, and its calibrations and campaigns in that; or with a file for each.",
-        ),
+        argument("ROBOTS/", "Folder with one folder (or file) per robot, which has its calibrations and campaigns."),
     ],
     identifying: IdentifyOptions,
     accuracy_mm: Annotated[
         float | None,
-        typer.Option(
-            "--accuracy-mm",
-            metavar="MM",
-            help="Accuracy needed: a robot whose latest held-out error is beyond it makes the exit status 1.",
+        option(
+            "--accuracy-mm", "MM", "Required accuracy: exit status 1 if a robot's latest held-out error exceeds it."
         ),
     ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="TABLE.csv", readable=False, help="Write a row for each calibration."),
-    ] = None,
+    output: Annotated[Path | None, option("--output -o", "TABLE.csv", "Output CSV: a row per calibration.")] = None,
     *,
     running: EngineOptions,
     out: OutputOptions,
 ) -> None:
     """Monitor a fleet: latest calibrations, changes and outliers.
 
-    Files that cannot be read are named and left out; the exit status is 1 then.
+    Unreadable files are listed and left out; the exit status is 1 then.
     """
     check_above_zero(accuracy_mm, "--accuracy-mm")
-    outputs = check_outputs("fleet", [("--output", output)], [robots], force=out.force)
+    outputs = out.begin("fleet", [("--output", output)], [robots])
     refused = _identify(robots, identifying, running) if identifying.identify else []
     from taskcal.planning.fleet import review_fleet
 
@@ -92,7 +74,7 @@ def command(
         fleet = review_fleet(
             robots,
             engine=running.engine_name,
-            workers=running.most_workers,
+            workers=running.max_workers,
             progress=lambda done, total: bar("robots", done, max(total, 1)),
         )
     if output is not None:
@@ -104,11 +86,9 @@ def command(
         "skipped": [{"file": name, "reason": reason} for name, reason in left_out],
         "accuracy_mm": accuracy_mm,
         "beyond": beyond,
+        **({} if output is None else {"rows": output}),
     }
-    if out.as_json:
-        write_json(result | ({} if output is None else {"rows": output}))
-    else:
-        _show(fleet, result, output)
+    out.give(result, lambda: _show(fleet, result))
     if left_out or beyond:
         raise typer.Exit(1)
 
@@ -130,7 +110,7 @@ def _identify(folder: Path, options: IdentifyOptions, running: EngineOptions) ->
     with bar_by_parts("campaigns") as bar:
         bar("campaigns", 0, total)
         identified = identify_campaigns(
-            files, model, folds=options.folds, engine=running.engine_name, workers=running.most_workers
+            files, model, folds=options.folds, engine=running.engine_name, workers=running.max_workers
         )
         for done, one in enumerate(identified, start=1):
             if one.refusal is None:
@@ -143,22 +123,22 @@ def _identify(folder: Path, options: IdentifyOptions, running: EngineOptions) ->
 
 
 def _tell_of(fleet: "Fleet", left_out: list[tuple[str, str]]) -> None:
-    """Each file that was left out, once, and what else was not looked at."""
-    for _, reason in left_out[:MOST_NAMED]:
+    """List each file that was left out, once, and files that were not read."""
+    for _, reason in left_out[:MAX_NAMED]:
         info(f"left out: {reason}")
-    if len(left_out) > MOST_NAMED:
-        info(f"and {len(left_out) - MOST_NAMED} more files were left out: see --json")
+    if len(left_out) > MAX_NAMED:
+        info(f"and {len(left_out) - MAX_NAMED} more files were left out: see --json")
     refused = {name for name, _ in left_out}
     waiting = [name for name in fleet.unidentified if name not in refused]
     if waiting:
         info(f"{len(waiting)} campaigns without a calibration, such as {waiting[0]}: --identify --robot ROBOT")
     if fleet.others:
-        info(f"{len(fleet.others)} files that are neither calibration nor campaign, such as {fleet.others[0]}")
+        info(f"{len(fleet.others)} files are neither calibration nor campaign, such as {fleet.others[0]}")
     for remark in fleet.remarks:
         info(remark)
 
 
-def _show(fleet: "Fleet", result: Mapping[str, Any], output: Path | None) -> None:
+def _show(fleet: "Fleet", result: Mapping[str, Any]) -> None:
     from taskcal.report.fleet import (
         SPARE,
         describe_level,
@@ -168,7 +148,7 @@ def _show(fleet: "Fleet", result: Mapping[str, Any], output: Path | None) -> Non
     )
 
     table = tabulate_fleet(fleet)
-    show_table(table.title, table.header, table.rows, left=table.text_columns, spare=SPARE)
+    show(table, spare=SPARE)
     changes, outliers = tabulate_fleet_changes(fleet), tabulate_outliers_of_fleet(fleet)
     for one in (changes, outliers):
         if len(one):
@@ -178,9 +158,9 @@ def _show(fleet: "Fleet", result: Mapping[str, Any], output: Path | None) -> Non
         facts.append(("changed", "none" if fleet.changes else "no robot has two calibrations"))
     facts.append(("alarms", describe_level(fleet)))
     if result["accuracy_mm"] is not None:
-        beyond = ", ".join(result["beyond"][:MOST_NAMED]) or "none"
-        facts.append(("beyond", f"{result['accuracy_mm']:g} mm on rows held out: {beyond}"))
-    if output is not None:
-        facts.append(("table", f"wrote {output}"))
+        beyond = ", ".join(result["beyond"][:MAX_NAMED]) or "none"
+        facts.append((f"above {result['accuracy_mm']:g} mm", f"latest held-out mean error: {beyond}"))
+    if "rows" in result:
+        facts.append(("table", f"wrote {result['rows']}"))
     show_facts(facts)
     tell()

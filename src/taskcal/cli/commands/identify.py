@@ -1,6 +1,10 @@
 """``taskcal identify``: a campaign in, a calibration out."""
 
-from collections.abc import Mapping, Sequence
+import math
+import re
+from collections import defaultdict
+from collections.abc import Collection, Generator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,161 +12,38 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskcal.cli.options.campaign import CampaignOptions
-from taskcal.cli.options.common import CampaignArgument, OutputOptions, RobotOption
-from taskcal.cli.options.fit import FitCommandOptions, HoldoutOptions, PriorChoice
-from taskcal.cli.output import check_outputs, info, say, show, show_facts, tell, write_json
+from taskcal.cli.options.common import CampaignArgument, OutputOptions, RobotOption, option, read_effects
+from taskcal.cli.options.fit import FitCommandOptions, HoldoutOptions
+from taskcal.cli.output import info, placement, say, show, show_facts, show_table, started_as, tell
 from taskcal.cli.progress import bar_by_parts, bar_over
 from taskcal.errors import CampaignError, FileError, FitError, TaskcalError
 
 if TYPE_CHECKING:
     from taskcal.campaigns.campaign import Campaign
-    from taskcal.cli.output import Outputs
     from taskcal.identification.calibration import Calibration
     from taskcal.identification.chunked_fit import ChunkedFit, ErrorsOfMany
-    from taskcal.identification.effects import Explanation
-    from taskcal.identification.options import FitOptions
+    from taskcal.identification.effects import Explanation, Stage
     from taskcal.observations.base import TrackerNoise
     from taskcal.robot.effects import Effect
     from taskcal.robot.error_model import ErrorModel
     from taskcal.robot.robot import Robot
 
 
-# ``taskcal identify`` of a Parquet file with more rows than are held at once.
-
-WHOLE_ROWS = 200_000
-"""Of a Parquet file, up to which it is read and fitted whole."""
-
-MOST_NAMED = 100
-"""Rows left out that are named."""
-
-
-def has_too_many_rows(path: Path) -> bool:
-    """Whether a file is Parquet and has more rows than are fitted at once.
-
-    Raises:
-        FileError: it is a damaged one.
-    """
-    if not path.is_file():
-        return False
-    from taskcal.tables.parquet import count_rows
-
-    return (count_rows(path) or 0) > WHOLE_ROWS
-
-
-def refuse_what_needs_all_rows(groups: Sequence[Any], *, but: Sequence[str] = ()) -> None:
-    """See that no option was given that a fit in parts has not got.
-
-    Args:
-        groups: of options, each with its defaults.
-        but: those that it has.
-
-    Raises:
-        typer.BadParameter: one was.
-    """
-    for group in groups:
-        for option in fields(group):
-            if option.name not in but and getattr(group, option.name) != option.default:
-                raise typer.BadParameter(
-                    f"a file of more than {WHOLE_ROWS} rows is fitted in parts, by geometry, tolerances and a tracker alone; "
-                    "thin out its rows for this",
-                    param_hint=f"--{option.name.replace('_', '-')}",
-                )
-
-
-def identify_parts(
-    campaign: Path, robot: str, output: Path, outputs: "Outputs", noise: "TrackerNoise | None"
-) -> tuple[dict[str, Any], "ChunkedFit"]:
-    """Identify a campaign in parts, and write the calibration; returns what is reported, in millimetres.
-
-    Raises:
-        TaskcalError: the file or its rows cannot give it.
-    """
-    from taskcal.identification.chunked_fit import identify_in_chunks
-    from taskcal.identification.identify import fit_nominal
-    from taskcal.identification.options import FitOptions
-    from taskcal.identification.validation import validate
-    from taskcal.reading.chunked import campaign_in_chunks
-    from taskcal.robot.catalogue import load_robot
-    from taskcal.robot.error_model import ErrorModel
-
-    model = ErrorModel(load_robot(robot))
-    reading, fitting = f"reading {campaign.name} in parts", "fitting all rows"
-    with bar_over([reading, fitting]) as begin, campaign_in_chunks(campaign, model.robot) as chunked:
-        for note in chunked.sample.notes:
-            info(f"{campaign.name}: {note}")
-        begin(fitting)
-        fitted = identify_in_chunks(model, chunked, noise=noise)
-        nominal = validate(fit_nominal(model, chunked.sample, FitOptions(noise=noise)), chunked.sample)
-    calibration = fitted.calibration
-    for remark in calibration.remarks:
-        info(remark)
-    outputs.write({output: calibration.to_text()})
-    return {
-        "calibration": output,
-        **calibration.summary(),
-        "rows": fitted.rows,
-        "left_out": list(fitted.left_out[:MOST_NAMED]),
-        "left_out_count": len(fitted.left_out),
-        "nominal_of_sample": nominal.summary(),
-        "fitted": _summary(fitted.fitted),
-        "held_out_from_sample": _summary(fitted.unseen),
-    }, fitted
-
-
-def _summary(errors: "ErrorsOfMany") -> dict[str, float]:
-    return {
-        "n": errors.count,
-        "mean_mm": errors.mean * 1e3,
-        "rms_mm": errors.rms * 1e3,
-        "max_mm": errors.maximum * 1e3,
-    }
-
-
-def show_parts(result: Mapping[str, Any], fitted: "ChunkedFit", *, as_json: bool, parameters: bool) -> None:
-    """Print what is reported."""
-    if as_json:
-        write_json(result)
-        return
-
-    from taskcal.report.calibration import tabulate_parameters
-
-    if parameters:
-        show(tabulate_parameters(fitted.calibration))
-    all_rows, unseen = result["fitted"], result["held_out_from_sample"]
-    say(
-        f"{result['robot']}: {all_rows['mean_mm']:.3f} mm mean error in space on {all_rows['n']} fitted points; a fit of the "
-        f"sample alone leaves {unseen['mean_mm']:.3f} mm on the {unseen['n']} that were not in it, the nominal robot "
-        f"{result['nominal_of_sample']['mean_mm']:.3f} mm"
-    )
-    tell()
-    left_out = ", ".join(map(str, fitted.left_out[:10])) + (", …" if len(fitted.left_out) > 10 else "")
-    show_facts([
-        ("largest", f"{all_rows['max_mm']:.3f} mm of the rows that were fitted"),
-        ("left out", f"{len(fitted.left_out)} rows that cannot be right{f': {left_out}' if left_out else ''}"),
-        ("model error", f"{result['model_error_mm']:.3g} mm per axis (1σ), from the sample"),
-        ("calibration", f"wrote {result['calibration']}"),
-    ])  # fmt: skip
-
-
 @dataclass(frozen=True, kw_only=True)
 class SearchOptions:
-    """What may be added to the geometry."""
+    """Additions to the geometry."""
 
     effects: Annotated[
         str,
-        typer.Option(
+        option(
             "--effects",
-            metavar="auto|none|LIST",
-            help="What the joints do beside the geometry: 'auto' takes all at once, each as large as the data say; or add some "
-            "of those listed below, unproven. None by default.",
+            "auto|none|LIST",
+            "Non-geometric effects: 'auto' estimates all of them with their variances; a list adds the named effects without a "
+            "significance test. None by default.",
         ),
     ] = "none"
     field: Annotated[
-        bool,
-        typer.Option(
-            "--field",
-            help="Try a smooth function of all joints at each joint, which 'auto' has among all others.",
-        ),
+        bool, option("--field", help="Try a smooth function of all joints at each joint, which 'auto' includes.")
     ] = False
 
     @property
@@ -170,30 +51,18 @@ class SearchOptions:
         """Whether anything but the geometry is asked for."""
         return self.field or self.effects != "none"
 
-    def named(self) -> "list[Effect] | None":
-        """Effects that are named; None where they are to be found.
-
-        Raises:
-            typer.BadParameter: a name that means no effect.
-        """
-        from taskcal.cli.options.effects import read_effects
-
-        return read_effects(self.effects)
-
 
 @dataclass(frozen=True, kw_only=True)
 class ShownOptions(OutputOptions):
     """How the result is given, and how much of it."""
 
-    parameters: Annotated[bool, typer.Option("--parameters", help="List the parameters that were identified.")] = False
+    parameters: Annotated[bool, option("--parameters", help="List the identified parameters.")] = False
 
 
 def command(
     campaign: CampaignArgument,
     robot: RobotOption,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="CAL.json", readable=False, help="Calibration to write.")
-    ],
+    output: Annotated[Path, option("--output -o", "CAL.json", "Output: the calibration.")],
     reading: CampaignOptions,
     holdout: HoldoutOptions,
     fitting: FitCommandOptions,
@@ -202,66 +71,72 @@ def command(
 ) -> None:
     """Identify a robot's parameters, tracker frame and targets from a campaign.
 
-    Rows that are not fitted, by --rows or --holdout, are predicted and reported beside the fitted ones; with --folds, each row is,
+    Rows excluded by --rows or --holdout are predicted and reported beside the fitted ones. With --folds, each row is predicted
     once, by a fit of the other parts.
 
-    With --effects or --field, every step is cross-validated on the fitted rows, and a table says what it was worth.
+    With --effects or --field, every step is cross-validated on the fitted rows; a table compares the models.
     """
     if reading.rows is not None and holdout.asked:
         raise typer.BadParameter(
-            "choose one: rows that --rows leaves out are held out already", param_hint="--rows / --holdout, --folds"
+            "use --rows or --holdout/--folds, not both: rows outside --rows are already held out",
+            param_hint="--rows / --holdout, --folds",
         )
-    if search.effects == "auto" and fitting.prior is PriorChoice.none:
+    if search.effects == "auto" and fitting.prior == "none":
         raise typer.BadParameter(
-            "effects are found by their evidence, which needs a prior; name them, or leave out --prior none",
+            "'auto' weighs effects by their evidence, which needs a prior; list the effects, or omit --prior none",
             param_hint="--effects / --prior",
         )
-    effects = search.named() if search.searching else []
+    effects = read_effects(search.effects) if search.searching else []
     inputs = [campaign, robot, reading.points, reading.rows, fitting.registration_file]
-    outputs = check_outputs("identify", [("--output", output)], inputs, force=out.force)
+    outputs = out.begin("identify", [("--output", output)], inputs)
     if has_too_many_rows(campaign):
         refuse_what_needs_all_rows([reading, holdout, fitting, search], but=["mpe_to_sigma"])
-        result, chunked = identify_parts(campaign, robot, output, outputs, fitting.noise())
-        show_parts(result, chunked, as_json=out.as_json, parameters=out.parameters)
+        chunked, result = identify_parts(campaign, robot, fitting.noise())
+        outputs.write({output: chunked.calibration.to_text()})
+        result = {"calibration": output, **result}
+        out.give(result, lambda: show_parts(result, chunked, parameters=out.parameters))
         return
     from taskcal.robot.catalogue import load_robot
 
     described = load_robot(robot)
-    try:
+    with _explained(campaign, described, FileError):
         read = reading.read(campaign, described, noise=fitting.noise())
-    except FileError as refusal:
-        if refusal.path != str(campaign):  # of another file, of rows or points, which no diagnosis explains
-            raise
-        raise _explained_refusal(refusal, campaign, described) from refusal
     from taskcal.robot.error_model import ErrorModel  # after the file was read: the compiler takes a while to import
 
     model = ErrorModel(described, lengths_only=fitting.lengths_only)
     if fitting.mpe_to_sigma is not None and read.whole.uncertainty is not None:
         info("--mpe-to-sigma has no effect: the campaign states its own uncertainties (u_mm)")
     fit = _Fit(model=model, fitting=fitting, search=search, effects=effects, seed=holdout.seed, fits=holdout.fits)
-    try:
+    with _explained(campaign, described, CampaignError, FitError):
         calibration = holdout.fit(read, fit, fit.nominal)
-    except (CampaignError, FitError) as refusal:
-        raise _explained_refusal(refusal, campaign, model.robot) from refusal
     for remark in calibration.remarks:
         info(remark)
     outputs.write({output: calibration.to_text()})
     from taskcal.identification.effects import tracker_error
 
-    fitted = holdout.fitted_rows(read)
-    from taskcal.cli.fit_report import report, show_report
+    fitted = read.whole.take(holdout.fitted_rows(read))
+    result = {"calibration": output, **report(calibration, fitted, fit), "drift": read.drift, **_effects(fit)}
 
-    reported = report(calibration, read.whole.take(fitted), fit.nominal)
-    result = {"calibration": output, **reported, "drift": read.drift, **_explained(fit.explanation)}
-    if out.as_json:
-        write_json(result)
-    else:
-        tracker_mm = tracker_error(read.whole.take(fitted), fitting.noise()) * 1e3
+    def show_all() -> None:
+        tracker_mm = tracker_error(fitted, fitting.noise()) * 1e3
         show_report(calibration, result, tracker_mm=tracker_mm, parameters=out.parameters)
         if fit.explanation is not None:
-            from taskcal.cli.options.effects import show_explanation
-
             show_explanation(fit.explanation)
+
+    out.give(result, show_all)
+
+
+@contextmanager
+def _explained(campaign: Path, robot: "Robot", *refusals: type[TaskcalError]) -> Generator[None, None, None]:
+    """Add to a refusal of the campaign what the doctor finds."""
+    try:
+        yield
+    except refusals as refusal:
+        if isinstance(refusal, FileError) and refusal.path != str(campaign):
+            raise  # of another file, of rows or points, which no diagnosis explains
+        from taskcal.cli.commands.doctor import with_first_finding
+
+        raise TaskcalError(with_first_finding(refusal, campaign, robot)) from refusal
 
 
 @dataclass(kw_only=True)
@@ -281,17 +156,25 @@ class _Fit:
         """Fit all rows of a campaign."""
         options = self.fitting.options(self.model, measured)
         self.done += 1
+        fold = f"fold {self.done - 1} of {self.fits - 1}"
         if not self.search.searching:
             from taskcal.identification.identify import identify
 
-            step = "identification" if self.done == 1 else f"fold {self.done - 1} of {self.fits - 1}"
-            with bar_by_parts(step) as show:
-                show(step, self.done - 1, self.fits)
+            step = "identification" if self.done == 1 else fold
+            with bar_by_parts(step) as show_step:
+                show_step(step, self.done - 1, self.fits)
                 return identify(self.model, measured, options=options)
-        part = f"fold {self.done - 1} of {self.fits - 1}: " if self.done > 1 else ""
-        explanation = _explain(
-            self.model, measured, self.effects, options, field=self.search.field, seed=self.seed, part=part
-        )
+        from taskcal.identification.effects import EffectSearch, search_steps, select_effects
+
+        for effect in self.effects or ():
+            measured.check_told(effect.needs, effect.key)
+        effects = None if self.effects is None else [one.referred(measured.conditions) for one in self.effects]
+        search = EffectSearch(effects=effects, field=self.search.field, seed=self.seed)
+        part = f"{fold}: " if self.done > 1 else ""
+        with bar_over([f"{part}{step}" for step in search_steps(self.model, measured, search)]) as begin:
+            explanation = select_effects(
+                self.model, measured, search, options=options, progress=lambda step: begin(f"{part}{step}")
+            )
         self.explanation = self.explanation or explanation
         return explanation.calibration
 
@@ -302,45 +185,441 @@ class _Fit:
         return fit_nominal(self.model, measured, self.fitting.options(self.model, measured))
 
 
-def _explained_refusal(refusal: TaskcalError, campaign: Path, robot: "Robot") -> TaskcalError:
-    """The refusal, and what the doctor finds."""
-    from taskcal.cli.commands.doctor import with_first_finding
-
-    return TaskcalError(with_first_finding(refusal, campaign, robot))
+# The result for machines.
 
 
-def _explain(
-    model: "ErrorModel",
-    measured: "Campaign",
-    effects: "list[Effect] | None",
-    options: "FitOptions",
-    *,
-    field: bool,
-    seed: int,
-    part: str,
-) -> "Explanation":
-    from taskcal.cli.options.effects import refer_to
-    from taskcal.identification.effects import EffectSearch, search_steps, select_effects
+def report(calibration: "Calibration", measured: "Campaign", fit: _Fit) -> dict[str, Any]:
+    """A fit in millimetres and milliradians.
 
-    search = EffectSearch(effects=refer_to(measured, effects), field=field, seed=seed)
-    with bar_over([f"{part}{step}" for step in search_steps(model, measured, search)]) as say:
-        return select_effects(model, measured, search, options=options, progress=lambda step: say(f"{part}{step}"))
+    Args:
+        calibration: the fit.
+        measured: the rows that were fitted, gross errors among them.
+        fit: fits tracker frame and targets of the nominal robot.
+    """
+    from taskcal.identification.calibration import list_unknowns
+    from taskcal.identification.validation import validate
+    from taskcal.report.calibration import describe_unobservable
+    from taskcal.report.content import model_error_origin, prior_scale_origin
+
+    wrong = {row.id for row in calibration.left_out}
+    right = measured.take([i for i, name in enumerate(measured.ids) if name not in wrong])
+    held_out, registration = calibration.held_out, calibration.layout.registration
+    before = validate(fit.nominal(right), right) if held_out is None else held_out.nominal_validation
+    tracked = calibration.layout.base_size > 0  # else the measuring frame is the robot's base
+    return {
+        **calibration.summary(),
+        "rows": len(measured),
+        "nominal": before.summary(),
+        "fitted": validate(calibration, right).summary(),
+        "held_out": None if held_out is None else held_out.validation.summary(),
+        "holdout": None if held_out is None else held_out.summary(),
+        "model_error_origin": model_error_origin(calibration),
+        "prior_scale_origin": prior_scale_origin(calibration) or None,
+        "tracker_frame": placement(calibration.T_tracker_base) if tracked else None,
+        "observations": list_unknowns(calibration),
+        "registration": {"method": registration.method, "file": registration.file or None},
+        "targets": {
+            name: {**placement(T), "located": not unlocated, "unlocated": unlocated or None}
+            for name, T, unlocated in zip(
+                calibration.targets, calibration.T_tool_target, describe_unobservable(registration), strict=True
+            )
+        },
+    }
 
 
-def _explained(explanation: "Explanation | None") -> dict[str, Any]:
+def _effects(fit: _Fit) -> dict[str, Any]:
+    explanation = fit.explanation
     if explanation is None:
         return {}
-    from taskcal.cli.options.effects import collinearities_json
-
     return {
         "explanation": explanation.summary(),
         "not_tried": dict(explanation.untried),
         "tracker_mm": explanation.tracker * 1e3,
-        "collinear": collinearities_json(explanation),
+        "collinear": [
+            {
+                "name": near.name,
+                "share": near.share,
+                "variance_inflation": near.inflation if math.isfinite(near.inflation) else None,
+                "explained_by": dict(near.by),
+            }
+            for near in explanation.collinearities
+        ],
     }
 
 
-# What a user wants to know of a fit first: what it was worth, and what to do next.
+# The result for people: a sentence, next steps, and tables.
+
+MAX_HELD_OUT_RATIO = 1.6
+"""Ratio of held-out error to fit residual, beyond which more poses are recommended: the fit has more freedom than its rows."""
+
+MAX_NOISE_RATIO = 2.0
+"""Ratio of the error to tracker noise, beyond which non-geometric effects are recommended."""
+
+MAX_NAMED_ROWS = 5
+MAX_SHOWN_EFFECTS = 40
+"""Parameters of effects that a terminal shows, whatever their significance."""
+
+MIN_SIGNIFICANCE = 2.0
+"""Standard errors from zero beyond which more of them are shown: 95 % of a normal distribution."""
 
 
-# What ``taskcal identify`` says of a calibration.
+def show_report(
+    calibration: "Calibration", result: Mapping[str, Any], *, tracker_mm: float, parameters: bool = False
+) -> None:
+    """Print a calibration: the verdict, the errors, what to do next, and the rest.
+
+    Args:
+        calibration: the fit.
+        result: what `report` returns of it.
+        tracker_mm: mean 3D error of tracker noise alone.
+        parameters: whether to print the parameters, too.
+    """
+    from taskcal.report import calibration as tables
+
+    held_out = result["held_out"]
+    summaries = {tables.NOMINAL: result["nominal"], "fitted": result["fitted"]}
+    summaries |= {} if held_out is None else {"held out": held_out}
+    after, before = (held_out or result["fitted"])["mean_mm"], result["nominal"]["mean_mm"]
+    in_space = all(kind.width >= 3 for kind in calibration.layout.observed)
+    say(tables.verdict(result["robot"], before, after, held_out and held_out["n"], in_space=in_space))
+    tell()
+    title = "Position error (base-frame components: maximum; 3D: max, mean, rms, p95), mm"
+    title = title if "max_x_mm" in result["fitted"] else "Error: measured less predicted"
+    show(tables.tabulate_errors(title, summaries))
+    steps = next_steps(calibration, result, tracker_mm)
+    show_facts([("next" if number == 0 else "", step) for number, step in enumerate(steps)])
+    tell()
+    for table in (tables.tabulate_left_out(calibration), tables.tabulate_outliers(calibration)):
+        if len(table):
+            show(table)
+    if parameters:
+        _show_parameters(calibration, result)
+    held = [] if calibration.held_out is None else [("held out", tables.describe_held_out(calibration.held_out))]
+    show_facts([*held, *_facts(result, parameters=parameters)])
+
+
+def next_steps(calibration: "Calibration", result: Mapping[str, Any], tracker_mm: float) -> list[str]:
+    """What to do next, the most urgent first.
+
+    Args:
+        calibration: the fit.
+        result: what `report` returns of it.
+        tracker_mm: mean 3D error of tracker noise alone.
+    """
+    import numpy as np
+
+    from taskcal.report.calibration import are_most
+
+    taskcal, cal, held_out = started_as(), result["calibration"], result["held_out"]
+    steps: list[str] = []
+    mostly = are_most(len(calibration.outliers), int(np.isfinite(calibration.studentised).sum()))
+    judged = [
+        (outlier.row, mostly or alike)
+        for outlier, alike in zip(calibration.outliers, calibration.shared_outliers, strict=True)
+    ]
+    wrong = {row.row for row in calibration.left_out} | {row for row, of_model in judged if not of_model}
+    if wrong:
+        steps.append(f"measure {_rows(wrong)} again, or leave them out: see below")
+    of_model = {row for row, of_model in judged if of_model} - wrong
+    if of_model:
+        steps.append(
+            f"do not measure {_rows(of_model)} again: model error, since their neighbours err alike; see below"
+        )
+    left, fitted = (held_out or result["fitted"])["mean_mm"], result["fitted"]["mean_mm"]
+    if held_out is None:
+        steps.append("estimate the held-out error: --holdout 0.3, or --folds 5 to use every row")
+    elif left > MAX_HELD_OUT_RATIO * fitted:
+        steps.append(
+            f"measure more poses: the held-out error is {left / fitted:.1f} times the fit residual; {taskcal} plan selects them"
+        )
+    if any(target["unlocated"] for target in result["targets"].values()):
+        steps.append("measure in several orientations: these poses do not locate every target")
+    searched = "explanation" in result or calibration.model.effects
+    if not (searched or calibration.model.robot.driven) and left > MAX_NOISE_RATIO * tracker_mm:
+        kind = "fitted" if held_out is None else "held-out"
+        steps.append(
+            f"fit non-geometric effects (--effects auto): {kind} error {left:.3f} mm, tracker noise {tracker_mm:.3f} mm"
+        )
+    steps.append(f"full report: {taskcal} report {cal}; correct a program: {taskcal} correct -c {cal} PROGRAM")
+    return steps
+
+
+def _rows(numbers: Collection[int]) -> str:
+    rows = sorted(numbers)
+    more = f" and {len(rows) - MAX_NAMED_ROWS} more" if len(rows) > MAX_NAMED_ROWS else ""
+    return f"rows {', '.join(map(str, rows[:MAX_NAMED_ROWS]))}{more}"
+
+
+def _show_parameters(calibration: "Calibration", result: Mapping[str, Any]) -> None:
+    from taskcal.report.calibration import tabulate_parameters
+
+    unclear = _unclear_effects(calibration)
+    table = tabulate_parameters(
+        calibration, leave_out=lambda name: _HARMONIC.match(name) is not None or name in unclear
+    )
+    if len(table):
+        show(table)
+    if unclear:
+        say(
+            f"{len(unclear)} more parameters of effects, within {MIN_SIGNIFICANCE:g} standard errors of zero or of the smooth "
+            "field: see --json"
+        )
+    show_harmonics(result["parameters"])
+
+
+def _unclear_effects(calibration: "Calibration") -> set[str]:
+    """Parameters of effects that have a meaning alone and may be zero; harmonics are shown by their amplitudes."""
+    from taskcal.robot.error_model import ErrorModel
+
+    geometry = set(ErrorModel(calibration.model.robot).names)
+    names = {calibration.model.names[i]: i for i in calibration.estimated}
+    effects = {name: i for name, i in names.items() if name not in geometry}
+    if len(effects) <= MAX_SHOWN_EFFECTS:
+        return set()
+    return {
+        name
+        for name, i in effects.items()
+        if not _HARMONIC.match(name)
+        and (abs(calibration.estimate[i]) < MIN_SIGNIFICANCE * calibration.standard_errors[i] or ".field_" in name)
+    }
+
+
+def _facts(result: Mapping[str, Any], *, parameters: bool) -> list[tuple[str, str]]:
+    scale = result["prior_scale"]
+    pairs = [f"{c['a']} and {c['b']} {c['correlation']:+.3f}" for c in result["correlations"]]
+    rotation = f" and {result['model_error_mrad']:.3g} mrad" if "model_error_mrad" in result else ""
+    held = f", {result['prior_scale_origin']}" if result["prior_scale_origin"] else ""
+    unseen = sum(p["seen"] is False for p in result["parameters"])
+    facts = [("prior", f"{unseen} parameters prior-dominated (posterior 1σ ≥ 0.95 prior 1σ)")] if unseen else []
+    facts += [
+        ("model error", f"{result['model_error_mm']:.3g} mm{rotation} per axis (1σ), {result['model_error_origin']}"),
+        ("prior scale", "no prior" if scale is None else f"{scale:.3g} times the tolerances{held}"),
+        *([("largest correlations", "; ".join(pairs))] if parameters else []),
+        ("tracker frame", _measuring_frame(result)),
+    ]
+    for name, target in result["targets"].items():
+        unsure = f"; {target['unlocated']}" if target["unlocated"] else ""
+        facts.append((f"target {name}", f"at {_point(target)} of the tool frame{unsure}"))
+    if parameters:
+        ended = f"{result['reason']}; {result['iterations']} iterations in the last of {result['rounds']} rounds"
+        facts.append(("convergence", ended))
+    else:
+        facts.append(("parameters", f"{len(result['parameters'])} identified: --parameters lists them"))
+    facts.append(("calibration", f"wrote {result['calibration']}"))
+    return facts
+
+
+def _measuring_frame(result: Mapping[str, Any]) -> str:
+    if result["tracker_frame"] is None:
+        unknowns = sum(len(one["unknowns"]) for one in result["observations"])
+        return f"none: measured in the robot's base, with {unknowns} unknowns of the fixed objects fitted (see --json)"
+    file, circles = result["registration"]["file"], result["registration"]["method"] == "circles"
+    text = f"base at {_point(result['tracker_frame'])}"
+    if not (file or circles):
+        return text
+    return f"{text}; registered from {f'{file}, ' if file else ''}{'circles' if circles else 'poses'}"
+
+
+def _point(placed: Mapping[str, Any]) -> str:
+    position = " ".join(f"{value:.3f}" for value in placed["position_mm"])
+    quaternion = " ".join(f"{value:.6f}" for value in placed["quaternion"])
+    return f"{position} mm, quaternion {quaternion}"
+
+
+# Effects: the comparison of models, and harmonics by their amplitudes.
+
+MAX_HARMONICS = 12
+"""Harmonics that are shown, the strongest."""
+
+MAX_NAMED_EFFECTS = 3
+MAX_NAMED_COLLINEAR = 4
+
+
+def show_explanation(explanation: "Explanation") -> None:
+    """Print the comparison of the models, and the contribution of each effect among all others."""
+    header = ("added to the rows above", "parameters", "error mm", "SE mm", "used", "reason")
+    title = "Model comparison: mean 3D error, cross-validated, with the standard error (SE) of its change"
+    show_table(title, header, [_row(stage, stage.cross_validated) for stage in explanation.steps], left=(0, 4, 5))
+    if explanation.worths:
+        header = ("effect", "parameters", "increase mm", "SE mm", "supported", "reason")
+        title = "Effect contributions: increase of the error when the effect is removed"
+        show_table(title, header, [_row(stage, stage.worth or 0.0) for stage in explanation.worths], left=(0, 4, 5))
+    facts = [("summary", _sentence(explanation))]
+    if explanation.collinearities:
+        named = [
+            f"{near.name} is {_percent(near.share)} explained by {', '.join(near.by)}"
+            for near in explanation.collinearities
+        ]
+        more = f"; and {len(named) - MAX_NAMED_COLLINEAR} more" if len(named) > MAX_NAMED_COLLINEAR else ""
+        facts.append(
+            (
+                "poorly determined",
+                f"at the fitted poses {'; '.join(named[:MAX_NAMED_COLLINEAR])}{more}. Individual values are poorly determined; "
+                "predictions at similar poses are unaffected",
+            )
+        )
+    if explanation.untried:
+        facts.append(("not tried", "; ".join(f"{name}: {reason}" for name, reason in explanation.untried.items())))
+    show_facts(facts)
+
+
+def _row(stage: "Stage", metres: float) -> tuple[str, ...]:
+    return (
+        stage.name,
+        str(stage.parameters),
+        f"{metres * 1e3:.4f}",
+        f"{stage.standard_error * 1e3:.4f}",
+        "yes" if stage.accepted else "no",
+        stage.reason,
+    )
+
+
+def _percent(share: float) -> str:
+    """Rounded down, so that only an exact repeat is 100 %."""
+    return f"{math.floor(min(share + 1e-9, 1.0) * 1e4) / 1e2:g} %"
+
+
+def _sentence(explanation: "Explanation") -> str:
+    first, *others = explanation.steps
+    steps = [f"geometry {first.cross_validated * 1e3:.4f} mm"]
+    for stage in others:
+        name = "all effects" if explanation.worths and stage is others[-1] else stage.name
+        steps.append(f"with {name} {stage.cross_validated * 1e3:.4f} mm{'' if stage.accepted else ' (not used)'}")
+    largest = [stage.name for stage in explanation.worths if stage.accepted][:MAX_NAMED_EFFECTS]
+    if largest:
+        steps.append(f"largest contributions {' and '.join(largest)}")
+    return f"{', '.join(steps)}; tracker noise {explanation.tracker * 1e3:.4f} mm"
+
+
+_HARMONIC = re.compile(r"(.+)\.(?:cos|sin)(\d+(?:\.\d+)?)$")
+"""Name of a cosine or sine of a joint's angle."""
+
+
+def strongest_harmonics(parameters: Sequence[Mapping[str, Any]]) -> list[tuple[str, float, float, float]]:
+    """Joint, order, amplitude and its standard error, mrad, of the harmonics, largest first."""
+    parts: dict[tuple[str, float], list[Mapping[str, Any]]] = defaultdict(list)
+    for parameter in parameters:
+        match = _HARMONIC.match(parameter["name"])
+        if match is not None:
+            parts[match[1], float(match[2])].append(parameter)
+    harmonics: list[tuple[str, float, float, float]] = []
+    for (joint, order), (a, b) in ((key, pair) for key, pair in parts.items() if len(pair) == 2):
+        x, y = a["estimate_mrad"], b["estimate_mrad"]
+        size = (x**2 + y**2) ** 0.5
+        errors = a["standard_error_mrad"], b["standard_error_mrad"]
+        spread = ((x * errors[0]) ** 2 + (y * errors[1]) ** 2) ** 0.5 / size if size else max(errors)
+        harmonics.append((joint, order, size, spread))
+    return sorted(harmonics, key=lambda row: -row[2])
+
+
+def show_harmonics(parameters: Sequence[Mapping[str, Any]]) -> None:
+    """Print the strongest harmonics, if there are any."""
+    harmonics = strongest_harmonics(parameters)
+    if harmonics:
+        more = f", the {MAX_HARMONICS} strongest of {len(harmonics)}" if len(harmonics) > MAX_HARMONICS else ""
+        rows = [(j, str(order), f"{size:.4f}", f"{u:.4f}") for j, order, size, u in harmonics[:MAX_HARMONICS]]
+        header = ("joint", "periods per turn", "amplitude mrad", "1σ mrad")
+        show_table(f"Harmonics of the joint angles{more}", header, rows)
+
+
+# A Parquet file with more rows than are held at once.
+
+WHOLE_ROWS = 200_000
+"""Rows of a Parquet file up to which it is read and fitted whole: about 1 GB."""
+
+MAX_NAMED_LEFT_OUT = 100
+
+
+def has_too_many_rows(path: Path) -> bool:
+    """Whether a file is Parquet and has more rows than are fitted at once.
+
+    Raises:
+        FileError: it is a damaged one.
+    """
+    if not path.is_file():
+        return False
+    from taskcal.tables.parquet import count_rows
+
+    return (count_rows(path) or 0) > WHOLE_ROWS
+
+
+def refuse_what_needs_all_rows(groups: Sequence[Any], *, but: Sequence[str] = ()) -> None:
+    """Check that no option was given that a fit in parts does not have.
+
+    Args:
+        groups: of options, each with its defaults.
+        but: those that it has.
+
+    Raises:
+        typer.BadParameter: one was.
+    """
+    for group in groups:
+        for given in fields(group):
+            if given.name not in but and getattr(group, given.name) != given.default:
+                raise typer.BadParameter(
+                    f"not available for a file of more than {WHOLE_ROWS} rows, which is fitted in parts: geometry, tolerances and "
+                    "a tracker alone; thin out its rows for this",
+                    param_hint=f"--{given.name.replace('_', '-')}",
+                )
+
+
+def identify_parts(campaign: Path, robot: str, noise: "TrackerNoise | None") -> tuple["ChunkedFit", dict[str, Any]]:
+    """Identify a campaign in parts; returns the fit, and its report in millimetres.
+
+    Raises:
+        TaskcalError: the file or its rows do not determine it.
+    """
+    from taskcal.identification.chunked_fit import identify_in_chunks
+    from taskcal.identification.identify import fit_nominal
+    from taskcal.identification.options import FitOptions
+    from taskcal.identification.validation import validate
+    from taskcal.reading.chunked import campaign_in_chunks
+    from taskcal.robot.catalogue import load_robot
+    from taskcal.robot.error_model import ErrorModel
+
+    model = ErrorModel(load_robot(robot))
+    reading, fitting = f"reading {campaign.name} in parts", "fitting all rows"
+    with bar_over([reading, fitting]) as begin, campaign_in_chunks(campaign, model.robot) as chunked:
+        for note in chunked.sample.notes:
+            info(f"{campaign.name}: {note}")
+        begin(fitting)
+        fitted = identify_in_chunks(model, chunked, noise=noise)
+        nominal = validate(fit_nominal(model, chunked.sample, FitOptions(noise=noise)), chunked.sample)
+    for remark in fitted.calibration.remarks:
+        info(remark)
+    return fitted, {
+        **fitted.calibration.summary(),
+        "rows": fitted.rows,
+        "left_out": list(fitted.left_out[:MAX_NAMED_LEFT_OUT]),
+        "left_out_count": len(fitted.left_out),
+        "nominal_of_sample": nominal.summary(),
+        "fitted": _summary(fitted.fitted),
+        "held_out_from_sample": _summary(fitted.unseen),
+    }
+
+
+def _summary(errors: "ErrorsOfMany") -> dict[str, float]:
+    millimetres = {"mean": errors.mean, "rms": errors.rms, "max": errors.maximum}
+    return {"n": errors.count, **{f"{name}_mm": value * 1e3 for name, value in millimetres.items()}}
+
+
+def show_parts(result: Mapping[str, Any], fitted: "ChunkedFit", *, parameters: bool) -> None:
+    """Print the report of a fit in parts."""
+    from taskcal.report.calibration import tabulate_parameters
+
+    if parameters:
+        show(tabulate_parameters(fitted.calibration))
+    all_rows, unseen = result["fitted"], result["held_out_from_sample"]
+    say(
+        f"{result['robot']}: mean 3D position error {result['nominal_of_sample']['mean_mm']:.3f} mm nominal, "
+        f"{all_rows['mean_mm']:.3f} mm calibrated ({all_rows['n']} fitted points); a fit of the sample alone: "
+        f"{unseen['mean_mm']:.3f} mm ({unseen['n']} held-out points)"
+    )
+    tell()
+    left_out = ", ".join(map(str, fitted.left_out[:10])) + (", …" if len(fitted.left_out) > 10 else "")
+    show_facts([
+        ("maximum", f"{all_rows['max_mm']:.3f} mm of the fitted rows"),
+        ("left out", f"{len(fitted.left_out)} rows with gross errors{f': {left_out}' if left_out else ''}"),
+        ("model error", f"{result['model_error_mm']:.3g} mm per axis (1σ), from the sample"),
+        ("calibration", f"wrote {result['calibration']}"),
+    ])  # fmt: skip

@@ -1,4 +1,4 @@
-"""``taskcal place``: where to put the part, by the error to be expected there."""
+"""``taskcal place``: where to put the part, by the expected error there."""
 
 import re
 from dataclasses import dataclass
@@ -7,17 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskcal.cli.options.common import RobotOptions, argument, option
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import check_outputs, files_of_task, info, show, show_facts, tell, write_json
+from taskcal.cli.output import files_of_task, info, show, show_facts, tell
 from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
-    from robot_programs.core.program import Program
     from taskcal.correction.part_placement import PartPlacements, Region
-    from taskcal.identification.calibration import Calibration
-    from taskcal.report.page import Page
-    from taskcal.robot.robot import Robot
-    from taskcal.task.task import Task
 
 _NUMBER = r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*"
 
@@ -36,24 +32,15 @@ class RegionOptions:
 
     region: Annotated[
         str,
-        typer.Option(
-            "--region",
-            metavar="X:X,Y:Y,Z:Z",
-            help="How far the part may be moved from where it stands, along the base's axes, mm: -300:300,-200:200,0:100.",
+        option(
+            "--region", "X:X,Y:Y,Z:Z", "Range of shifts of the part in the base frame, mm: -300:300,-200:200,0:100."
         ),
     ]
     turn_deg: Annotated[
-        str,
-        typer.Option(
-            "--turn",
-            metavar="DEG:DEG",
-            help="How far it may be turned about the vertical through the middle of the targets.",
-        ),
+        str, option("--turn", "DEG:DEG", "Range of rotations about the vertical through the middle of the targets.")
     ] = "0"
-    steps: Annotated[
-        int, typer.Option("--steps", min=1, metavar="N", help="Placements along each axis along which it may be moved.")
-    ] = 5
-    turns: Annotated[int, typer.Option("--turns", min=1, metavar="N", help="Turns, where it may be turned.")] = 3
+    steps: Annotated[int, option("--steps", "N", "Placements along each axis with a range.", min=1)] = 5
+    turns: Annotated[int, option("--turns", "N", "Rotations, where there is a range.", min=1)] = 3
 
     def grid(self) -> "Region":
         """In metres and radians.
@@ -71,122 +58,76 @@ class RegionOptions:
                 f"'{self.region}' has {len(axes)} ranges; write three, as -300:300,-200:200,0", param_hint="--region"
             )
         bounds = np.array([_range(text, "--region", "mm") for text in axes]) * 1e-3
-        low, high = _range(self.turn_deg, "--turn", "degrees")
-        turn = float(np.radians(low)), float(np.radians(high))
-        return Region(low=bounds[:, 0], high=bounds[:, 1], turn=turn, steps=(self.steps, self.turns))
-
-
-@dataclass(frozen=True, kw_only=True)
-class OnOptions:
-    """The robot, as calibrated or as built.
-
-    Raises:
-        typer.BadParameter: none is given, or both.
-    """
-
-    calibration: Annotated[
-        Path | None,
-        typer.Option(
-            "--calibration",
-            "-c",
-            metavar="CAL.json",
-            readable=False,
-            help="The robot as calibrated.",
-        ),
-    ] = None
-    robot: Annotated[
-        str | None,
-        typer.Option("--robot", "-r", metavar="ROBOT", help="A robot by its tolerances: catalogue name, or a file."),
-    ] = None
-
-    def __post_init__(self) -> None:
-        if (self.calibration is None) == (self.robot is None):
-            raise typer.BadParameter("give exactly one of them", param_hint="--calibration / --robot")
-
-    def load(self) -> "tuple[Calibration | Robot, Robot]":
-        """What the error is expected of, and its robot."""
-        from taskcal.identification.calibration import load_calibration
-        from taskcal.robot.catalogue import load_robot
-
-        if self.calibration is not None:
-            calibration = load_calibration(self.calibration)
-            return calibration, calibration.model.robot
-        assert self.robot is not None
-        robot = load_robot(self.robot)
-        return robot, robot
+        low, high = np.radians(_range(self.turn_deg, "--turn", "degrees"))
+        return Region(
+            low=bounds[:, 0], high=bounds[:, 1], turn=(float(low), float(high)), steps=(self.steps, self.turns)
+        )
 
 
 def command(
-    what: Annotated[
-        list[Path],
-        typer.Argument(metavar="PROGRAM|TASK.toml [MORE …]", readable=False, help="The files of a program, or a task."),
-    ],
-    on: OnOptions,
+    what: Annotated[list[Path], argument("PROGRAM|TASK.toml [MORE …]", "The files of a program, or a task.")],
+    of: RobotOptions,
     where: RegionOptions,
     cell: Annotated[
-        Path | None,
-        typer.Option(
-            "--cell", metavar="CELL.toml", readable=False, help="What was measured of the program's tools and parts."
-        ),
+        Path | None, option("--cell", "CELL.toml", "Measured frames of the program's tools and parts.")
     ] = None,
     touched_off: Annotated[
         bool,
-        typer.Option(
-            "--touched-off",
-            help="The part is touched off or measured where it is put: what is common to all targets does not count.",
-        ),
+        option("--touched-off", help="The part is touched off in place: an error common to all targets is removed."),
     ] = False,
     force_n: Annotated[
-        str | None,
-        typer.Option(
-            "--force-n", metavar="X,Y,Z", help="Force of the process on the tool, newtons, in axes of the base."
-        ),
+        str | None, option("--force-n", "X,Y,Z", "Process force on the tool, newtons, in the base frame.")
     ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="MAP.csv", readable=False, help="Write all placements here."),
-    ] = None,
+    output: Annotated[Path | None, option("--output -o", "MAP.csv", "Output CSV: all placements.")] = None,
     *,
     page: PageOptions,
 ) -> None:
     """Compare placements of a part by the expected error.
 
-    For every placement: the expected error before and after the correction, how far a process force deflects the tool, whether
-    every motion can be executed, and how far the joints stay from their limits and from singular postures.
+    For every placement: the expected error before and after the correction, the deflection under a process force, whether every
+    motion can be executed, and the distance of the joints from their limits and from singularities.
     """
     force = _force(force_n)
     is_task = len(what) == 1 and what[0].suffix.lower() == ".toml"
     files = files_of_task(what[0]) if is_task else what
-    inputs = [path for path in (*files, on.calibration, cell, page.header) if path is not None]
-    outputs = check_outputs("place", [("--output", output), *page.places], inputs, force=page.force)
-    page.check()
+    outputs = page.begin("place", [("--output", output)], [*files, of.calibration, cell])
     from taskcal.correction.cell import load_cell
     from taskcal.correction.part_placement import place
 
     region = where.grid()
-    loaded, robot = on.load()
-    target = _read(what, robot, is_task=is_task)
-    number = len(region.grid())
-    with bar_over(["placements"], number) as say:
+    model, calibration = of.load()
+    from robot_programs.reading import read_program
+    from taskcal.task.task import load_task
+
+    target = load_task(what[0]) if is_task else read_program(*what, robot=model.robot)
+    with bar_over(["placements"], len(region.grid())) as begin:
         found = place(
-            loaded,
+            calibration or model.robot,
             target,
             region,
             cell=None if cell is None else load_cell(cell),
             force=force,
             touched_off=touched_off,
-            progress=lambda done, of: say("placements"),
+            progress=lambda done, of: begin("placements"),
         )
-    files_written: dict[Path, str | bytes] = {} if output is None else {output: _csv(found)}
-    if page.asked:
-        files_written |= page.compose(_page(found, robot, calibrated=on.calibration is not None))
+    from taskcal.identification.provenance import package_version
+    from taskcal.report.placement import SHOWN, placement_page
+
+    calibrated, name = calibration is not None, model.robot.title or model.robot.name
+    made = page.compose(lambda: placement_page(found, name, calibrated=calibrated, version=package_version()))
+    files_written = {**({} if output is None else {output: _csv(found)}), **made}
     outputs.write(files_written)
-    if page.as_json:
-        write_json({**_as_json(found, output), **page.summary()})
-    else:
-        _show(found, calibrated=on.calibration is not None)
-        if files_written:
-            info(f"written: {page.in_words(files_written)}")
+    result: dict[str, Any] = {
+        "name": found.name,
+        "written": output,
+        "now": found.now.summary(),
+        "best": [placed.summary() for placed in found.ranked[:SHOWN]],
+        "placements": [placed.summary() for placed in found.all],
+        **page.summary(),
+    }
+    page.give(result, lambda: _show(found, calibrated=calibrated))
+    if files_written and not page.as_json:
+        info(f"written: {page.in_words(files_written)}")
     if not found.ranked:
         raise typer.Exit(1)
 
@@ -200,49 +141,26 @@ def _force(text: str | None) -> tuple[float, float, float] | None:
     return x, y, z
 
 
-def _read(paths: list[Path], robot: "Robot", *, is_task: bool) -> "Program | Task":
-    from robot_programs.reading import read_program
-    from taskcal.task.task import load_task
-
-    return load_task(paths[0]) if is_task else read_program(*paths, robot=robot)
-
-
 def _csv(found: "PartPlacements") -> str:
     import pandas as pd
 
     return pd.DataFrame([placed.summary() for placed in found.all]).to_csv(index=False)
 
 
-def _page(found: "PartPlacements", robot: "Robot", *, calibrated: bool) -> "Page":
-    from taskcal.identification.provenance import package_version
-    from taskcal.report.placement import placement_page
-
-    return placement_page(found, robot.title or robot.name, calibrated=calibrated, version=package_version())
-
-
-def _as_json(found: "PartPlacements", output: Path | None) -> dict[str, Any]:
-    from taskcal.report.placement import SHOWN
-
-    return {
-        "name": found.name,
-        "written": output,
-        "now": found.now.summary(),
-        "best": [placed.summary() for placed in found.ranked[:SHOWN]],
-        "placements": [placed.summary() for placed in found.all],
-    }
-
-
 def _show(found: "PartPlacements", *, calibrated: bool) -> None:
     from taskcal.report.placement import state_cost, state_placement, tabulate_placements
 
-    ranked = found.ranked
     show(tabulate_placements(found))
-    facts = [("as it stands", state_placement(found.now))]
-    if ranked:
-        facts.append(("best", state_placement(ranked[0])))
-        facts.append(("best costs", state_cost(found.now, ranked[0])))
+    facts = [("present placement", state_placement(found.now))]
+    if found.ranked:
+        facts.append(("best placement", state_placement(found.ranked[0])))
+        facts.append(("cost of the best", state_cost(found.now, found.ranked[0])))
     else:
-        facts.append(("none", next((p.obstacle for p in found.all if p.obstacle), "all come near singular postures")))
+        facts.append(
+            ("feasible", next((p.obstacle for p in found.all if p.obstacle), "none: all are near singularities"))
+        )
     show_facts(facts)
     if not calibrated:
-        tell("before: of the robot's tolerances, in its own base; a calibration tells what is left after a correction")
+        tell(
+            "before: expected from the robot's tolerances, in its base frame; pass --calibration for the error after correction"
+        )

@@ -1,19 +1,25 @@
-"""``taskcal plan``: which poses to measure."""
+"""``taskcal plan``: the poses to measure."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
 from taskcal.cli.options.campaign import MeasuredOptions
-from taskcal.cli.options.common import ModelErrorOption, SeedOption, TaskOption, check_model_error
-from taskcal.cli.options.model import ModelOptions
+from taskcal.cli.options.common import (
+    ModelErrorOption,
+    ModelOptions,
+    SeedOption,
+    TaskOption,
+    check_model_error,
+    check_one_model_error,
+    option,
+)
 from taskcal.cli.options.observing import ObservingOptions, WayChoice, describe_standing, tell_how_to_measure
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import check_outputs, files_of_task, show, show_facts, write_json
+from taskcal.cli.output import files_of_task, show, show_facts
 from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
@@ -57,30 +63,16 @@ class MeasuringOptions:
 
     program: Annotated[
         list[Path] | None,
-        typer.Option(
+        option(
             "--program",
-            metavar="MEASURE.mod",
-            readable=False,
-            help="Write a robot program that stops in every pose: RAPID .mod, KRL .src, TP .ls or .csv; may be given repeatedly.",
+            "MEASURE.mod",
+            "Write a robot program that stops in every pose: RAPID .mod, KRL .src, TP .ls or .csv; repeatable.",
         ),
     ] = None
-    wait_s: Annotated[
-        float,
-        typer.Option(
-            "--wait-s", min=0.0, max=600.0, metavar="S", help="How long it waits in each pose for the tracker."
-        ),
-    ] = 3.0
-    speed_mm_s: Annotated[
-        float,
-        typer.Option(
-            "--speed-mm-s", min=0.1, max=10_000.0, metavar="MM/S", help="Its speed of the tool point, in RAPID."
-        ),
-    ] = 250.0
+    wait_s: Annotated[float, option("--wait-s", "S", "Waiting time in each pose.", min=0.0, max=600.0)] = 3.0
+    speed_mm_s: Annotated[float, option("--speed-mm-s", "MM/S", "TCP speed, in RAPID.", min=0.1, max=10_000.0)] = 250.0
     speed_percent: Annotated[
-        float,
-        typer.Option(
-            "--speed-percent", min=0.1, max=100.0, metavar="P", help="Its share of the joints' speeds, in KRL."
-        ),
+        float, option("--speed-percent", "P", "Joint speed override, in KRL.", min=0.1, max=100.0)
     ] = 10.0
 
     @property
@@ -185,20 +177,6 @@ class MeasuringOptions:
         self.compose(robot, np.empty((0, len(robot.joints))))
 
 
-class CriterionChoice(StrEnum):
-    """What a plan is good for."""
-
-    task = "task"
-    D = "D"
-    A = "A"
-    E = "E"
-    O1 = "O1"
-    O2 = "O2"
-    O3 = "O3"
-    O4 = "O4"
-    O5 = "O5"
-
-
 @dataclass(frozen=True, kw_only=True)
 class ExtendedOptions(MeasuredOptions):
     """A campaign to go on from, and how it is read; distances and a wire's scale are of a plan without a tracker too."""
@@ -214,23 +192,22 @@ class PlanOptions:
         typer.BadParameter: the model error is negative or not finite.
     """
 
-    count: Annotated[int, typer.Option("--count", "-n", min=1, metavar="N", help="Poses to measure.")] = 60
+    count: Annotated[int, option("--count -n", "N", "Poses to measure.", min=1)] = 60
     seed: SeedOption = 0
     station: Annotated[
         Path | None,
-        typer.Option(
+        option(
             "--station",
-            metavar="STATION.toml",
-            readable=False,
-            help="Tracker, reflectors and obstacles; without it one reflector at the tool point is always seen. With --observe its "
-            "obstacles alone count.",
+            "STATION.toml",
+            "Tracker, reflectors and obstacles; by default one reflector at the TCP, always visible. With --observe only its "
+            "obstacles count.",
         ),
     ] = None
     criterion: Annotated[
-        CriterionChoice,
-        typer.Option("--criterion", help="The expected error over the task, or one of the classical criteria."),
-    ] = CriterionChoice.task
-    candidates: Annotated[int, typer.Option("--candidates", min=1, metavar="N", help="Poses to choose among.")] = 10_000
+        Literal["task", "D", "A", "E", "O1", "O2", "O3", "O4", "O5"],
+        option("--criterion", help="Expected error over the task, or a classical criterion."),
+    ] = "task"
+    candidates: Annotated[int, option("--candidates", "N", "Candidate poses.", min=1)] = 10_000
     model_error_mm: ModelErrorOption = None
 
     def __post_init__(self) -> None:
@@ -259,9 +236,7 @@ class Setting:
 
 def command(
     task: TaskOption,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="PLAN.csv", readable=False, help="Joint positions to measure.")
-    ],
+    output: Annotated[Path, option("--output -o", "PLAN.csv", "Output CSV: planned joint values.")],
     of: ModelOptions,
     measured: ExtendedOptions,
     choice: PlanOptions,
@@ -271,13 +246,12 @@ def command(
 ) -> None:
     """Plan measurement poses that minimise the expected task error.
 
-    They are reached, clear of the robot itself and of obstacles, seen by the tracker,
-    and stand in the order in which to visit them.
+    The poses are reachable, free of collisions with the robot and obstacles, visible to the tracker, and listed in the order of
+    visiting.
 
-    With --observe they are those of a ball in sockets, a wire or a wrist camera, without a tracker.
+    With --observe they are for a ball in sockets, a wire or a wrist camera, without a tracker.
 
-    With --calibration they are chosen for what the calibration still leaves uncertain, with --campaign for what they
-    add to those that were measured already.
+    With --calibration they reduce the uncertainty of that calibration; with --campaign they complement its poses.
     """
     _check_sources(of, measured, choice, observing)
     observed = observing.observe is not WayChoice.tracker
@@ -285,36 +259,31 @@ def command(
     paths = programs.paths
     if setting is not None and setting.way is not None:
         paths = tuple(path for numbered in programs.paths_of(setting.way) for path in numbered)
-    outputs = check_outputs(
+    outputs = page.begin(
         "plan",
-        [("--output", output), *page.places, *(("--program", path) for path in paths)],
-        [
-            of.robot,
-            of.calibration,
-            *files_of_task(task),
-            choice.station,
-            *measured.inputs,
-            page.header,
-            *observing.files,
-        ],
-        force=page.force,
+        [("--output", output), *(("--program", path) for path in paths)],
+        [of.robot, of.calibration, *files_of_task(task), choice.station, *measured.inputs, *observing.files],
     )
-    page.check()
     setting = setting or _read(task, of, measured, choice, observing)
     robot = setting.model.robot
     programs.check(robot)
     steps = 5 + page.asked  # candidates, choice, exchange, two rounds of refinement, page
-    with bar_over(["candidates"], steps) as say:
-        chosen = _plan(setting, choice, measured.campaign or of.calibration, say)
+    with bar_over(["candidates"], steps) as begin:
+        chosen = _plan(setting, choice, measured.campaign or of.calibration, begin)
         contents: dict[Path, str | bytes] = {output: _text(chosen, setting)}
         for source in (
             programs.compose_observed(setting.model, chosen) if chosen.way else programs.compose(robot, chosen.q)
         ):
             contents[source.path] = source.encode()
-        made: dict[Path, str | bytes] = {}
-        if page.asked:
-            say("page")
-            made = page.compose(_page(setting, chosen, choice.seed))
+
+        def make() -> "Page":
+            from taskcal.identification.provenance import package_version
+            from taskcal.report.plan import plan_page
+
+            begin("page")
+            return plan_page(setting.model, setting.task, chosen, seed=choice.seed, version=package_version())
+
+        made = page.compose(make)
         outputs.write({**contents, **made})
     result = {"plan": output, "robot": robot.name, **chosen.summary(), **_visible(chosen, setting.station)}
     if choice.station is not None:
@@ -329,12 +298,13 @@ def command(
     if chosen.way is not None:
         result["standing"] = describe_standing(chosen.way.standing)
     result |= page.summary()
-    if page.as_json:
-        write_json(result)
-    else:
+
+    def show_plan() -> None:
         _show(result, chosen, setting, page.in_words(made))
         if chosen.way is not None:
             tell_how_to_measure(chosen, robot, stated=observing.stated is not None)
+
+    page.give(result, show_plan)
 
 
 def _text(chosen: "Plan", setting: Setting) -> str:
@@ -361,13 +331,9 @@ def _check_sources(
         )
     if measured.campaign is None:
         observing.check(measured)
-    for source, option in ((measured.campaign, "campaign"), (of.calibration, "calibration")):
-        if source is not None and choice.model_error_mm is not None:
-            raise typer.BadParameter(f"the {option} says how large it is", param_hint=f"--{option} / --model-error-mm")
+    check_one_model_error(choice.model_error_mm, measured.campaign, of.calibration)
     if of.calibration is not None and measured.campaign is not None:
-        raise typer.BadParameter(
-            "the calibration knows its campaign; plan on with one of them", param_hint="--calibration / --campaign"
-        )
+        raise typer.BadParameter("give --calibration or --campaign, not both", param_hint="--calibration / --campaign")
 
 
 def _read(
@@ -407,7 +373,7 @@ def _plan(setting: Setting, choice: PlanOptions, source: Path | None, progress: 
             choice.count,
             seed=choice.seed,
             station=setting.station,
-            criterion=choice.criterion.value,
+            criterion=choice.criterion,
             campaign=setting.campaign,
             calibration=setting.calibration,
             candidates=choice.candidates,
@@ -447,17 +413,10 @@ def _in_words(clearance: Mapping[str, list[float] | None], model: "ErrorModel") 
     """The least gaps of all poses, and of what."""
     radii = model.robot.link_radii
     if radii is None:
-        return "not looked at: the robot file states no link_radii_mm"
+        return "not checked: the robot file states no link_radii_mm"
     said = {"between_links": "between links", "to_keep_out": "to keep-out boxes"}
     gaps = [f"{min(gap):.0f} mm {said[name]}" for name, gap in clearance.items() if gap]
     return f"at least {', '.join(gaps) or '–'}; links as capsules of {min(radii) * 1e3:g} to {max(radii) * 1e3:g} mm radius"
-
-
-def _page(setting: Setting, chosen: "Plan", seed: int) -> "Page":
-    from taskcal.identification.provenance import package_version
-    from taskcal.report.plan import plan_page
-
-    return plan_page(setting.model, setting.task, chosen, seed=seed, version=package_version())
 
 
 def _show(result: Mapping[str, Any], chosen: "Plan", setting: Setting, pages: str) -> None:
@@ -469,19 +428,19 @@ def _show(result: Mapping[str, Any], chosen: "Plan", setting: Setting, pages: st
 
     show(tabulate_expected_errors(chosen, setting.task.name, measured_before=result["measured_before"]))
     show(tabulate_by_count(chosen))
-    single = f"a single pose is expected to be {result['expected_with_model_error_mm']:.3f} mm off (rms in space)"
+    single = f"expected error {result['expected_with_model_error_mm']:.3f} mm (3D rms), model error included"
     facts = [
         ("accuracy", describe_accuracy(chosen)),
         ("model error", state_model_error(result["model_error_mm"], result["model_error_origin"])),
-        ("with it", single),
-        ("candidates", f"{chosen.candidates} can be measured; fell away: {describe_lost(chosen) or 'none'}"),
+        ("single pose", single),
+        ("candidates", f"{chosen.candidates} feasible; rejected: {describe_lost(chosen) or 'none'}"),
         ("criterion", f"{chosen.criterion}; {chosen.exchanges} exchanges after the greedy start"),
         ("plan", f"wrote {result['plan']}, in the order in which to visit the poses"),
     ]
     if "visible" in result:
         seen = [len(names) for names in result["visible"]]
         number = f"{min(seen)} to {max(seen)}" if min(seen) < max(seen) else str(max(seen))
-        facts.insert(4, ("reflectors", f"{number} seen at each pose"))
+        facts.insert(4, ("reflectors", f"{number} visible at each pose"))
     if "clearance_mm" in result:
         facts.insert(-2, ("clearance", _in_words(result["clearance_mm"], setting.model)))
     counts = [result["count"]] if chosen.way is None or chosen.of is None else np.bincount(chosen.way.stages[chosen.of])

@@ -4,12 +4,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from taskcal.cli.options.campaign import CampaignOptions
-from taskcal.cli.options.common import CampaignArgument, OutputOptions, RobotOption
-from taskcal.cli.options.registration import Method, register_by
-from taskcal.cli.output import check_outputs, show_facts, show_table, write_json
+from taskcal.cli.options.common import CampaignArgument, OutputOptions, RobotOption, option
+from taskcal.cli.options.fit import Method, register_by
+from taskcal.cli.output import placement, show_facts, show_table
 
 if TYPE_CHECKING:
     from taskcal.campaigns.campaign import Campaign
@@ -17,22 +15,18 @@ if TYPE_CHECKING:
     from taskcal.registration.registration import Registration
     from taskcal.robot.error_model import ErrorModel
 
-WORST = 5
-"""How many of the rows that fit worst are shown."""
+MAX_WORST = 5
+"""Rows with the largest residuals that are shown."""
 
 
 def command(
     campaign: CampaignArgument,
     robot: RobotOption,
     method: Annotated[
-        Method,
-        typer.Option("--method", help="From all poses, or from the circles of axes that turn alone (two or more)."),
-    ] = Method.poses,
+        Method, option("--method", help="All poses, or the circles of axes that turn alone (two or more).")
+    ] = "poses",
     output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output", "-o", metavar="REG.json", readable=False, help="Write it, for identify --registration."
-        ),
+        Path | None, option("--output -o", "REG.json", "Output: the registration, for identify --registration.")
     ] = None,
     *,
     reading: CampaignOptions,
@@ -40,9 +34,9 @@ def command(
 ) -> None:
     """Register tracker frame and targets with the nominal robot.
 
-    The fit of taskcal identify refines what is found here; nothing of the robot is identified yet.
+    The result is the start of the fit of taskcal identify. No parameter of the robot is identified.
     """
-    outputs = check_outputs("register", [("--output", output)], [campaign, robot, reading.rows], force=out.force)
+    outputs = out.begin("register", [("--output", output)], [campaign, robot, reading.rows])
     from taskcal.registration.circles import find_circles
     from taskcal.registration.registration_file import registration_text
     from taskcal.robot.catalogue import load_robot
@@ -50,32 +44,27 @@ def command(
 
     model = ErrorModel(load_robot(robot))
     read = reading.read(campaign, model.robot)
-    measured = read.campaign
-    registration = register_by(method, model, measured)
-    circles = find_circles(model, measured) if method is Method.circles else ()
-    if output is not None:
-        outputs.write({output: registration_text(registration, model, measured)})
+    registration = register_by(method, model, read.campaign)
+    circles = find_circles(model, read.campaign) if method == "circles" else ()
+    outputs.write({output: registration_text(registration, model, read.campaign)})
     result = {
         "registration": output,
         "robot": model.robot.name,
-        "method": method.value,
-        **_frames(registration, model, measured),
-        "circles": [_circle(circle, model, measured) for circle in circles],
+        "method": method,
+        **_frames(registration, model, read.campaign),
+        "circles": [_circle(circle, model, read.campaign) for circle in circles],
         "drift": read.drift,
     }
-    if out.as_json:
-        write_json(result)
-    else:
-        _show(result)
+    out.give(result, lambda: _show(result))
 
 
 def _frames(registration: "Registration", model: "ErrorModel", campaign: "Campaign") -> dict[str, Any]:
     """Frames and residuals, in millimetres."""
-    from taskcal.cli.output import placement
     from taskcal.registration.registration import registration_residuals
     from taskcal.report.calibration import describe_unobservable
 
     left = registration_residuals(registration, model, campaign)
+    names = [f"{target}_mm" for target in campaign.targets]
     return {
         "rows": len(campaign),
         "tracker_frame": placement(registration.T_tracker_base),
@@ -87,11 +76,7 @@ def _frames(registration: "Registration", model: "ErrorModel", campaign: "Campai
         },
         **left.summary(),
         "residuals": [
-            {
-                "row": campaign.row_of(i),
-                "id": name,
-                **dict(zip((f"{t}_mm" for t in campaign.targets), values, strict=True)),
-            }
+            {"row": campaign.row_of(i), "id": name, **dict(zip(names, values, strict=True))}
             for i, (name, values) in enumerate(zip(campaign.ids, left.distances * 1e3, strict=True))
         ],
     }
@@ -115,23 +100,20 @@ def _circle(circle: "AxisCircle", model: "ErrorModel", campaign: "Campaign") -> 
 def _show(result: Mapping[str, Any]) -> None:
     """Print it for people."""
     if result["circles"]:
-        show_table(
-            "Circles, seen by the tracker",
-            ("axis", "target", "rows", "arc °", "radius mm", "off the circle mm, rms"),
-            [
-                (
-                    c["axis"],
-                    c["target"],
-                    str(c["rows"]),
-                    f"{c['arc_deg']:.1f}",
-                    f"{c['radius_mm']:.2f}",
-                    f"{c['residual_mm']:.3f}",
-                )
-                for c in result["circles"]
-            ],
-            left=(0, 1),
-        )
-    frames = {"robot's base, in the tracker frame": result["tracker_frame"]} | {
+        header = ("axis", "target", "rows", "arc °", "radius mm", "rms residual mm")
+        cells = [
+            (
+                c["axis"],
+                c["target"],
+                str(c["rows"]),
+                f"{c['arc_deg']:.1f}",
+                f"{c['radius_mm']:.2f}",
+                f"{c['residual_mm']:.3f}",
+            )
+            for c in result["circles"]
+        ]
+        show_table("Circles in the tracker frame", header, cells, left=(0, 1))
+    frames = {"robot base, in the tracker frame": result["tracker_frame"]} | {
         f"target {name}, in the tool frame": target for name, target in result["targets"].items()
     }
     show_table(
@@ -142,18 +124,18 @@ def _show(result: Mapping[str, Any]) -> None:
             for name, frame in frames.items()
         ],
     )
-    worst = sorted(result["residuals"], key=_largest, reverse=True)[:WORST]
+    worst = sorted(result["residuals"], key=_largest, reverse=True)[:MAX_WORST]
     show_facts([
         (
-            "the nominal robot is off by",
-            f"{result['mean_mm']:.3f} mm on average, {result['rms_mm']:.3f} rms, {result['max_mm']:.3f} at most",
+            "residual, nominal (registered)",
+            f"{result['mean_mm']:.3f} mm mean, {result['rms_mm']:.3f} rms, {result['max_mm']:.3f} maximum (3D)",
         ),
-        ("worst rows", ", ".join(f"{row['row']} (id {row['id']}) {_largest(row):.3f} mm" for row in worst)),
+        ("largest residuals", ", ".join(f"row {row['row']} (id {row['id']}) {_largest(row):.3f} mm" for row in worst)),
         *([("registration", f"wrote {result['registration']}")] if result["registration"] else []),
         *((f"target {name}", target["unlocated"]) for name, target in result["targets"].items() if target["unlocated"]),
     ])  # fmt: skip
 
 
 def _largest(row: Mapping[str, Any]) -> float:
-    """The residual of the target that is farthest off; zero where none was seen."""
+    """The largest residual among the row's targets; zero where none was seen."""
     return max((v for key, v in row.items() if key.endswith("_mm") and v == v), default=0.0)

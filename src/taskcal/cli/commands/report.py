@@ -1,59 +1,60 @@
 """``taskcal report``: a calibration as a page."""
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from taskcal.cli.options.campaign import MeasuredOptions
-from taskcal.cli.options.common import CalibrationArgument, OutputOptions, SeedOption
+from taskcal.cli.options.common import TASK, CalibrationArgument, ForceOption, JsonOption, SeedOption, option
 from taskcal.cli.options.page import BesidePageOptions
-from taskcal.cli.output import check_outputs, files_of_task, show_table, tell, write_json
+from taskcal.cli.output import files_of_task, show_table, tell
 from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     from taskcal.identification.calibration import Calibration
     from taskcal.identification.residual_analysis import ResidualAnalysis
     from taskcal.planning.selection import Rung
     from taskcal.planning.task_map import Uncertainty
 
 
-OVER_TASK, DEPENDING = "uncertainty over the task", "what the residuals depend on"
-CLIMBING = "what each part of the model is worth"
-PAGE, WRITING = "figures and tables", "writing them"
+OVER_TASK, DEPENDING = "uncertainty over the task", "residual analysis"
+CLIMBING = "error reduction by model stage"
+PAGE, WRITING = "figures and tables", "writing the files"
+
+MAX_P_VALUE = 0.05
+"""Probability that chance explains as much, up to which a quantity is listed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportOptions(BesidePageOptions):
+    """The page and how the result is given."""
+
+    output: Annotated[Path, option("--output -o", "REPORT.html", "Output: the page.")] = Path("report.html")
+    seed: SeedOption = 0
+    force: ForceOption = False
+    as_json: JsonOption = False
+
+    @property
+    def page(self) -> tuple[str, Path | None]:
+        """The option that names the page, and its file."""
+        return "--output", self.output
 
 
 def command(
     calibration: CalibrationArgument,
-    task: Annotated[
-        Path | None,
-        typer.Option(
-            "--task", "-t", metavar="TASK.toml", readable=False, help="Show the uncertainty of the tool over this task."
-        ),
-    ] = None,
+    task: Annotated[Path | None, option(*TASK, "Show the TCP uncertainty over this task.")] = None,
     *,
     measured: MeasuredOptions,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="REPORT.html", readable=False, help="Page to write.")
-    ] = Path("report.html"),
-    beside: BesidePageOptions,
-    seed: SeedOption = 0,
-    out: OutputOptions,
+    out: ReportOptions,
 ) -> None:
     """Write an HTML report of a calibration.
 
-    The verdict, the robot in space with its errors before and after, what is left at each pose, the uncertainty of what is
-    predicted, the parameters with their intervals and why they were kept, outliers, and where it all comes from. With
-    --task, how well the tool is known over a task; with --campaign, what the residuals depend on and what each part of the
-    model is worth.
+    The verdict, the robot in space with its errors before and after, residuals at each pose, the uncertainty of predictions, the
+    parameters with their intervals and status, outliers, and provenance. With --task, the TCP uncertainty over a task; with
+    --campaign, residual analysis and the error reduction by model stage.
     """
-    inputs = [calibration, *files_of_task(task), *measured.inputs, beside.header]
-    places = [("--output", output), ("--markdown", beside.markdown)]
-    outputs = check_outputs("report", places, inputs, force=out.force)
-    beside.kind()
-    header = beside.labelled()
+    outputs = out.begin("report", [], [calibration, *files_of_task(task), *measured.inputs])
     from taskcal.identification.calibration import load_calibration
     from taskcal.task.task import load_task
 
@@ -68,31 +69,30 @@ def command(
         uncertainty = None
         if described is not None:
             begin(OVER_TASK)
-            uncertainty = uncertainty_over(calibrated, described, seed)
-        remainder, rungs = _examine(calibrated, measured, seed, begin)
+            uncertainty = uncertainty_over(calibrated, described, out.seed)
+        remainder, rungs = _examine(calibrated, measured, out.seed, begin)
         begin(PAGE)
         shown = Beside(
             over=uncertainty,
             space=None if described is None else described.workspace,
             remainder=remainder,
             rungs=rungs,
-            header=header,
         )
-        page = calibration_page(calibrated, shown, version=package_version())
+        files = out.compose(lambda: calibration_page(calibrated, shown, version=package_version()))
         begin(WRITING)
-        files = {output: page.html(), **beside.files_of(page)}
         outputs.write(files)
-    if out.as_json:
-        write_json(_result(output, calibrated, uncertainty, remainder))
-        return
-    if uncertainty is not None:
-        tell(
-            f"over '{uncertainty.task}', standard deviation in space, rms: target {uncertainty.target * 1e3:.3f} mm; tool "
-            f"{uncertainty.after * 1e3:.3f} mm, {uncertainty.before * 1e3:.3f} mm by the tolerances alone"
-        )
-    if remainder is not None:
-        show_remainder(remainder)
-    tell(f"wrote {beside.in_words(files)}")
+
+    def show() -> None:
+        if uncertainty is not None:
+            tell(
+                f"over '{uncertainty.task}', 3D rms standard uncertainty: target {uncertainty.target * 1e3:.3f} mm; TCP "
+                f"{uncertainty.after * 1e3:.3f} mm, {uncertainty.before * 1e3:.3f} mm from the tolerances alone"
+            )
+        if remainder is not None:
+            show_remainder(remainder)
+        tell(f"wrote {out.in_words(files)}")
+
+    out.give(_result(out.output, calibrated, uncertainty, remainder), show)
 
 
 def _result(
@@ -117,24 +117,24 @@ def _result(
 
 
 def show_remainder(remainder: "ResidualAnalysis") -> None:
-    """Print what the remainder goes with, as far as chance does not give as much."""
+    """Print the quantities that the residuals depend on significantly."""
     rows = [
         (e.regressor.name, e.regressor.moves, f"{100 * e.share:.1f}", f"{e.p_value:.2g}")
         for e in remainder.explained
-        if e.p_value is not None and e.p_value <= 0.05
+        if e.p_value is not None and e.p_value <= MAX_P_VALUE
     ]
-    size = f"{remainder.rms * 1e3:.3f} mm (rms in space; {remainder.tracker * 1e3:.3f} mm by the tracker alone)"
-    title = f"What the residuals, {size}, depend on"
+    size = f"3D rms {remainder.rms * 1e3:.3f} mm, tracker noise {remainder.tracker * 1e3:.3f} mm"
+    title = f"Residual variance explained, by quantity ({size})"
     if rows:
         show_table(title, ("quantity", "moves", "share % of variance", "p"), rows, left=(0, 1))
     else:
-        tell(f"{title}: nothing that was tried")
+        tell(f"{title}: not significant for any quantity")
 
 
 def _examine(
-    calibration: "Calibration", measured: MeasuredOptions, seed: int, begin: "Callable[[str], None]"
+    calibration: "Calibration", measured: MeasuredOptions, seed: int, begin: Callable[[str], None]
 ) -> tuple["ResidualAnalysis | None", "Sequence[Rung]"]:
-    """What the residuals on the campaign go with, and what each part of the model is worth there; nothing without a campaign.
+    """Residual analysis on the campaign, and the error there by model stage; nothing without a campaign.
 
     Raises:
         FileError: the campaign has other targets or too few poses.

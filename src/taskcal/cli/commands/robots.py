@@ -1,10 +1,9 @@
 """``taskcal robots``: the catalogue, one robot, and robots from files of other programs."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from enum import StrEnum
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
@@ -12,8 +11,8 @@ from typer.core import TyperGroup
 
 from taskcal.analysis.elimination_table import describe_combination
 from taskcal.cli.command import Command, laid_out
-from taskcal.cli.options.common import JsonOption, OutputOptions
-from taskcal.cli.output import check_outputs, info, placement, show_facts, show_table, tell, write_json
+from taskcal.cli.options.common import ROBOT, JsonOption, OutputOptions, argument, option
+from taskcal.cli.output import info, placement, show_facts, show_table, tell, write_json
 from taskcal.geometry import se3
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.mechanism import analyse_mechanism
@@ -30,13 +29,6 @@ class ShowByDefault(TyperGroup):
         return super().resolve_command(ctx, args)
 
 
-class Convention(StrEnum):
-    """Denavit–Hartenberg conventions."""
-
-    dh = "dh"
-    mdh = "mdh"
-
-
 app = typer.Typer(
     cls=ShowByDefault,
     add_completion=False,
@@ -49,7 +41,7 @@ app = typer.Typer(
 
 @app.callback()
 def catalogue(context: typer.Context, as_json: JsonOption = False) -> None:
-    """List the catalogue, show one robot, or make a robot file from a file of another program.
+    """List the catalogue, show a robot, or import one from a table or URDF.
 
     taskcal robots — the catalogue
 
@@ -75,17 +67,9 @@ def catalogue(context: typer.Context, as_json: JsonOption = False) -> None:
 @app.command("show", cls=Command)
 @laid_out
 def show(
-    context: typer.Context,
-    robot: Annotated[
-        str,
-        typer.Argument(
-            metavar="NAME_OR_FILE",
-            help="Name in the catalogue, or a file: .toml, .urdf (or .urdf#TIP), .xacro.",
-        ),
-    ],
-    as_json: JsonOption = False,
+    context: typer.Context, robot: Annotated[str, argument("NAME_OR_FILE", ROBOT)], as_json: JsonOption = False
 ) -> None:
-    """Show one robot (the word 'show' may be left out)."""
+    """Show one robot (the word 'show' may be omitted)."""
     from taskcal.robot.catalogue import load_robot
 
     result = describe(load_robot(robot))
@@ -100,38 +84,25 @@ class DescriptionOptions:
     """How another program's file is read."""
 
     convention: Annotated[
-        Convention | None,
-        typer.Option(
+        Literal["dh", "mdh"] | None,
+        option(
             "--convention",
-            case_sensitive=False,
             help="Of a table. dh: Rz(θ)·Tz(d)·Tx(a)·Rx(α); mdh: Rx(α)·Tx(a)·Rz(θ)·Tz(d).",
+            case_sensitive=False,
         ),
     ] = None
     tip: Annotated[
-        str | None,
-        typer.Option(
-            "--tip", metavar="LINK", help="Of a URDF: the link that is the tool; that of its longest chain by default."
-        ),
+        str | None, option("--tip", "LINK", "Of a URDF: the tool's link; by default the end of its longest chain.")
     ] = None
-    base: Annotated[
-        str | None,
-        typer.Option("--base", metavar="LINK", help="Of a URDF: the link that is the base; its root by default."),
-    ] = None
+    base: Annotated[str | None, option("--base", "LINK", "Of a URDF: the base link; by default its root.")] = None
     units: Annotated[
         str | None,
-        typer.Option(
-            "--units",
-            metavar="UNITS",
-            help="Units of a table whose columns do not state them: mm,deg or m,rad; otherwise inferred from the values.",
-        ),
+        option("--units", "UNITS", "Of a table without units in its header: mm,deg or m,rad; inferred by default."),
     ] = None
     nominal: Annotated[
-        str | None,
-        typer.Option(
-            "--nominal", metavar="ROBOT", help="Of a UR's calibration.conf: the robot of its type, such as ur5e."
-        ),
+        str | None, option("--nominal", "ROBOT", "Of a UR's calibration.conf: the robot of its type, such as ur5e.")
     ] = None
-    name: Annotated[str | None, typer.Option("--name", help="Name of the robot; the file's by default.")] = None
+    name: Annotated[str | None, option("--name", help="Name of the robot; by default the file's.")] = None
 
 
 @app.command("import", cls=Command)
@@ -140,35 +111,26 @@ def import_robot(
     context: typer.Context,
     source: Annotated[
         Path,
-        typer.Argument(
-            metavar="FILE",
-            readable=False,
-            help="URDF (.urdf), xacro (.xacro), UR's kinematics (.yaml) or calibration.conf, or a table (.csv) with the columns "
-            "joint, alpha_deg, a_mm, d_mm, theta_offset_deg; optionally theta_from_controller such as -(J2+J3), type, lower_deg "
-            "and upper_deg.",
+        argument(
+            "FILE",
+            "URDF (.urdf), xacro (.xacro), UR's kinematics (.yaml) or calibration.conf, or a table (.csv) with the columns joint, "
+            "alpha_deg, a_mm, d_mm, theta_offset_deg; optionally theta_from_controller such as -(J2+J3), type, lower_deg and "
+            "upper_deg.",
         ),
     ],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="ROBOT.toml", readable=False, help="Robot file to write.")
-    ],
+    output: Annotated[Path, option("--output -o", "ROBOT.toml", "Output: the robot file.")],
     reading: DescriptionOptions,
     out: OutputOptions,
 ) -> None:
     """Make a robot file from a URDF, a Denavit–Hartenberg table or a UR's calibration."""
     if output.suffix != ".toml":
         raise typer.BadParameter(f"'{output}' does not end in .toml, as robot files do", param_hint="--output")
-    outputs = check_outputs("robots import", [("--output", output)], [source], force=out.force)
+    outputs = out.begin("robots import", [("--output", output)], [source])
     from taskcal.robot.catalogue import describe_robot, load_robot, robot_toml
 
-    described = describe_robot(
-        source,
-        convention=None if reading.convention is None else reading.convention.value,
-        tip=reading.tip,
-        base=reading.base,
-        name=reading.name,
-        units=reading.units,
-        nominal=None if reading.nominal is None else load_robot(reading.nominal),
-    )
+    given = {name: value for name, value in asdict(reading).items() if name != "nominal"}
+    nominal = None if reading.nominal is None else load_robot(reading.nominal)
+    described = describe_robot(source, **given, nominal=nominal)
     outputs.write({output: robot_toml(described)})
     if out.as_json or context.obj:
         write_json({"robot": str(output), "name": described["name"], "joints": [j["name"] for j in described["joint"]]})
@@ -177,12 +139,12 @@ def import_robot(
         info(line)
     tell(f"wrote {output}: {described['name']}, {len(described['joint'])} joints")
     info(
-        f"use it with --robot {output}; taskcal robots {output} shows it. Add limits, tool and tolerances to the file where "
-        "they are known: the tolerances are the prior of every fit"
+        f"use it with --robot {output}; taskcal robots {output} shows it. Add limits, tool and tolerances to the file: the "
+        "tolerances are the prior of every fit"
     )
 
 
-# What ``taskcal robots`` says of a robot.
+# The description of a robot.
 
 
 def catalogue_entry(robot: Robot) -> dict[str, Any]:
@@ -210,7 +172,7 @@ def _notes(robot: Robot) -> list[str]:
 
 
 def describe(robot: Robot) -> dict[str, Any]:
-    """All there is to say of a robot: lengths in millimetres, angles in degrees."""
+    """A robot, its mechanism and its parameters: lengths in millimetres, angles in degrees."""
     model, mechanism = ErrorModel(robot), analyse_mechanism(robot)
     bar = robot.four_bar
     return {
@@ -268,7 +230,7 @@ def _joint(robot: Robot, i: int) -> dict[str, Any]:
 
 
 def _statics(robot: Robot) -> dict[str, Any]:
-    """What the file says of weights and drives; None where it says nothing."""
+    """Weights and drives that the file states; None where it states nothing."""
     known = robot.statics
     bodies = known.links or (None,) * len(robot.joints)
     return {
@@ -318,7 +280,7 @@ def _placement(parts: tuple[Part, ...]) -> dict[str, Any]:
 
 
 def show_sheet(sheet: Mapping[str, Any]) -> None:
-    """Print what `describe` says."""
+    """Print a description."""
     position = "  ".join(f"{axis} {value:g}" for axis, value in zip("xyz", sheet["tool"]["position_mm"], strict=True))
     mechanism = sheet["mechanism"]
     facts = [
@@ -359,7 +321,7 @@ def show_sheet(sheet: Mapping[str, Any]) -> None:
         (j["name"], j["kind"], _limits(j), j["coordinate"], ", ".join(j["before"]), ", ".join(j["after"]))
         for j in sheet["joint_table"]
     ]
-    header = ("joint", "kind", "limits", "coordinate", "parts before", "behind")
+    header = ("joint", "kind", "limits", "coordinate", "parts before", "parts after")
     show_table("Joints", header, rows, left=(0, 1, 3, 4, 5))
     _show_drives(statics["drives"])
     _show_parameters(sheet)

@@ -1,16 +1,20 @@
-"""``taskcal select``: which parameters are worth fitting for a task."""
+"""``taskcal select``: the parameters to fit for a task."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from taskcal.cli.options.campaign import MeasuredOptions
-from taskcal.cli.options.common import ModelErrorOption, SeedOption, TaskOption, check_above_zero, check_model_error
-from taskcal.cli.options.model import ModelOptions
+from taskcal.cli.options.common import (
+    ModelErrorOption,
+    ModelOptions,
+    SeedOption,
+    TaskOption,
+    check_above_zero,
+    check_one_model_error,
+    option,
+)
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import check_outputs, files_of_task, info, show, show_facts, write_json
+from taskcal.cli.output import files_of_task, info, show, show_facts
 from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
@@ -29,12 +33,7 @@ def command(
     of: ModelOptions,
     measured: MeasuredOptions,
     accuracy_mm: Annotated[
-        float | None,
-        typer.Option(
-            "--accuracy-mm",
-            metavar="MM",
-            help="Error in space (rms) that the task allows: the smallest model that meets it.",
-        ),
+        float | None, option("--accuracy-mm", "MM", "Allowed 3D rms error: select the smallest model that meets it.")
     ] = None,
     model_error_mm: ModelErrorOption = None,
     seed: SeedOption = 0,
@@ -43,18 +42,13 @@ def command(
 ) -> None:
     """Select the smallest set of parameters that meets a task's accuracy.
 
-    With --campaign every size of the model is cross-validated on its rows.
+    With --campaign, every model size is cross-validated on its rows.
 
-    With --calibration its effects compete too, with the model error and the prior scale that it found.
+    With --calibration, its effects compete too, with its model error and prior scale.
     """
     check_above_zero(accuracy_mm, "--accuracy-mm")
-    stated = check_model_error(model_error_mm)
-    for source, option in ((measured.campaign, "campaign"), (of.calibration, "calibration")):
-        if source is not None and stated is not None:
-            raise typer.BadParameter(f"the {option} says how large it is", param_hint=f"--{option} / --model-error-mm")
-    inputs = [of.robot, of.calibration, *files_of_task(task), *measured.inputs, page.header]
-    outputs = check_outputs("select", page.places, inputs, force=page.force)
-    page.check()
+    stated = check_one_model_error(model_error_mm, measured.campaign, of.calibration)
+    outputs = page.begin("select", [], [of.robot, of.calibration, *files_of_task(task), *measured.inputs])
     from taskcal.planning.expected_error import known_hyperparameters, parameter_groups
     from taskcal.planning.selection import SelectionOptions, select, selection_steps
     from taskcal.task.task import load_task
@@ -64,24 +58,22 @@ def command(
     known = None if calibration is None else known_hyperparameters(calibration)
     campaign = None if measured.campaign is None else measured.read(measured.campaign, model.robot).campaign
     if campaign is not None:
-        info(f"cross-validating {len(parameter_groups(model)) + 1} sizes of the model on {len(campaign)} rows")
+        info(f"cross-validating {len(parameter_groups(model)) + 1} model sizes on {len(campaign)} rows")
     accuracy = None if accuracy_mm is None else accuracy_mm * 1e-3
-    made: dict[Path, str | bytes] = {}
     options = SelectionOptions(seed=seed, hyperparameters=known, model_error=stated)
     with bar_over([*selection_steps(campaign), *([MAPPING, PAGE] if page.asked else [])]) as begin:
         selection = select(model, described, campaign, accuracy, options=options, progress=begin)
-        result = selection.summary()
-        if page.asked:
+
+        def make() -> "Page":
             begin(MAPPING)
             shown = _page(model, described, campaign, selection, accuracy, seed)
             begin(PAGE)
-            made = page.compose(shown)
-            outputs.write(made)
-            result |= page.summary()
-    if page.as_json:
-        write_json(result)
-    else:
-        _show(model, selection, result, page.in_words(made))
+            return shown
+
+        made = page.compose(make)
+        outputs.write(made)
+    result = selection.summary() | page.summary()
+    page.give(result, lambda: _show(model, selection, result, page.in_words(made)))
 
 
 def _page(
@@ -114,17 +106,15 @@ def _show(model: "ErrorModel", selection: "Selection", result: Mapping[str, Any]
 
     show(tabulate_ladder(selection))
     show(tabulate_dropped(selection, model))
+    error = state_model_error(result["model_error_mm"], result["model_error_origin"], result.get("model_error_mrad"))
     facts = [
-        ("kept", f"{len(selection.kept)}: {', '.join(selection.kept_groups)}"),
-        ("why", result["why"]),
-        (
-            "model error",
-            state_model_error(result["model_error_mm"], result["model_error_origin"], result.get("model_error_mrad")),
-        ),
-        ("nominal robot", f"{result['before_mm']:.3f} mm expected, with the frames fitted"),
+        ("selected", f"{len(selection.kept)}: {', '.join(selection.kept_groups)}"),
+        ("reason", result["why"]),
+        ("model error", error),
+        ("nominal (registered)", f"expected error {result['before_mm']:.3f} mm (3D rms)"),
     ]
     facts += [
-        (name, f"{r['size']} parameters, {r['expected_mm']:.3f} mm expected")
+        (name, f"{r['size']} parameters, expected error {r['expected_mm']:.3f} mm (3D rms)")
         for name, r in result["references"].items()
     ]
     if result["unreachable"]:

@@ -1,17 +1,24 @@
-"""``taskcal sensitivity``: what each parameter does to the tool, and which of them poses can tell apart."""
+"""``taskcal sensitivity``: the influence of each parameter on the TCP, and which parameters are identifiable."""
 
 from collections.abc import Callable, Mapping
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from taskcal.cli.options.campaign import MeasuredOptions
-from taskcal.cli.options.common import ModelErrorOption, RobotOption, SpreadOptions, check_model_error
+from taskcal.cli.options.common import (
+    REACHING,
+    TASK,
+    ModelErrorOption,
+    RobotOption,
+    SpreadOptions,
+    check_model_error,
+    option,
+    read_and_reach,
+)
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.options.task import REACHING, read_and_reach
-from taskcal.cli.output import check_outputs, files_of_task, show_facts, show_table, tell, write_json
+from taskcal.cli.output import files_of_task, show, show_facts, show_table, tell
 from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
@@ -26,50 +33,34 @@ if TYPE_CHECKING:
     from taskcal.robot.error_model import ErrorModel
 
 
-TELLING, MAPPING, PAGE = "what the poses tell apart", "maps over the task", "page"
-
-
-class Order(StrEnum):
-    """Order of the parameters."""
-
-    model = "model"
-    influence = "influence"
+TELLING, MAPPING, PAGE = "identifiability", "maps over the task", "page"
 
 
 def command(
     robot: RobotOption,
-    task: Annotated[
-        Path | None, typer.Option("--task", "-t", metavar="TASK.toml", readable=False, help="Poses of a task.")
-    ] = None,
+    task: Annotated[Path | None, option(*TASK, "Poses of a task.")] = None,
     *,
     measured: MeasuredOptions,
     spread: SpreadOptions,
     sort: Annotated[
-        Order,
-        typer.Option(
-            "--sort", help="Parameters in the model's order, or the most influential for their tolerance first."
-        ),
-    ] = Order.model,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE.csv", readable=False, help="Write the table here.")
-    ] = None,
+        Literal["model", "influence"],
+        option("--sort", help="List parameters in the model's order, or by influence at their tolerance."),
+    ] = "model",
+    output: Annotated[Path | None, option("--output -o", "FILE.csv", "Output CSV: the table.")] = None,
     model_error_mm: ModelErrorOption = None,
     page: PageOptions,
 ) -> None:
     """Report parameter sensitivity and identifiability."""
     if (task is None) == (measured.campaign is None):
-        raise typer.BadParameter("give exactly one of them, to say at which poses", param_hint="--task / --campaign")
+        raise typer.BadParameter("give exactly one of them, which has the poses", param_hint="--task / --campaign")
     stated = check_model_error(model_error_mm)
-    named, inputs = [("--output", output), *page.places], [robot, *files_of_task(task), *measured.inputs, page.header]
-    outputs = check_outputs("sensitivity", named, inputs, force=page.force)
-    page.check()
+    outputs = page.begin("sensitivity", [("--output", output)], [robot, *files_of_task(task), *measured.inputs])
     from taskcal.analysis.elimination_table import tabulate_elimination
     from taskcal.analysis.sensitivity import measuring_noise, sensitivity
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
 
     model = ErrorModel(load_robot(robot))
-    contents: dict[Path, str | bytes] = {}
     with bar_over([*([REACHING] if task else []), TELLING, *([MAPPING, PAGE] if page.asked else [])]) as begin:
         q, unreachable, campaign = _poses(model, task, measured, spread, begin)
         begin(TELLING)
@@ -78,24 +69,25 @@ def command(
         noise = measuring_noise(model, q, campaign, stated)
         told_apart = elimination.eliminations["poses"].told_apart(noise=noise.total)
         result["told_apart"] = {**told_apart.summary(), **noise.summary()}
-        if sort is Order.influence:
+        if sort == "influence":
             result["parameters"].sort(key=lambda p: -p["tolerance_scaled_um"]["space"])
+        contents: dict[Path, str | bytes] = {}
         if output is not None:
             names = [p["name"] for p in result["parameters"]]
             frame = influence.to_frame().set_index("parameter").loc[names].reset_index()
             contents[output] = frame.to_csv(index=False)
-        if page.asked:
+
+        def make() -> "Page":
             begin(MAPPING)
             made = _page(influence, elimination, (told_apart, noise), task, spread.seed)
             begin(PAGE)
-            contents |= page.compose(made)
-            result |= page.summary()
+            return made
+
+        contents |= page.compose(make)
     outputs.write(contents)
-    if page.as_json:
-        write_json(result)
-        return
-    _show(result, told_apart, noise)
-    if contents:
+    result |= page.summary()
+    page.give(result, lambda: _show(result, told_apart, noise))
+    if contents and not page.as_json:
         tell(f"wrote {page.in_words(contents)}")
 
 
@@ -221,10 +213,10 @@ def _show(result: Mapping[str, Any], told_apart: "ToldApart", noise: "MeasuringN
         )
         for p in result["parameters"]
     ]
-    header = ["parameter", "symbol", "x", "y", "z", "space", "unit", "x µm", "y µm", "z µm", "space µm", "elimination"]
+    header = ["parameter", "symbol", "x", "y", "z", "3D", "unit", "x µm", "y µm", "z µm", "3D µm", "elimination"]
     named = any(p["symbol"] for p in result["parameters"])
     show_table(
-        f"Largest influence over {result['poses']} poses: per unit, and of the tolerance (1σ) in µm",
+        f"Maximum influence over {result['poses']} poses: per unit, and at the tolerance (1σ) in µm",
         header if named else header[:1] + header[2:],
         rows if named else [row[:1] + row[2:] for row in rows],
         left=(0, 1, 6, 11) if named else (0, 5, 10),
@@ -232,20 +224,20 @@ def _show(result: Mapping[str, Any], told_apart: "ToldApart", noise: "MeasuringN
     )
     said = [row for row in result["elimination"] if row["eliminated"] != "kept" or row["published"] not in ("", "kept")]
     if said:
-        columns = ["parameter", "symbol", "published", "repeats exactly", "full elimination"]
+        columns = ["parameter", "symbol", "published", "equal to", "full elimination"]
         cells = [[r["name"], r["symbol"], r["published"], r["repeats"], r["eliminated"]] for r in said]
         stay = [k for k in range(5) if (named or k != 1) and (result["published"] or k != 2)]
         shown = [[row[k] for k in stay] for row in cells]
-        title = "What these poses cannot tell from other parameters"
+        title = "Linearly dependent parameters at these poses"
         show_table(title, [columns[k] for k in stay], shown, left=range(5))
     indices = "  ".join(f"{name} {value:.3g}" for name, value in found["observability"].items())
     eliminated = f"{len(found['zero'])} without effect, {len(found['dependent'])} dependent, {len(found['kept'])} kept"
     symbols = {p["name"]: p["symbol"] or p["name"] for p in result["parameters"]}
     weakest = tabulate_told_apart(told_apart, symbols)
-    show_table(weakest.title, weakest.header, weakest.rows, left=weakest.text_columns)
+    show(weakest)
     facts = [
         ("rank", f"{found['rank']} of {len(result['parameters'])} ({eliminated}); gap {found['gap']:.2g}"),
-        ("told apart", count_told_apart(told_apart)),
+        ("determined", count_told_apart(told_apart)),
         ("noise", noise.describe()),
         ("condition number", f"{found['condition_number']:.3g} (kept columns, unit length)"),
         ("observability", f"{indices} (kept, in units of tolerance)"),

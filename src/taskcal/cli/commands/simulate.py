@@ -10,10 +10,18 @@ import numpy as np
 import typer
 from jaxtyping import Float
 
-from taskcal.cli.options.common import OutputOptions, RobotOption, SpreadOptions, TaskOption, check_model_error
+from taskcal.cli.options.common import (
+    REACHING,
+    OutputOptions,
+    RobotOption,
+    SpreadOptions,
+    TaskOption,
+    check_model_error,
+    option,
+    read_and_reach,
+)
 from taskcal.cli.options.observing import known_ways
-from taskcal.cli.options.task import REACHING, read_and_reach
-from taskcal.cli.output import check_outputs, files_of_task, plain, tell, write_json
+from taskcal.cli.output import files_of_task, plain, tell
 from taskcal.cli.progress import bar_over
 from taskcal.errors import FileError
 from taskcal.io.text_file import read_text
@@ -32,21 +40,12 @@ class TruthOptions:
     """Where the virtual robot's truth goes, or comes from."""
 
     truth: Annotated[
-        Path | None,
-        typer.Option(
-            "--truth",
-            metavar="TRUTH.json",
-            readable=False,
-            help="Write the true defects, tracker frame and targets here.",
-        ),
+        Path | None, option("--truth", "TRUTH.json", "Write the true defects, tracker frame and targets here.")
     ] = None
     truth_from: Annotated[
         Path | None,
-        typer.Option(
-            "--truth-from",
-            metavar="TRUTH.json",
-            readable=False,
-            help="Measure the robot of this truth again, its tracker frame and targets; another --seed for other noise.",
+        option(
+            "--truth-from", "TRUTH.json", "Measure the robot of this truth again; another --seed gives other noise."
         ),
     ] = None
 
@@ -59,10 +58,8 @@ class ReflectorOptions:
         typer.BadParameter: a number of reflectors that is not offered, or several where poses are measured.
     """
 
-    targets: Annotated[
-        int | None, typer.Option("--targets", metavar="1|3", help="Reflectors on the tool; 1 by default.")
-    ] = None
-    pose: Annotated[bool, typer.Option("--pose", help="Measure poses instead of points.")] = False
+    targets: Annotated[int | None, option("--targets", "1|3", "Reflectors on the tool; 1 by default.")] = None
+    pose: Annotated[bool, option("--pose", help="Measure poses instead of points.")] = False
 
     def __post_init__(self) -> None:
         if self.targets not in (None, 1, 3):
@@ -85,34 +82,24 @@ class ObserveOptions:
 
     observe: Annotated[
         str,
-        typer.Option(
+        option(
             "--observe",
-            metavar="WAY",
-            help="tracker; without one: socket, wire, camera (a landmark), board, plane or cube. Several, as socket+wire, share "
-            "the rows.",
+            "WAY",
+            "Instrument: tracker, socket, wire, camera (a landmark), board, plane or cube; several: socket+wire.",
         ),
     ] = "tracker"
     places: Annotated[
         int | None,
-        typer.Option(
-            "--places",
-            min=1,
-            metavar="N",
-            help="Blocks of sockets, anchors, planes (3 by default), landmarks, boards or cubes (1).",
+        option(
+            "--places", "N", "Blocks of sockets, anchors, planes (default 3), landmarks, boards or cubes (1).", min=1
         ),
     ] = None
     distances: Annotated[
-        Path | None,
-        typer.Option(
-            "--distances", metavar="DISTANCES.csv", readable=False, help="Write the stated distances of sockets here."
-        ),
+        Path | None, option("--distances", "DISTANCES.csv", "Write the stated distances of sockets here.")
     ] = None
-    model_error_mm: Annotated[
-        float, typer.Option("--model-error-mm", metavar="MM", help="What no parameter explains, 1σ per axis.")
-    ] = 0.0
+    model_error_mm: Annotated[float, option("--model-error-mm", "MM", "Model error, 1σ per axis.")] = 0.0
     joint_error_deg: Annotated[
-        float,
-        typer.Option("--joint-error-deg", metavar="DEG", help="Of the true joints about what the controller says, 1σ."),
+        float, option("--joint-error-deg", "DEG", "Difference of true and controller joint values, 1σ.")
     ] = 0.0
 
     def __post_init__(self) -> None:
@@ -132,7 +119,7 @@ class ObserveOptions:
 
 def _check(truth: TruthOptions, reflectors: ReflectorOptions, how: ObserveOptions) -> None:
     if (reflectors.pose or reflectors.targets is not None) and how.observe != "tracker":
-        raise typer.BadParameter("they are a tracker's; leave them out", param_hint="--targets / --pose / --observe")
+        raise typer.BadParameter("only for a tracker; omit them", param_hint="--targets / --pose / --observe")
     if reflectors.targets is not None and truth.truth_from is not None:
         raise typer.BadParameter("the truth has its own targets", param_hint="--targets / --truth-from")
 
@@ -140,9 +127,7 @@ def _check(truth: TruthOptions, reflectors: ReflectorOptions, how: ObserveOption
 def command(
     robot: RobotOption,
     task: TaskOption,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="CAMPAIGN.csv", readable=False, help="Campaign to write.")
-    ],
+    output: Annotated[Path, option("--output -o", "CAMPAIGN.csv", "Output CSV: the campaign.")],
     spread: SpreadOptions,
     truth: TruthOptions,
     reflectors: ReflectorOptions,
@@ -151,14 +136,11 @@ def command(
 ) -> None:
     """Simulate a campaign of a virtual robot drawn from its tolerances."""
     _check(truth, reflectors, how)
-    outputs = check_outputs(
+    outputs = out.begin(
         "simulate",
         [("--output", output), ("--truth", truth.truth), ("--distances", how.distances)],
         [robot, *files_of_task(task), truth.truth_from],
-        force=out.force,
     )
-    import numpy as np
-
     from taskcal.reading.stated_scale import distances_text
     from taskcal.reading.writer import campaign_text
     from taskcal.robot.catalogue import load_robot
@@ -201,14 +183,11 @@ def command(
         "pose": reflectors.pose,
         "unreachable_share": float(poses.unreachable.mean()),
     }
-    if out.as_json:
-        write_json(result)
-    else:
-        _tell(result)
+    out.give(result, lambda: _tell(result))
 
 
 def _tell(result: Mapping[str, Any]) -> None:
-    """What was written, in words."""
+    """Print what was written."""
     tell(
         f"wrote {result['campaign']}: {result['rows']} rows of {result['robot']}, targets {', '.join(result['targets'])}"
     )
@@ -218,7 +197,7 @@ def _tell(result: Mapping[str, Any]) -> None:
         tell(f"wrote {result['distances']}: the distances of its sockets")
     elif "socket" in result["observe"].split("+"):
         tell(
-            "the distances of its sockets, which tell how large the robot is, are not written; name a file with --distances"
+            "the distances of its sockets, which determine the robot's scale, are not written; name a file with --distances"
         )
     if result["truth"] is not None:
         tell(f"wrote {result['truth']}: the defects, tracker frame and targets it was made from")
@@ -266,14 +245,14 @@ def read_truth(path: Path, model: ErrorModel) -> KnownTruth:
         base = np.asarray(data["T_tracker_base"], dtype=float)
         targets = {str(name): np.asarray(T, dtype=float)[:3, 3] for name, T in data["targets"].items()}
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        message = f"holds no truth of a virtual robot ({type(error).__name__}: {error}); write one with taskcal simulate --truth"
+        message = f"is not the truth of a virtual robot ({type(error).__name__}: {error}); write one with taskcal simulate --truth"
         raise FileError(path, message) from error
     if robot != model.robot.name:
-        raise FileError(path, f"is the truth of {robot}, not of {model.robot.name}; name that robot")
+        raise FileError(path, f"was simulated for {robot}, not {model.robot.name}; pass --robot {robot}")
     odd = sorted(set(defects) ^ set(model.names))
     if odd:
-        raise FileError(path, f"and the model of {robot} differ in parameter '{odd[0]}'; write the truth again")
+        raise FileError(path, f"and the model of {robot} differ in parameter '{odd[0]}'; simulate it again")
     values = np.array([*defects.values(), *base.ravel(), *(c for p in targets.values() for c in p)])
     if base.shape != (4, 4) or not targets or not np.all(np.isfinite(values)):
-        raise FileError(path, "holds no whole truth: a frame, a target or a number is wrong; write the truth again")
+        raise FileError(path, "is not a valid truth: a frame, a target or a number is wrong; simulate it again")
     return KnownTruth(x=np.array([defects[name] for name in model.names]), T_tracker_base=base, targets=targets)

@@ -1,10 +1,9 @@
-"""``taskcal studio``: pages in the browser, on a project's folder."""
+"""``taskcal studio``: the browser interface on a project's folder."""
 
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
+from taskcal.cli.options.common import argument, option
 from taskcal.cli.output import info, tell
 from taskcal.errors import FileError, TaskcalError
 
@@ -12,30 +11,20 @@ MISSING = "the studio needs NiceGUI, which is not installed; install Taskcal wit
 
 
 def command(
-    folder: Annotated[
-        Path,
-        typer.Argument(metavar="[FOLDER]", readable=False, help="The project's folder; made if absent."),
-    ] = Path("taskcal-project"),
+    folder: Annotated[Path, argument("[FOLDER]", "The project's folder; made if absent.")] = Path("taskcal-project"),
     example: Annotated[
-        bool, typer.Option("--example", help="Begin with a virtual IRB 6660, its campaign, its task and a program.")
+        bool, option("--example", help="Begin with a virtual IRB 6660, its campaign, its task and a program.")
     ] = False,
     host: Annotated[
-        str,
-        typer.Option(
-            "--host",
-            metavar="ADDRESS",
-            help="Address to listen on; on any but this machine's own a token is asked for.",
-        ),
+        str, option("--host", "ADDRESS", "Address to listen on; others than this machine's own require a token.")
     ] = "127.0.0.1",
-    port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, metavar="N", help="Port to listen on; 0 for one that is free.")
-    ] = 8421,
-    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the browser, too.")] = True,
+    port: Annotated[int, option("--port", "N", "Port to listen on; 0 for a free one.", min=0, max=65535)] = 8421,
+    browser: Annotated[bool, option("--browser/--no-browser", help="Open the browser, too.")] = True,
 ) -> None:
     """Open the browser interface on a project folder.
 
-    The folder is one of plain files: what is dropped or computed lies there as the other commands read and write it, and
-    project.toml says what is being worked with. One studio at a time opens a folder.
+    The folder has plain files: uploads and results are stored as the other commands read and write them, and project.toml states
+    which are in use. One studio at a time opens a folder.
     """
     try:
         import nicegui  # noqa: F401  # pyright: ignore[reportUnusedImport]

@@ -1,6 +1,6 @@
-"""``taskcal study``: what task error to expect, over many virtual robots."""
+"""``taskcal study``: the expected task error after calibration, over many virtual robots."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
@@ -10,20 +10,23 @@ import typer
 from taskcal.cli.options.common import (
     EngineOptions,
     ModelErrorOption,
+    ModelOptions,
     SeedOption,
     TaskOption,
     check_model_error,
+    choose_names,
+    option,
     split_names,
 )
-from taskcal.cli.options.model import ModelOptions
 from taskcal.cli.options.observing import known_ways
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import check_outputs, count_as_written, files_of_task, info, show, show_facts, write_json
+from taskcal.cli.output import count_as_written, files_of_task, info, show, show_facts
 from taskcal.cli.progress import bar_by_parts, is_watched
 
 if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
     from taskcal.planning.study import PlanKind, Study
+    from taskcal.report.page import Page
     from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import Task
 
@@ -36,31 +39,30 @@ class StudyOptions:
         typer.BadParameter: a list has something else than numbers or names of plans, or the model error is negative.
     """
 
-    robots: Annotated[int, typer.Option("--robots", min=1, metavar="N", help="Virtual robots to draw.")] = 200
-    counts: Annotated[str, typer.Option("--counts", metavar="N,…", help="Numbers of measured poses.")] = "30,60"
+    robots: Annotated[int, option("--robots", "N", "Virtual robots to draw.", min=1)] = 200
+    counts: Annotated[str, option("--counts", "N,…", "Numbers of measured poses.")] = "30,60"
     plans: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--plans",
-            metavar="PLAN,…",
-            help="How the poses are chosen: planned, random, grid; by default planned and random, or random with --observe.",
+            "PLAN,…",
+            "Selection of the poses: planned, random, grid; by default planned and random, or random with --observe.",
         ),
     ] = None
     observe: Annotated[
         str,
-        typer.Option(
+        option(
             "--observe",
-            metavar="WAY,…",
-            help="What is measured by: tracker, socket, wire, camera, board, plane, cube, or several at once, as socket+wire.",
+            "WAY,…",
+            "Instruments: tracker, socket, wire, camera, board, plane, cube, or several at once, as socket+wire.",
         ),
     ] = "tracker"
     models: Annotated[
         str,
-        typer.Option(
+        option(
             "--models",
-            metavar="MODEL,…",
-            help="What is identified: all, selected, published, published-damped, geometry (no effects), or auto "
-            "(those that the data prove).",
+            "MODEL,…",
+            "Identified models: all, selected, published, published-damped, geometry (no effects), or auto (significant effects).",
         ),
     ] = "all"
     model_error_mm: ModelErrorOption = None
@@ -87,12 +89,7 @@ class RunOptions(EngineOptions):
 
     resume: Annotated[
         Path | None,
-        typer.Option(
-            "--resume",
-            metavar="FILE.json",
-            readable=False,
-            help="Save progress to this file, and resume from it after an interruption.",
-        ),
+        option("--resume", "FILE.json", "Save progress to this file, and resume from it after an interruption."),
     ] = None
 
 
@@ -101,46 +98,37 @@ def command(
     task: TaskOption,
     choice: StudyOptions,
     running: RunOptions,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="ROWS.csv", readable=False, help="Write every single result here."),
-    ] = None,
+    output: Annotated[Path | None, option("--output -o", "ROWS.csv", "Output CSV: every single result.")] = None,
     *,
     page: PageOptions,
 ) -> None:
     """Predict the task error after calibration, by simulating many robots.
 
-    Each is drawn from the tolerances, or like the robot that was calibrated, off by its model error at every pose,
-    measured by every plan, identified with every model, and compared with the truth.
+    Each is drawn from the tolerances, or from the posterior of a calibration, with a model error at every pose. It is measured by
+    every plan, identified with every model, and compared with the truth.
     """
-    outputs = check_outputs(
+    outputs = page.begin(
         "study",
-        [("--output", output), *page.places, ("--resume", running.resume)],
-        [of.robot, of.calibration, *files_of_task(task), page.header],
-        force=page.force,
+        [("--output", output), ("--resume", running.resume)],
+        [of.robot, of.calibration, *files_of_task(task)],
         updated=("--resume",),
     )
-    page.check()
     from taskcal.task.task import load_task
 
     model, calibration = of.load()
     described = load_task(task)
     study = _run(model, calibration, described, choice, running)
-    contents: dict[Path, str | bytes] = {}
-    if output is not None:
-        contents[output] = study.to_frame().to_csv(index=False)
-    made: dict[Path, str | bytes] = {}
-    if page.asked:
+
+    def make() -> "Page":
         from taskcal.identification.provenance import package_version
         from taskcal.report.study import study_page
 
-        made = page.compose(study_page(model, described, study, version=package_version()))
-    outputs.write({**contents, **made})
+        return study_page(model, described, study, version=package_version())
+
+    made = page.compose(make)
+    outputs.write({**({} if output is None else {output: study.to_frame().to_csv(index=False)}), **made})
     result = _result(model.robot.name, study) | ({} if output is None else {"rows": output}) | page.summary()
-    if page.as_json:
-        write_json(result)
-    else:
-        _show(study, result, described.name, page.in_words(made))
+    page.give(result, lambda: _show(study, result, described.name, page.in_words(made)))
 
 
 def _run(
@@ -148,8 +136,8 @@ def _run(
 ) -> "Study":
     from taskcal.planning.study import MODELS, PLANS, study
 
-    kinds = cast("list[PlanKind]", _names(choice.kinds, "--plans", PLANS))
-    models = _names(choice.models, "--models", MODELS)
+    kinds = cast("list[PlanKind]", choose_names(choice.kinds, "--plans", PLANS))
+    models = choose_names(choice.models, "--models", MODELS)
     ways = [known_ways(way) for way in choice.ways]
     with bar_by_parts("poses to measure", choice.robots) as show:
         tenths = 0
@@ -175,7 +163,7 @@ def _run(
             seed=choice.seed,
             model_error=check_model_error(choice.model_error_mm),
             engine=running.engine_name,
-            workers=running.most_workers,
+            workers=running.max_workers,
             resume=running.resume,
             progress=advance,
         )
@@ -190,17 +178,6 @@ def _numbers(text: str) -> list[int]:
                 f"'{name}' is not a number of poses; write for example 30,60", param_hint="--counts"
             )
     return [int(name) for name in names]
-
-
-def _names(text: str, option: str, offered: Sequence[str]) -> list[str]:
-    """Names from a list with commas, all among those offered."""
-    from taskcal.errors import UnknownName
-
-    names = split_names(text, option) or []
-    for name in names:
-        if name not in offered:
-            raise typer.BadParameter(str(UnknownName(option.strip("-").rstrip("s"), name, offered)), param_hint=option)
-    return names
 
 
 def _result(robot: str, study: "Study") -> dict[str, Any]:
@@ -224,20 +201,18 @@ def _show(study: "Study", result: Mapping[str, Any], task: str, pages: str) -> N
     show(tabulate_study(study, task))
     facts = [("robots", f"{result['robots']} {result['robot']} {study.origin}, seed {result['seed']}")]
     facts.append(("model error", state_model_error(result["model_error_mm"], result["model_error_origin"])))
-    facts.append(
-        ("at a pose", "rms with the model error beside what identification leaves; the accuracy is judged by it")
-    )
+    facts.append(("at a pose", "rms of model error and identification error; compared with the required accuracy"))
     if study.unlearnt:
-        facts.append(("nothing learnt", describe_unlearnt(study)))
+        facts.append(("not identifiable", describe_unlearnt(study)))
     if study.aligned:
         before = {name: 1e3 * value for name, value in study.spread_before().items()}
         facts.append(
             (
                 "before",
-                f"{before['median']:.2f} mm without a calibration ({before['p05']:.2f} to {before['p95']:.2f}), the frames taught",
+                f"nominal, frames taught: median {before['median']:.2f} mm (5 to 95 %: {before['p05']:.2f} to {before['p95']:.2f})",
             )
         )
-        facts.append(("errors", "that are left once the work's frame and the tool point were taught with the robot"))
+        facts.append(("errors", "remaining after work frame and TCP were taught with the robot"))
     facts += [("rows", f"wrote {result['rows']}")] if "rows" in result else []
     facts += [("report", f"wrote {pages}")] if pages else []
     show_facts(facts)

@@ -1,13 +1,12 @@
 """``taskcal validate``: how well a calibration predicts another campaign."""
 
 from dataclasses import dataclass
-from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from taskcal.cli.options.campaign import CampaignOptions
-from taskcal.cli.options.common import CalibrationArgument, CampaignArgument, JsonOption, check_above_zero
+from taskcal.cli.options.common import CalibrationArgument, CampaignArgument, JsonOption, check_above_zero, option
 from taskcal.cli.output import info, show, show_facts, write_json
 
 if TYPE_CHECKING:
@@ -15,17 +14,8 @@ if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
     from taskcal.identification.validation import Acceptance, Examination
 
-WORST = 10
-"""Points that are listed."""
-
-
-class StatisticChoice(StrEnum):
-    """What of the errors is held against the limit."""
-
-    max = "max"
-    p95 = "p95"
-    rms = "rms"
-    mean = "mean"
+MAX_WORST = 10
+"""Points that are listed, the largest errors."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,27 +28,22 @@ class AcceptanceOptions:
 
     accept: Annotated[
         float | None,
-        typer.Option(
-            "--accept",
-            metavar="LIMIT",
-            help="Pass or fail by this limit, mm, with a guard band from the tracker's uncertainty (JCGM 106); exit status 1 for "
-            "fail.",
+        option(
+            "--accept", "LIMIT", "Pass or fail by this limit, mm, with a guard band (JCGM 106); exit status 1 for fail."
         ),
     ] = None
     accept_of: Annotated[
-        StatisticChoice, typer.Option("--accept-of", help="What of the errors is held against the limit.")
-    ] = StatisticChoice.max
+        Literal["max", "p95", "rms", "mean"], option("--accept-of", help="Error statistic compared with the limit.")
+    ] = "max"
 
     def __post_init__(self) -> None:
         check_above_zero(self.accept, "--accept")
 
     def decide(self, examination: "Examination") -> "Acceptance | None":
         """The decision; None where no limit was given."""
-        if self.accept is None:
-            return None
         from taskcal.identification.validation import accept
 
-        return accept(examination, self.accept * 1e-3, self.accept_of.value)
+        return None if self.accept is None else accept(examination, self.accept * 1e-3, self.accept_of)
 
 
 def command(
@@ -66,11 +51,11 @@ def command(
     campaign: CampaignArgument,
     reregister: Annotated[
         bool,
-        typer.Option(
-            "--reregister", help="Refit tracker frame and targets to this campaign, with the robot's geometry frozen."
+        option(
+            "--reregister", help="Refit tracker frame and targets to this campaign, with the robot's geometry fixed."
         ),
     ] = False,
-    all_rows: Annotated[bool, typer.Option("--all-rows", help="List every point, not the worst alone.")] = False,
+    all_rows: Annotated[bool, option("--all-rows", help="List every point, not only the largest errors.")] = False,
     *,
     acceptance: AcceptanceOptions,
     reading: CampaignOptions,
@@ -93,15 +78,15 @@ def command(
     else:
         frames = "tracker frame and targets refitted" if reregister else "frames of the calibration"
         if measured.observations:
-            frames = "from where the calibrated robot finds what stands, in these rows themselves"
-        what = "Position error" if examination.validation.has_axes else "Error"
-        title = f"{what} of {calibrated.model.robot.name} on {campaign} ({frames})"
-        _show(title, examination, decision, all_rows=all_rows)
+            frames = "fixed objects located by the calibrated robot, from these rows"
+        statistic = "Position error" if examination.validation.has_axes else "Error"
+        title = f"{statistic} of {calibrated.model.robot.name} on {campaign} ({frames})"
+        _show(title, examination, decision, None if all_rows else MAX_WORST)
     if decision is not None and not decision.accepted:
         raise typer.Exit(1)
 
 
-def _show(title: str, examination: "Examination", decision: "Acceptance | None", *, all_rows: bool) -> None:
+def _show(title: str, examination: "Examination", decision: "Acceptance | None", worst: int | None) -> None:
     from taskcal.report.calibration import are_most, describe_outliers, tabulate_errors
     from taskcal.report.comparison import (
         describe_compared,
@@ -113,12 +98,12 @@ def _show(title: str, examination: "Examination", decision: "Acceptance | None",
     )
 
     show(tabulate_errors(title, {"predicted": examination.validation.summary()}))
-    show(tabulate_points(examination, None if all_rows else WORST))
+    show(tabulate_points(examination, worst))
     if examination.outliers:
-        show(tabulate_examined_outliers(examination, None if all_rows else WORST))
+        show(tabulate_examined_outliers(examination, worst))
     mostly = are_most(len(examination.outliers), len(examination.validation))
     outliers = describe_outliers(examination.shared, mostly=mostly)
-    facts = [("stated regions", describe_regions(examination)), ("outliers", outliers)]
+    facts = [("95 % regions", describe_regions(examination)), ("outliers", outliers)]
     if examination.validation.compared:
         facts.insert(0, ("stated distances", describe_compared(examination)))
     if decision is not None:

@@ -1,15 +1,14 @@
-"""What every command that reads a campaign lets the user say of it: its form, rows, targets, reference points, drift."""
+"""How a campaign is read: form of its table, rows, targets, reference points, drift."""
 
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import typer
 
-from taskcal.cli.options.common import split_names
+from taskcal.cli.options.common import option, split_names
 from taskcal.cli.output import info
 from taskcal.errors import CampaignError, FileError, shown
 from taskcal.io.text_file import read_text
@@ -22,58 +21,20 @@ if TYPE_CHECKING:
     from taskcal.tables.text import DecimalMark
 
 
-# ``--drift``: what becomes of reference points that were measured beside the poses.
-
-
-class DriftChoice(StrEnum):
-    """Whether reference points are followed."""
-
-    follow = "follow"
-    ignore = "ignore"
-
-
-def compensate(
-    campaign: "Campaign", choice: DriftChoice, noise: "TrackerNoise | None" = None
-) -> tuple["Campaign", dict[str, Any] | None]:
-    """The campaign in the frame of its reference points, as far as they are to be followed, and what was done.
-
-    None was done where there are no reference points, or where they are ignored.
-    """
-    if choice is DriftChoice.ignore or not campaign.reference_points:
-        return campaign, None
-    from taskcal.campaigns.drift import compensate_drift
-
-    drift = compensate_drift(campaign, noise)
-    for remark in drift.remarks:
-        info(remark)
-    summary = {"followed": drift.followed, "largest_mm": drift.largest * 1e3, "noise_mm": drift.noise * 1e3}
-    return drift.campaign, {**summary, "remarks": list(drift.remarks)}
-
-
-# What a user may state of a table that the file does not say.
-
-
-class DecimalChoice(StrEnum):
-    """What marks the decimals of a number."""
-
-    point = "point"
-    comma = "comma"
-
-
-class AngleChoice(StrEnum):
-    """What three angles of a pose mean."""
-
-    abc = "abc"
-    wpr = "wpr"
-    rpy_deg = "rpy-deg"
-    rpy_rad = "rpy-rad"
-    fixed_xyz_deg = "fixed-xyz-deg"
-    fixed_xyz_rad = "fixed-xyz-rad"
-    moving_xyz_deg = "moving-xyz-deg"
-    moving_xyz_rad = "moving-xyz-rad"
-    rotation_vector_rad = "rotation-vector-rad"
-    rotation_vector_deg = "rotation-vector-deg"
-    none = "none"
+Angles = Literal[
+    "abc",
+    "wpr",
+    "rpy-deg",
+    "rpy-rad",
+    "fixed-xyz-deg",
+    "fixed-xyz-rad",
+    "moving-xyz-deg",
+    "moving-xyz-rad",
+    "rotation-vector-rad",
+    "rotation-vector-deg",
+    "none",
+]
+"""Conventions of a pose's three angles."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,44 +43,32 @@ class TableOptions:
 
     columns: Annotated[
         str | None,
-        typer.Option(
-            "--columns", metavar="'NAME …'", help="Names of the columns, separated by spaces; - for a column to skip."
-        ),
+        option("--columns", "'NAME …'", "Names of the columns, separated by spaces; - for a column to skip."),
     ] = None
     decimal: Annotated[
-        DecimalChoice | None, typer.Option("--decimal", help="Decimal mark, where the numbers alone are ambiguous.")
+        Literal["point", "comma"] | None,
+        option("--decimal", help="Decimal mark, where the numbers alone are ambiguous."),
     ] = None
-    sheet: Annotated[str | None, typer.Option("--sheet", metavar="NAME", help="Sheet to read from a workbook.")] = None
+    sheet: Annotated[str | None, option("--sheet", "NAME", "Sheet to read from a workbook.")] = None
     angles: Annotated[
-        AngleChoice | None,
-        typer.Option("--angles", help="Convention of a pose's three angles, where the column names do not state it."),
+        Angles | None,
+        option("--angles", help="Convention of a pose's three angles, where the column names do not state it."),
     ] = None
     points: Annotated[
         Path | None,
-        typer.Option(
-            "--points",
-            metavar="FILE",
-            readable=False,
-            help="Separate file with the measured points, if the campaign holds joints only.",
-        ),
+        option("--points", "FILE", "Separate file with the measured points, if the campaign holds joints only."),
     ] = None
-
     distances: Annotated[
         Path | None,
-        typer.Option(
+        option(
             "--distances",
-            metavar="FILE",
-            readable=False,
-            help="Stated distances of sockets: columns socket_a, socket_b, distance_mm, and u_mm where known.",
+            "FILE",
+            "Stated distances of sockets: columns socket_a, socket_b, distance_mm, and u_mm where known.",
         ),
     ] = None
-
     wire_scale: Annotated[
         bool,
-        typer.Option(
-            "--wire-scale",
-            help="Fit the scale of measured lengths (d_mm) too; the robot's size is then nominal.",
-        ),
+        option("--wire-scale", help="Fit the scale of measured lengths (d_mm) too; the robot's size is then nominal."),
     ] = False
 
     @property
@@ -128,15 +77,11 @@ class TableOptions:
         from taskcal.reading.reader import ReadOptions
         from taskcal.tables.forms import TableForm
 
-        marks: dict[DecimalChoice | None, DecimalMark | None] = {
-            None: None,
-            DecimalChoice.point: ".",
-            DecimalChoice.comma: ",",
-        }
+        marks: dict[str | None, DecimalMark | None] = {None: None, "point": ".", "comma": ","}
         columns = None if self.columns is None else tuple(self.columns.split())
         return ReadOptions(
             form=TableForm(columns=columns, decimal=marks[self.decimal], sheet=self.sheet),
-            angles=None if self.angles is None else self.angles.value,
+            angles=self.angles,
             points=self.points,
             distances=self.distances,
             wire_scale=self.wire_scale,
@@ -151,7 +96,7 @@ class CampaignRead:
     rows: tuple[int, ...]
     """Numbers of the rows to use, counted from 0."""
     drift: dict[str, Any] | None
-    """What was done about reference points that moved; None where nothing was."""
+    """Compensation by reference points; None where there was none."""
 
     @property
     def campaign(self) -> "Campaign":
@@ -159,44 +104,49 @@ class CampaignRead:
         return self.whole if self.rows == tuple(range(len(self.whole))) else self.whole.take(list(self.rows))
 
 
+def compensate(campaign: "Campaign", noise: "TrackerNoise | None" = None) -> tuple["Campaign", dict[str, Any] | None]:
+    """The campaign in the frame of its reference points, and how far they moved; None where there are none."""
+    if not campaign.reference_points:
+        return campaign, None
+    from taskcal.campaigns.drift import compensate_drift
+
+    drift = compensate_drift(campaign, noise)
+    for remark in drift.remarks:
+        info(remark)
+    summary = {"followed": drift.followed, "largest_mm": drift.largest * 1e3, "noise_mm": drift.noise * 1e3}
+    return drift.campaign, {**summary, "remarks": list(drift.remarks)}
+
+
 @dataclass(frozen=True, kw_only=True)
 class CampaignOptions(TableOptions):
     """How a campaign is read.
 
     Raises:
-        typer.BadParameter: a list has an empty name, or one that stands twice.
+        typer.BadParameter: a list has an empty name, or one that is listed twice.
     """
 
     rows: Annotated[
         str | None,
-        typer.Option(
-            "--rows",
-            metavar="A:B|FILE",
-            help="Rows to use, counted from 0: A:B without B, or a file with one number per line.",
-        ),
+        option("--rows", "A:B|FILE", "Rows to use, counted from 0: A:B without B, or a file with one number per line."),
     ] = None
     targets: Annotated[
-        str | None,
-        typer.Option(
-            "--targets", metavar="NAME,…", help="Targets to use; by default all that are not reference points."
-        ),
+        str | None, option("--targets", "NAME,…", "Targets to use; by default all that are not reference points.")
     ] = None
     reference_points: Annotated[
         str | None,
-        typer.Option(
-            "--reference-points",
-            "--nests",
-            metavar="NAME,…",
-            help="Fixed points beside the robot; by default those whose names begin with 'base'.",
+        option(
+            "--reference-points --nests",
+            "NAME,…",
+            "Fixed points beside the robot; by default those whose names begin with 'base'.",
         ),
     ] = None
     drift: Annotated[
-        DriftChoice,
-        typer.Option(
+        Literal["follow", "ignore"],
+        option(
             "--drift",
             help="Compensate drift by the reference points if they moved by more than their noise, or ignore them.",
         ),
-    ] = DriftChoice.follow
+    ] = "follow"
 
     def __post_init__(self) -> None:
         split_names(self.targets, "--targets")
@@ -224,17 +174,16 @@ class CampaignOptions(TableOptions):
         """
         from taskcal.reading.reader import read_campaign
 
-        chosen = split_names(self.targets, "--targets") or targets
         whole = read_campaign(
             path,
             robot,
-            targets=chosen,
+            targets=split_names(self.targets, "--targets") or targets,
             reference_points=split_names(self.reference_points, "--reference-points"),
             options=self.read_options,
         )
         for note in whole.notes:
             info(f"{path.name}: {note}")
-        whole, drift = compensate(whole, self.drift, noise)
+        whole, drift = compensate(whole, noise) if self.drift == "follow" else (whole, None)
         rows = range(len(whole)) if self.rows is None else choose_rows(self.rows, len(whole), path)
         return CampaignRead(whole=whole, rows=tuple(rows), drift=drift)
 
@@ -248,23 +197,18 @@ class MeasuredOptions(CampaignOptions):
     """
 
     of_others: ClassVar[tuple[str, ...]] = ()
-    """Options that speak of something else too, where a command has it."""
+    """Options that have another meaning too, where a command has it."""
 
-    campaign: Annotated[
-        Path | None,
-        typer.Option("--campaign", metavar="CAMPAIGN.csv", readable=False, help="Measurements to use."),
-    ] = None
+    campaign: Annotated[Path | None, option("--campaign", "CAMPAIGN.csv", "Measurements to use.")] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.campaign is not None:
             return
-        for option in fields(CampaignOptions):
-            if getattr(self, option.name) != option.default and option.name not in self.of_others:
-                raise typer.BadParameter(
-                    "there is no campaign that it could speak of; give one with --campaign",
-                    param_hint=f"--{option.name.replace('_', '-')}",
-                )
+        for given in fields(CampaignOptions):
+            if getattr(self, given.name) != given.default and given.name not in self.of_others:
+                name = f"--{given.name.replace('_', '-')}"
+                raise typer.BadParameter(f"{name} requires --campaign", param_hint=name)
 
     @property
     def inputs(self) -> tuple[str | Path | None, ...]:
@@ -330,7 +274,7 @@ def _from_file(path: Path, count: int, source: Path) -> list[int]:
         if row >= count:
             raise FileError(path, f"row {row}: {source} has {count} rows, numbered 0 to {count - 1}", line=number)
         if row in found:
-            raise FileError(path, f"row {row} stands in line {found[row]} already; name each row once", line=number)
+            raise FileError(path, f"row {row} is in line {found[row]} already; name each row once", line=number)
         found[row] = number
     if not found:
         raise FileError(path, "names no row; write one row number per line, counted from 0")

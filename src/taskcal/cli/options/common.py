@@ -1,23 +1,54 @@
-"""Options that several commands share, and the lists written in them."""
+"""Options that several commands share, what is checked of them, and the model and task that they name."""
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskcal.cli.output import Outputs, check_outputs, info, write_json
 from taskcal.errors import FileError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from taskcal.identification.calibration import Calibration
+    from taskcal.robot.effects import Effect
+    from taskcal.robot.error_model import ErrorModel
+    from taskcal.task.task import TaskPoses
+
+
+# Declarations.
+
+
+def option(names: str, metavar: str | None = None, help: str = "", **more: Any) -> Any:
+    """Declare an option.
+
+    Args:
+        names: with spaces between, such as ``--output -o``.
+        metavar: how help shows its value; None for a flag or a choice.
+        help: what it is.
+        more: as Typer has it. A file is looked at by its reader alone, which reports what is wrong with it.
+    """
+    return typer.Option(*names.split(), metavar=metavar, readable=False, help=help, **more)
+
+
+def argument(metavar: str, help: str, **more: Any) -> Any:
+    """Declare an argument, like `option`."""
+    return typer.Argument(metavar=metavar, readable=False, help=help, **more)
+
 
 # A first look at files that a command is to read, before the libraries that read them are imported: wrong ones end
 # here.
 
-LARGEST = 100_000
-"""Bytes of a calibration up to which it is parsed whole here; a real one that is larger begins as it should."""
+MAX_PARSED_BYTES = 100_000
+"""Of a calibration up to which it is parsed whole here; a real one that is larger begins as it should."""
 
 
 def look_at(path: Path | None) -> Path | None:
-    """The path of a file that is there.
+    """The path of a file that exists.
 
     Raises:
         FileError: there is nothing there, or nothing that may be looked at.
@@ -45,83 +76,39 @@ def look_at_calibration(path: Path) -> Path:
         return path
     with path.open("rb") as stream:
         begins = stream.read(200).lstrip()[:1]
-    if begins != b"{" or path.stat().st_size < LARGEST:
+    if begins != b"{" or path.stat().st_size < MAX_PARSED_BYTES:
         read_envelope(path)
     return path
 
 
-def look_at_calibrations(paths: list[Path]) -> list[Path]:
-    """The paths of files that may be calibrations.
+# Options of one value.
 
-    Raises:
-        FileError: one is not there, or something else.
-    """
-    return [look_at_calibration(path) for path in paths]
+ROBOT = "Catalogue name, or file: .toml, .urdf (or .urdf#TIP), .xacro."
+TASK = ("--task -t", "TASK.toml")
 
-
-RobotOption = Annotated[
-    str,
-    typer.Option(
-        "--robot",
-        "-r",
-        metavar="ROBOT",
-        help="Name in the catalogue, or a file: .toml, .urdf (or .urdf#TIP), .xacro.",
-    ),
-]
-TaskOption = Annotated[
-    Path, typer.Option("--task", "-t", metavar="TASK.toml", readable=False, callback=look_at, help="Task file.")
-]
+RobotOption = Annotated[str, option("--robot -r", "ROBOT", ROBOT)]
+TaskOption = Annotated[Path, option(*TASK, "Task file.", callback=look_at)]
 CampaignArgument = Annotated[
-    Path,
-    typer.Argument(
-        metavar="CAMPAIGN.csv",
-        readable=False,
-        callback=look_at,
-        help="Measurements: joint positions and measured target positions.",
-    ),
+    Path, argument("CAMPAIGN.csv", "Measurements: joint values and measured points or poses.", callback=look_at)
 ]
 CalibrationArgument = Annotated[
-    Path,
-    typer.Argument(
-        metavar="CAL.json",
-        readable=False,
-        callback=look_at_calibration,
-        help="Calibration written by taskcal identify.",
-    ),
+    Path, argument("CAL.json", "Calibration written by taskcal identify.", callback=look_at_calibration)
 ]
 CountOption = Annotated[
-    int, typer.Option("--count", "-n", min=1, metavar="N", help="Number of poses spread over the task's workspace.")
+    int, option("--count -n", "N", "Number of poses, distributed over the task's workspace.", min=1)
 ]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, metavar="N", help="Seed of the random number generator.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON, alone on standard output.")]
+SeedOption = Annotated[int, option("--seed", "N", "Seed of the random number generator.", min=0)]
+JsonOption = Annotated[bool, option("--json", help="Print the result as JSON, alone on standard output.")]
 ForceOption = Annotated[
-    bool, typer.Option("--force", help="Replace files that this command did not write, or that were edited since.")
+    bool, option("--force", help="Replace files that this command did not write, or that were edited since.")
 ]
 ModelErrorOption = Annotated[
     float | None,
-    typer.Option(
-        "--model-error-mm",
-        metavar="MM",
-        help="What geometry cannot explain (1σ per axis, 0 for nothing); by default as the robot's file states it, or a typical "
-        "robot's.",
-    ),
+    option("--model-error-mm", "MM", "Model error, 1σ per axis; by default the robot file's, or a typical robot's."),
 ]
 
 
-@dataclass(frozen=True, kw_only=True)
-class OutputOptions:
-    """How a command gives its result."""
-
-    force: ForceOption = False
-    as_json: JsonOption = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class SpreadOptions:
-    """How many poses are spread over a task, and how they are drawn."""
-
-    count: CountOption = 60
-    seed: SeedOption = 0
+# What is checked of them.
 
 
 def check_model_error(millimetres: float | None) -> float | None:
@@ -137,11 +124,24 @@ def check_model_error(millimetres: float | None) -> float | None:
     return millimetres * 1e-3
 
 
+def check_one_model_error(millimetres: float | None, campaign: Path | None, calibration: Path | None) -> float | None:
+    """The model error that was stated, metres, where neither campaign nor calibration determines it.
+
+    Raises:
+        typer.BadParameter: it is negative or not finite, or one of them does.
+    """
+    for source, name in ((campaign, "campaign"), (calibration, "calibration")):
+        if source is not None and millimetres is not None:
+            message = f"--model-error-mm conflicts with --{name}, which already provides it; omit one"
+            raise typer.BadParameter(message, param_hint=f"--{name} / --model-error-mm")
+    return check_model_error(millimetres)
+
+
 def split_names(text: str | None, option: str) -> list[str] | None:
     """Names from a list with commas; None where the option is not given.
 
     Raises:
-        typer.BadParameter: a name is empty or stands twice.
+        typer.BadParameter: a name is empty or listed twice.
     """
     if text is None:
         return None
@@ -152,31 +152,202 @@ def split_names(text: str | None, option: str) -> list[str] | None:
         )
     twice = [name for name in names if names.count(name) > 1]
     if twice:
-        raise typer.BadParameter(f"'{twice[0]}' stands twice", param_hint=option)
+        raise typer.BadParameter(f"'{twice[0]}' is listed twice", param_hint=option)
+    return names
+
+
+def choose_names(text: str, option: str, offered: "Iterable[str]") -> list[str]:
+    """Names from a list with commas, all among those offered.
+
+    Raises:
+        typer.BadParameter: one is not.
+    """
+    from taskcal.errors import UnknownName
+
+    names, known = split_names(text, option) or [], list(offered)
+    for name in names:
+        if name not in known:
+            raise typer.BadParameter(str(UnknownName(option.strip("-").rstrip("s"), name, known)), param_hint=option)
     return names
 
 
 def check_above_zero(value: float | None, option: str) -> None:
-    """See that a number that was given is above zero.
+    """Check that a number that was given is above zero.
 
     Raises:
-        typer.BadParameter: it is not; a number that is not finite is not either.
+        typer.BadParameter: it is not, or not finite.
     """
     if value is not None and not 0 < value < float("inf"):
         raise typer.BadParameter(f"{value:g} is not above zero", param_hint=option)
 
 
 def check_within(value: float | None, least: float, most: float, option: str) -> None:
-    """See that a number that was given is within its bounds.
+    """Check that a number that was given is within its bounds.
 
     Raises:
-        typer.BadParameter: it is not; a number that is not finite is not either.
+        typer.BadParameter: it is not, or not finite.
     """
     if value is not None and not least <= value <= most:
         raise typer.BadParameter(f"{value:g} is not between {least:g} and {most:g}", param_hint=option)
 
 
-# Options of commands that compute many things side by side.
+# Groups of options.
+
+
+class Giving:
+    """How a command checks the files that it writes, and prints its result."""
+
+    force: bool
+    as_json: bool
+
+    def begin(
+        self,
+        command: str,
+        outputs: "Iterable[tuple[str, Path | None]]" = (),
+        inputs: "Iterable[str | Path | None]" = (),
+        **more: Any,
+    ) -> Outputs:
+        """Check the files that a command writes, as `check_outputs` does."""
+        return check_outputs(command, outputs, inputs, force=self.force, **more)
+
+    def give(self, result: "Mapping[str, Any]", show: Callable[[], object]) -> None:
+        """Print a result: as JSON, or for people."""
+        if self.as_json:
+            write_json(result)
+        else:
+            show()
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputOptions(Giving):
+    """How a command gives its result."""
+
+    force: ForceOption = False
+    as_json: JsonOption = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpreadOptions:
+    """How many poses are distributed over a task, and how they are drawn."""
+
+    count: CountOption = 60
+    seed: SeedOption = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotOptions:
+    """A robot, or a calibration.
+
+    Raises:
+        typer.BadParameter: neither, or both.
+    """
+
+    robot: Annotated[str | None, option("--robot -r", "ROBOT", ROBOT)] = None
+    calibration: Annotated[
+        Path | None,
+        option("--calibration -c", "CAL.json", "Use this calibration, with its effects, instead of --robot."),
+    ] = None
+
+    def __post_init__(self) -> None:
+        if (self.robot is None) == (self.calibration is None):
+            both = "give one of them" if self.robot is None else "give one of them: a calibration contains its robot"
+            raise typer.BadParameter(both, param_hint="--robot / --calibration")
+
+    def load(self) -> "tuple[ErrorModel, Calibration | None]":
+        """The model, and the calibration that it is of, where it is of one.
+
+        Raises:
+            FileError: the calibration cannot be read.
+            TaskcalError: there is no such robot.
+        """
+        from taskcal.identification.calibration import load_calibration
+        from taskcal.robot.catalogue import load_robot
+        from taskcal.robot.error_model import ErrorModel
+
+        if self.calibration is not None:
+            calibration = load_calibration(self.calibration)
+            return calibration.model, calibration
+        return ErrorModel(load_robot(self.robot or "")), None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelOptions(RobotOptions):
+    """A robot, with effects, or a calibration.
+
+    Raises:
+        typer.BadParameter: neither robot nor calibration, both, or effects beside a calibration.
+    """
+
+    effects: Annotated[
+        str | None, option("--effects", "LIST", "Non-geometric effects, those listed below; a calibration has its own.")
+    ] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.calibration is not None and self.effects is not None:
+            raise typer.BadParameter("the calibration has its own effects", param_hint="--effects / --calibration")
+
+    def load(self) -> "tuple[ErrorModel, Calibration | None]":
+        """The model with the named effects, and the calibration that it is of, where it is of one.
+
+        Raises:
+            typer.BadParameter: effects that only measurements can select.
+            TaskcalError: there is no such robot, or it cannot have an effect.
+        """
+        model, calibration = super().load()
+        effects = [] if self.effects is None else read_effects(self.effects)
+        if effects is None:
+            raise typer.BadParameter("'auto' needs --campaign; otherwise list the effects", param_hint="--effects")
+        for effect in effects:
+            model = model + effect
+        return model, calibration
+
+
+def read_effects(text: str) -> "list[Effect] | None":
+    """Effects named in a list with commas; None for ``auto``.
+
+    Raises:
+        typer.BadParameter: a name of no effect, or one that is listed twice.
+    """
+    from taskcal.errors import TaskcalError
+    from taskcal.robot.effects import parse_effect
+
+    names = split_names(text, "--effects") or []
+    if names in (["auto"], ["none"]):
+        return None if names == ["auto"] else []
+    effects: list[Effect] = []
+    for name in names:
+        if name in ("auto", "none"):
+            raise typer.BadParameter(
+                f"'{name}' cannot be combined; give it without other effects", param_hint="--effects"
+            )
+        try:
+            effects.append(parse_effect(name))
+        except TaskcalError as error:
+            raise typer.BadParameter(f"{error}; or auto, or none", param_hint="--effects") from error
+    return effects
+
+
+# The poses of a task.
+
+REACHING = "joints that reach the task's poses"
+"""What is being done."""
+
+
+def read_and_reach(model: "ErrorModel", path: Path, count: int, seed: int, begin: Callable[[str], None]) -> "TaskPoses":
+    """Read a task and find the joints that reach it; a message states how many poses are out of reach."""
+    from taskcal.task.task import load_task, reach_task
+
+    task = load_task(path)
+    begin(REACHING)
+    poses = reach_task(model, task, count, seed)
+    missing = int(poses.unreachable.sum())
+    if missing:
+        info(f"{missing} of {len(poses.unreachable)} poses of the task are out of the robot's reach and left out")
+    return poses
+
+
+# Options of commands that compute many things in parallel.
 
 ENGINES = ("loky", "threading", "sequential", "dask")
 
@@ -186,7 +357,7 @@ ADDRESSED = "dask:"
 
 @dataclass(frozen=True, kw_only=True)
 class EngineOptions:
-    """Where many things are computed side by side.
+    """Where many things are computed in parallel.
 
     Raises:
         typer.BadParameter: there is no such engine, or a scheduler is lacking or has no use.
@@ -194,19 +365,16 @@ class EngineOptions:
 
     engine: Annotated[
         str,
-        typer.Option(
+        option(
             "--engine",
-            metavar="ENGINE",
-            help="loky (processes on this machine), threading, sequential, or dask (a cluster, see --scheduler).",
+            "ENGINE",
+            "loky (processes on this machine), threading, sequential, or dask (a cluster, see --scheduler).",
         ),
     ] = "loky"
     scheduler: Annotated[
-        str | None,
-        typer.Option("--scheduler", metavar="ADDRESS", help="Scheduler of the Dask cluster, such as tcp://HOST:8786."),
+        str | None, option("--scheduler", "ADDRESS", "Scheduler of the Dask cluster, such as tcp://HOST:8786.")
     ] = None
-    workers: Annotated[
-        int | None, typer.Option("--workers", min=1, metavar="N", help="Parallel workers; by default one per core.")
-    ] = None
+    workers: Annotated[int | None, option("--workers", "N", "Parallel workers; by default one per core.", min=1)] = None
 
     @property
     def engine_name(self) -> str:
@@ -214,8 +382,8 @@ class EngineOptions:
         return self.engine if self.scheduler is None else f"{ADDRESSED}{self.scheduler}"
 
     @property
-    def most_workers(self) -> int:
-        """How many, −1 for one per core."""
+    def max_workers(self) -> int:
+        """Maximum number of workers; −1 for one per core."""
         return -1 if self.workers is None else self.workers
 
     def __post_init__(self) -> None:
@@ -226,7 +394,7 @@ class EngineOptions:
             )
         if self.engine == "dask" and not self.scheduler:
             raise typer.BadParameter(
-                "which cluster? Name the address that 'dask scheduler' prints, such as tcp://HOST:8786",
+                "needs --scheduler: the address that 'dask scheduler' prints, such as tcp://HOST:8786",
                 param_hint="--engine dask / --scheduler",
             )
         if self.engine != "dask" and self.scheduler is not None:

@@ -1,16 +1,14 @@
-"""How a robot is fitted, as the command line is told."""
+"""How a robot is fitted: parameters, prior, loss, registration and hold-out."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from taskcal.cli.options.campaign import CampaignRead
-from taskcal.cli.options.common import SeedOption, check_within, split_names
-from taskcal.cli.options.registration import Method, RegistrationOption, registration_file, registration_of
+from taskcal.cli.options.common import SeedOption, check_within, option, split_names
 
 if TYPE_CHECKING:
     from taskcal.campaigns.campaign import Campaign
@@ -18,38 +16,28 @@ if TYPE_CHECKING:
     from taskcal.identification.holdout import Holdout
     from taskcal.identification.options import FitOptions
     from taskcal.observations.base import TrackerNoise
+    from taskcal.registration.registration import Registration
     from taskcal.robot.error_model import ErrorModel
 
     Fit = Callable[[Campaign], Calibration]
 
-
-class PriorChoice(StrEnum):
-    """What is known of the parameters beforehand."""
-
-    tolerances = "tolerances"
-    none = "none"
+Method = Literal["poses", "circles"]
+"""How tracker frame and targets are registered."""
 
 
-class LossChoice(StrEnum):
-    """How much a large residual counts."""
+def register_by(method: Method, model: "ErrorModel", campaign: "Campaign") -> "Registration":
+    """The registration of a campaign.
 
-    squared = "squared"
-    huber = "huber"
-    cauchy = "cauchy"
+    Raises:
+        CampaignError: the campaign does not determine it, or is not of this robot.
+    """
+    from taskcal.registration.circles import register_from_circles
+    from taskcal.registration.consensus import check_plausible
+    from taskcal.registration.registration import register
 
-
-class FramesChoice(StrEnum):
-    """What becomes of tracker frame and targets."""
-
-    fit = "fit"
-    fixed = "fixed"
-
-
-class GrossErrorsChoice(StrEnum):
-    """What becomes of rows that cannot be right."""
-
-    leave_out = "leave out"
-    keep = "keep"
+    registered = register_from_circles(model, campaign) if method == "circles" else register(model, campaign)
+    check_plausible(registered, model, campaign)
+    return registered
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,83 +50,72 @@ class FitCommandOptions:
 
     keep: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--keep",
-            metavar="NAME,…",
-            help="Parameters to fit, by name or symbol, or frames such as J2 or tool; 'published' for the choice of the "
-            "robot's publication, 'none' for tracker frame and targets alone. All by default.",
+            "NAME,…",
+            "Parameters to fit: names, symbols or frames (J2, tool); 'published', or 'none' for the frames alone.",
         ),
     ] = None
     lengths_only: Annotated[
-        bool,
-        typer.Option(
-            "--lengths-only",
-            help="Fit the nominal lengths of the robot file alone (such as d2 and RL4), not the defects of its frames.",
-        ),
+        bool, option("--lengths-only", help="Fit only the nominal lengths of the robot file, such as d2 and RL4.")
     ] = False
-    prior: Annotated[PriorChoice, typer.Option("--prior", help="Prior of the parameters.")] = PriorChoice.tolerances
-    loss: Annotated[LossChoice, typer.Option("--loss", help="Robust losses give outliers less weight.")] = (
-        LossChoice.squared
-    )
+    prior: Annotated[Literal["tolerances", "none"], option("--prior", help="Prior of the parameters.")] = "tolerances"
+    loss: Annotated[
+        Literal["squared", "huber", "cauchy"], option("--loss", help="Loss; robust ones give outliers less weight.")
+    ] = "squared"
     frames: Annotated[
-        FramesChoice,
-        typer.Option("--frames", help="Refine tracker frame and targets with the fit, or hold them as registered."),
-    ] = FramesChoice.fit
-    registration: RegistrationOption = Method.poses.value
+        Literal["fit", "fixed"], option("--frames", help="Fit tracker frame and targets, or hold them as registered.")
+    ] = "fit"
+    registration: Annotated[
+        str,
+        option(
+            "--registration",
+            "poses|circles|REG.json",
+            "Start values of tracker frame and targets: all poses, axis circles, or a file of taskcal register.",
+        ),
+    ] = "poses"
     model_error_mm: Annotated[
-        float | None,
-        typer.Option("--model-error-mm", metavar="MM", help="What geometry cannot explain (1σ); estimated by default."),
+        float | None, option("--model-error-mm", "MM", "Model error, 1σ per axis; estimated by default.")
     ] = None
     gross_errors: Annotated[
-        GrossErrorsChoice,
-        typer.Option(
-            "--gross-errors",
-            help="Leave out rows that cannot be right beside all others, up to a tenth of them, and say which; or keep them.",
-        ),
-    ] = GrossErrorsChoice.leave_out
+        Literal["leave out", "keep"],
+        option("--gross-errors", help="Reject gross errors (at most 10 % of the rows) and list them, or keep them."),
+    ] = "leave out"
     target_within_mm: Annotated[
-        float,
-        typer.Option(
-            "--target-within-mm",
-            metavar="MM",
-            min=0.0,
-            max=1e5,
-            help="How far from the tool point a target may be found.",
-        ),
+        float, option("--target-within-mm", "MM", "Maximum distance of a target from the TCP.", min=0.0, max=1e5)
     ] = 1000.0
     prior_scale: Annotated[
-        float | None,
-        typer.Option("--prior-scale", metavar="FACTOR", help="Factor of the tolerances; estimated by default."),
+        float | None, option("--prior-scale", "FACTOR", "Factor of the tolerances; estimated by default.")
     ] = None
     mpe_to_sigma: Annotated[
         float | None,
-        typer.Option(
+        option(
             "--mpe-to-sigma",
-            metavar="FACTOR",
-            help="1σ of the tracker per maximum permissible error; 0.5 by default, 0.577 for a "
-            "rectangular distribution.",
+            "FACTOR",
+            "Tracker 1σ per maximum permissible error; 0.5 by default, 0.577 if rectangular.",
         ),
     ] = None
 
     def __post_init__(self) -> None:
-        if self.prior is PriorChoice.none and self.prior_scale is not None:
+        if self.prior == "none" and self.prior_scale is not None:
             raise typer.BadParameter("without a prior there is nothing to scale", param_hint="--prior-scale / --prior")
         check_within(self.model_error_mm, 1e-6, 1e3, "--model-error-mm")
         check_within(self.prior_scale, 1e-6, 1e6, "--prior-scale")
         check_within(self.mpe_to_sigma, 1e-3, 1e3, "--mpe-to-sigma")
-        names = self._names()
+        names = self._names
         if self.lengths_only and names == ["published"]:
             raise typer.BadParameter(
                 "the published choice is one of defects, not of lengths", param_hint="--lengths-only / --keep"
             )
 
+    @property
     def _names(self) -> list[str] | None:
         return split_names(self.keep, "--keep")
 
     @property
     def registration_file(self) -> Path | None:
         """The file that is read, if one is named."""
-        return registration_file(self.registration)
+        return None if self.registration in ("poses", "circles") else Path(self.registration)
 
     def noise(self) -> "TrackerNoise | None":
         """The tracker's; None for the default."""
@@ -150,23 +127,27 @@ class FitCommandOptions:
         """The options of the fit.
 
         Raises:
-            CampaignError: the campaign does not give the registration.
+            CampaignError: the campaign does not determine the registration.
             FileError: the registration's file is of another robot, or of other targets.
             TaskcalError: nothing is published of the robot.
         """
         from taskcal.estimation.prior import Cauchy, Huber, Squared
         from taskcal.identification.options import FitOptions
+        from taskcal.registration.registration_file import load_registration
 
+        registration = register_by("circles", model, campaign) if self.registration == "circles" else None
+        if self.registration_file is not None:
+            registration = load_registration(str(self.registration_file), model, campaign)
         return FitOptions(
-            keep=_kept(model, self._names()),
-            prior=None if self.prior is PriorChoice.none else "tolerances",
-            loss={LossChoice.squared: Squared, LossChoice.huber: Huber, LossChoice.cauchy: Cauchy}[self.loss](),
+            keep=_kept(model, self._names),
+            prior=None if self.prior == "none" else "tolerances",
+            loss={"squared": Squared, "huber": Huber, "cauchy": Cauchy}[self.loss](),
             noise=self.noise(),
-            registration=registration_of(self.registration, model, campaign),
-            frames="fixed" if self.frames is FramesChoice.fixed else "fit",
+            registration=registration,
+            frames=self.frames,
             model_error="estimate" if self.model_error_mm is None else self.model_error_mm * 1e-3,
             prior_scale="estimate" if self.prior_scale is None else self.prior_scale,
-            gross_errors="keep" if self.gross_errors is GrossErrorsChoice.keep else "leave out",
+            gross_errors=self.gross_errors,
             target_within=self.target_within_mm * 1e-3,
         )
 
@@ -191,17 +172,6 @@ def _kept(model: "ErrorModel", names: list[str] | None) -> tuple[str, ...] | Non
     return published_kept(model)
 
 
-# Which rows a fit does not see, as the command line is told.
-
-
-class GroupingChoice(StrEnum):
-    """What is held out together."""
-
-    neighbours = "neighbours"
-    blocks = "blocks"
-    rows = "rows"
-
-
 @dataclass(frozen=True, kw_only=True)
 class HoldoutOptions:
     """Rows that are held out.
@@ -211,28 +181,20 @@ class HoldoutOptions:
     """
 
     holdout: Annotated[
-        float | None,
-        typer.Option(
-            "--holdout", metavar="SHARE", help="Hold about this share of the rows out of the fit, and predict it."
-        ),
+        float | None, option("--holdout", "SHARE", "Hold out about this share of the rows, and predict it.")
     ] = None
     folds: Annotated[
         int | None,
-        typer.Option(
-            "--folds",
-            metavar="K",
-            min=2,
-            help="Hold each of K parts out in turn, and predict it from the others; the calibration is of all rows.",
-        ),
+        option("--folds", "K", "Hold out each of K parts in turn, and predict it; then fit all rows.", min=2),
     ] = None
     holdout_by: Annotated[
-        GroupingChoice,
-        typer.Option(
+        Literal["neighbours", "blocks", "rows"],
+        option(
             "--holdout-by",
-            help="What is held out together: neighbouring poses, blocks of rows that follow each other, or single rows at random, "
-            "which flatters where poses lie side by side.",
+            help="Hold out groups of neighbouring poses, blocks of consecutive rows, or single rows at random (optimistic for "
+            "clustered poses).",
         ),
-    ] = GroupingChoice.neighbours
+    ] = "neighbours"
     seed: SeedOption = 0
 
     def __post_init__(self) -> None:
@@ -241,10 +203,8 @@ class HoldoutOptions:
                 f"{self.holdout:g} is not a share between 0 and 1, such as 0.3", param_hint="--holdout"
             )
         if self.holdout is not None and self.folds is not None:
-            raise typer.BadParameter(
-                "choose one: a share that is held out once, or folds", param_hint="--holdout / --folds"
-            )
-        if not self.asked and self.holdout_by is not GroupingChoice.neighbours:
+            raise typer.BadParameter("use --holdout or --folds, not both", param_hint="--holdout / --folds")
+        if not self.asked and self.holdout_by != "neighbours":
             raise typer.BadParameter("nothing is held out; give --holdout or --folds too", param_hint="--holdout-by")
 
     @property
@@ -254,16 +214,16 @@ class HoldoutOptions:
 
     @property
     def fits(self) -> int:
-        """How many times the campaign is fitted."""
+        """Number of fits of the campaign."""
         return 1 + (self.folds or 0)
 
     def _holdout(self) -> "Holdout":
         from taskcal.identification.holdout import Holdout
 
-        return Holdout(share=self.holdout, folds=self.folds, by=self.holdout_by.value, seed=self.seed)
+        return Holdout(share=self.holdout, folds=self.folds, by=self.holdout_by, seed=self.seed)
 
     def fit(self, read: CampaignRead, fit: "Fit", nominal: "Fit") -> "Calibration":
-        """The calibration of the rows that are to be fitted, with what it predicts of the others.
+        """The calibration of the rows that are to be fitted, with its predictions of the others.
 
         Args:
             read: the campaign; rows that were not chosen are held out too.
@@ -287,7 +247,7 @@ class HoldoutOptions:
         return with_held_out(calibration, read.whole, others, nominal)
 
     def fitted_rows(self, read: CampaignRead) -> list[int]:
-        """Rows that the calibration has seen, but for those that cannot be right."""
+        """Rows that the calibration was fitted to, gross errors among them."""
         if self.holdout is None:
             return list(read.rows)
         out = {int(row) for row in self._holdout().choose(read.whole)}

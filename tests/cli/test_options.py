@@ -1,0 +1,371 @@
+"""Options: groups of them, what is checked of their values, and what commands get of them."""
+
+from dataclasses import dataclass, fields
+from inspect import signature
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import pytest
+import typer
+from typer.main import get_command
+from typer.testing import CliRunner
+
+from taskcal.cli import app, main
+from taskcal.cli.command import in_users_words, laid_out
+from taskcal.cli.options.campaign import CampaignOptions, MeasuredOptions, choose_rows
+from taskcal.cli.options.common import ModelOptions, read_effects
+from taskcal.cli.options.fit import FitCommandOptions
+from taskcal.errors import FileError, TaskcalError
+from taskcal.estimation.prior import Huber
+from taskcal.identification.options import FitOptions
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.effects import (
+    PERIODIC,
+    Compliance,
+    Coupling,
+    EncoderGain,
+    Harmonics,
+    MotorHarmonics,
+    Spring,
+    Thermal,
+    WarmUp,
+)
+from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
+from tests.cli.conftest import IRB6660, TASK, Run
+
+
+@dataclass(frozen=True, kw_only=True)
+class Size:
+    width: Annotated[float, typer.Option("--width-mm")]
+    height: Annotated[float, typer.Option("--height-mm")] = 2.0
+
+    def __post_init__(self) -> None:
+        if self.width < self.height:
+            raise typer.BadParameter("it is higher than wide", param_hint="--height-mm")
+
+
+def ran(*arguments: str) -> tuple[int, list[Any], str]:
+    """Exit status, what the command got, and what was printed."""
+    got: list[Any] = []
+
+    @laid_out
+    def command(name: Annotated[str, typer.Argument()], size: Size, twice: bool = False) -> None:
+        """Draw."""
+        got.extend((name, size, twice))
+
+    only = typer.Typer()
+    only.command()(command)
+    result = CliRunner().invoke(only, arguments, env={"TYPER_USE_RICH": "0", "COLUMNS": "200"})
+    return result.exit_code, got, result.output
+
+
+def test_group_reaches_the_command_as_one_value() -> None:
+    assert ran("box", "--height-mm", "1", "--width-mm", "3", "--twice")[:2] == (
+        0,
+        ["box", Size(width=3, height=1), True],
+    )
+
+
+def test_group_defaults_are_those_of_its_fields() -> None:
+    assert ran("box", "--width-mm", "3")[:2] == (0, ["box", Size(width=3), False])
+
+
+def test_option_without_default_is_required() -> None:
+    status, _, text = ran("box")
+    assert status == 2
+    assert "--width-mm" in text
+
+
+def test_group_refusal_is_wrong_usage() -> None:
+    status, got, text = ran("box", "--width-mm", "1")
+    assert (status, got) == (2, [])
+    assert "it is higher than wide" in text
+
+
+def test_group_options_keep_their_place() -> None:
+    @laid_out
+    def command(first: int, size: Size, last: int) -> None: ...
+
+    assert list(signature(command).parameters) == ["first", "width", "height", "last"]
+
+
+def test_two_options_of_one_name_are_refused() -> None:
+    def command(width: int, size: Size) -> None: ...
+
+    with pytest.raises(ValueError, match="width"):
+        laid_out(command)
+
+
+def commands() -> dict[str, Any]:
+    group: Any = get_command(app)
+    return dict(group.commands)
+
+
+@pytest.mark.parametrize("name", ["identify", "register", "validate", "select", "sensitivity", "plan", "report"])
+def test_commands_share_the_options_of_a_campaign(name: str) -> None:
+    from taskcal.cli.options.campaign import CampaignOptions
+
+    parameters = {parameter.name: parameter.opts for parameter in commands()[name].params}
+    for option in fields(CampaignOptions):
+        second = ["--nests"] if option.name == "reference_points" else []
+        assert parameters[option.name] == [f"--{option.name.replace('_', '-')}", *second]
+
+
+def test_option_names_have_their_unit() -> None:
+    units = {"MM": "-mm", "DEG": "-deg", "S": "-s", "MM/S": "-mm-s"}
+    named = [
+        (option, parameter.metavar)
+        for command in commands().values()
+        for parameter in command.params
+        for option in parameter.opts
+        if parameter.metavar in units
+    ]
+    assert len(named) > 10
+    for option, metavar in named:
+        assert option.endswith(units[metavar])
+
+
+@pytest.mark.parametrize("command", ["robots show {}", "poses -r {} angles.csv", "robots import {} -o robot.toml"])
+def test_xacro_reads_outside_its_folder_with_trust_alone(command, tmp_path, monkeypatch, capsys) -> None:
+    (tmp_path / "own").mkdir()
+    (tmp_path / "length.yaml").write_text("0.5", encoding="utf-8")
+    xacro = tmp_path / "own" / "arm.xacro"
+    xacro.write_text(
+        """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/><link name="tool0"/>
+        <joint name="j1" type="continuous"><origin xyz="0 0 ${load_yaml('../length.yaml')}"/>
+        <parent link="base"/><child link="tool0"/><axis xyz="0 0 1"/></joint></robot>""",
+        encoding="utf-8",
+    )
+    (tmp_path / "angles.csv").write_text("id,j1_deg\n0,0\n1,90\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    arguments = command.format(xacro).split()
+    assert main(arguments) == 1
+    assert "length.yaml', which lies outside the file's own folder" in " ".join(capsys.readouterr().err.split())
+    assert main([*arguments, "--trust-xacro"]) == 0
+
+
+def test_every_command_with_a_robot_takes_trust() -> None:
+    groups = commands()
+    every = {**groups, **{f"robots {name}": inner for name, inner in groups["robots"].commands.items()}}
+    takes = {
+        name: {option for parameter in command.params for option in parameter.opts} for name, command in every.items()
+    }
+    assert {name for name, options in takes.items() if "--trust-xacro" in options} == {
+        "robots import",
+        "robots show",
+        *(name for name, options in takes.items() if "--robot" in options),
+    }
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        (["--count", "many"], "'many' is not a whole number; write for example 10"),
+        (["--count=0"], "'0' must be 1 or more"),
+        (["--seed", "1", "--seed", "x"], "'x' is not a whole number"),
+        (["--model-error-mm", "thin"], "'thin' is not a number; write for example 0.5"),
+        (["--criterion", "X"], "'X' is not one of 'task'"),
+    ],
+)
+def test_message_has_the_value_and_what_to_write(run: Run, tmp_path: Path, option: list[str], words: str) -> None:
+    (tmp_path / "task.toml").write_text(TASK)
+    ended = run("plan", "--robot", "abb-irb120", "--task", tmp_path / "task.toml", "-o", tmp_path / "plan.csv", *option)
+    assert (ended.status, ended.out) == (2, "")
+    assert words in " ".join(ended.err.replace("│", " ").split())
+
+
+def test_messages_of_the_parser_alone_are_put_in_words() -> None:
+    assert in_users_words("there is no such way", ["--observe"], ["--observe", "x"]) == "there is no such way"
+    assert in_users_words("Input should be less than 3", ["CAMPAIGN"], ["plan"]) == "must be below 3"
+
+
+@pytest.mark.parametrize("command", ["identify", "plan", "validate"])
+def test_help_lists_effects_where_the_command_takes_them(run: Run, command: str) -> None:
+    listed = run(command, "--help").out.partition("Effects:")[2]
+    assert ("compliance" in listed) == (command != "validate")
+
+
+def test_effects_are_read_by_name() -> None:
+    assert read_effects("auto") is None
+    assert read_effects("none") == []
+    named = read_effects("compliance, gain,harmonics,harmonics:3,harmonics:5-7,periodic")
+    orders = Harmonics(orders=(3,)), Harmonics(orders=(5, 6, 7))
+    assert named == [Compliance(), EncoderGain(), Harmonics(), *orders, PERIODIC]
+    assert read_effects("thermal,warmup,warmup:20") == [Thermal(), WarmUp(), WarmUp(time_constant=1200.0)]
+    assert read_effects("coupling,spring,motor") == [Coupling(), Spring(), MotorHarmonics()]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("friction", "'friction' is not an effect; known: backlash, compliance, coupling, field, gain"),
+        ("auto,gain", "'auto' cannot be combined"),
+        ("gain,gain", "'gain' is listed twice"),
+        ("harmonics:3-1", "write harmonics:1-4"),
+        ("harmonics:0", "write harmonics:1-4"),
+        ("warmup:0", "'warmup:0' is not an effect"),
+    ],
+)
+def test_wrong_effects_are_refused(text: str, words: str) -> None:
+    with pytest.raises(typer.BadParameter, match=words):
+        read_effects(text)
+
+
+# A model, by robot or calibration.
+
+
+def test_model_is_of_a_robot_with_effects_or_of_a_calibration(cell: Path) -> None:
+    model, calibration = ModelOptions(robot=IRB6660, effects="compliance,gain").load()
+    assert ([effect.key for effect in model.effects], calibration) == (["compliance", "gain"], None)
+    model, calibration = ModelOptions(calibration=cell / "cal.json").load()
+    assert calibration is not None
+    assert model is calibration.model
+
+
+@pytest.mark.parametrize(
+    ("options", "hint"),
+    [
+        ({}, "--robot / --calibration"),
+        ({"robot": IRB6660, "calibration": Path("cal.json")}, "--robot / --calibration"),
+        ({"calibration": Path("cal.json"), "effects": "gain"}, "--effects / --calibration"),
+    ],
+    ids=["neither", "both", "effects of a calibration"],
+)
+def test_model_has_exactly_one_source(options: dict[str, Any], hint: str) -> None:
+    with pytest.raises(typer.BadParameter) as refused:
+        ModelOptions(**options)
+    assert refused.value.param_hint == hint
+
+
+def test_effects_are_not_selected_without_measurements() -> None:
+    with pytest.raises(typer.BadParameter, match="list the effects"):
+        ModelOptions(robot=IRB6660, effects="auto").load()
+
+
+# A campaign and its rows.
+
+
+def test_campaign_is_read_whole_by_default(cell: Path) -> None:
+    read = CampaignOptions().read(cell / "three.csv", load_robot(IRB6660))
+    assert read.rows == tuple(range(30))
+    assert read.campaign is read.whole
+    assert (read.campaign.targets, read.drift) == (("smr1", "smr2", "smr3"), None)
+
+
+def test_rows_and_targets_are_chosen(cell: Path) -> None:
+    robot = load_robot(IRB6660)
+    read = CampaignOptions(rows="3:8", targets="smr3,smr1").read(cell / "three.csv", robot, targets=["smr2"])
+    assert set(read.campaign.targets) == {"smr1", "smr3"}
+    np.testing.assert_array_equal(read.campaign.q, read.whole.q[3:8])
+    assert [read.campaign.row_of(i) for i in range(5)] == list(read.rows) == [3, 4, 5, 6, 7]
+    assert CampaignOptions().read(cell / "three.csv", robot, targets=["smr2"]).campaign.targets == ("smr2",)
+
+
+@pytest.mark.parametrize(("field", "option"), [("targets", "--targets"), ("reference_points", "--reference-points")])
+@pytest.mark.parametrize("text", ["a,,b", "a,a", ""])
+def test_wrong_list_is_refused_before_reading(field: str, option: str, text: str) -> None:
+    with pytest.raises(typer.BadParameter) as refused:
+        CampaignOptions(**{field: text})
+    assert refused.value.param_hint == option
+
+
+def test_missing_reference_points_are_named(cell: Path) -> None:
+    with pytest.raises(TaskcalError, match="wall"):
+        CampaignOptions(reference_points="wall").read(cell / "three.csv", load_robot(IRB6660))
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        ({"rows": "0:9"}, "--rows"),
+        ({"targets": "a"}, "--targets"),
+        ({"reference_points": "a"}, "--reference-points"),
+        ({"drift": "ignore"}, "--drift"),
+    ],
+)
+def test_options_of_a_campaign_require_one(options: dict[str, Any], named: str) -> None:
+    with pytest.raises(typer.BadParameter, match="requires --campaign") as refused:
+        MeasuredOptions(**options)
+    assert refused.value.param_hint == named
+    assert MeasuredOptions(campaign=Path("c.csv"), **options).campaign == Path("c.csv")
+
+
+def test_endless_row_number_is_refused_and_shortened(tmp_path: Path) -> None:
+    path = tmp_path / "rows.txt"
+    path.write_text("1\n" + "9" * 5000 + "\n")
+    with pytest.raises(FileError, match=r"rows\.txt:2: '9+…9+ \(5000 characters\)' is not a row number"):
+        choose_rows(str(path), 50, Path("campaign.csv"))
+
+
+@pytest.mark.parametrize("text", ["1:" + "9" * 200, "١:٣"], ids=["endless", "other digits"])
+def test_range_of_other_characters_is_refused(text: str) -> None:
+    with pytest.raises(typer.BadParameter, match="is not a range of rows"):
+        choose_rows(text, 50, Path("campaign.csv"))
+
+
+# A fit.
+
+
+@pytest.fixture(scope="module")
+def model() -> ErrorModel:
+    return ErrorModel(load_robot(IRB6660))
+
+
+@pytest.fixture(scope="module")
+def campaign(model: ErrorModel):
+    rng = np.random.default_rng(0)
+    return simulate(model, rng.uniform(-0.5, 0.5, (5, 6)), rng=rng)[0]
+
+
+def test_fit_options_default_to_those_of_the_library(model, campaign) -> None:
+    options, default = vars(FitCommandOptions().options(model, campaign)), vars(FitOptions())
+    assert type(options.pop("loss")) is type(default.pop("loss"))
+    assert options == default
+
+
+def test_fit_options_are_converted_to_metres(model, campaign) -> None:
+    options = FitCommandOptions(
+        keep="J2,J3",
+        prior="none",
+        loss="huber",
+        frames="fixed",
+        model_error_mm=0.05,
+        gross_errors="keep",
+        target_within_mm=1500.0,
+        mpe_to_sigma=0.577,
+    ).options(model, campaign)
+    assert (options.keep, options.prior, options.frames, options.gross_errors) == (("J2", "J3"), None, "fixed", "keep")
+    assert isinstance(options.loss, Huber)
+    assert options.model_error == pytest.approx(50e-6)
+    assert options.target_within == pytest.approx(1.5)
+    assert options.noise is not None
+    assert options.noise.mpe_to_sigma == pytest.approx(0.577)
+
+
+def test_published_and_none_are_sets_of_parameters(model, campaign) -> None:
+    assert FitCommandOptions(keep="none").options(model, campaign).keep == ()
+    published = FitCommandOptions(keep="published").options(model, campaign).keep
+    assert published is not None
+    assert set(published) == set(model.names) - set(model.robot.published.dropped)
+    with pytest.raises(TaskcalError, match="names no publication"):
+        FitCommandOptions(keep="published").options(ErrorModel(load_robot("ur10")), campaign)
+
+
+@pytest.mark.parametrize(
+    ("options", "hint"),
+    [
+        ({"prior": "none", "prior_scale": 2.0}, "--prior-scale / --prior"),
+        ({"model_error_mm": -1.0}, "--model-error-mm"),
+        ({"model_error_mm": float("nan")}, "--model-error-mm"),
+        ({"prior_scale": 0.0}, "--prior-scale"),
+        ({"mpe_to_sigma": 0.0}, "--mpe-to-sigma"),
+        ({"keep": "J1,J1"}, "--keep"),
+        ({"lengths_only": True, "keep": "published"}, "--lengths-only / --keep"),
+    ],
+)
+def test_contradictory_fit_options_are_refused(options, hint) -> None:
+    with pytest.raises(typer.BadParameter) as refused:
+        FitCommandOptions(**options)
+    assert refused.value.param_hint == hint
