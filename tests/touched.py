@@ -5,12 +5,15 @@ touched where it changed, or imports what changed, at once or through other modu
 """
 
 import ast
+import re
 import subprocess
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 MAIN = ("origin/main", "origin/master", "main", "master")
+PREFIX = re.compile(r"(\w+\.)+")
+"""A text to which the name of a module is added before it is loaded."""
 READ_PAGES = ("tests/examples", "tests/realdata")
 """Folders of tests that read pages of the documentation."""
 
@@ -84,7 +87,10 @@ def _needed(path: Path, files: Mapping[str, Path]) -> set[str]:
             named |= {module, *(f"{module}.{alias.name}" for alias in node.names)}
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):  # loaded by name, or started
             text = node.value.partition(":")[0]
-            named |= {name for name in files if name == text or (text.endswith(".") and name.startswith(text))}
+            if text in files:
+                named.add(text)
+            elif PREFIX.fullmatch(text):
+                named |= {name for name in files if name.startswith(text)}
     if path.is_relative_to(ROOT / "src"):
         named -= {"taskcal"}  # inside the package nothing is imported from its root but the version
     needed = {str(files[name].relative_to(ROOT)) for name in named if name in files}
