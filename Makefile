@@ -27,8 +27,9 @@ demo: $(VENV)/.runtime  ## run the demonstration (runtime dependencies only)
 studio: $(VENV)/.studio  ## start the studio on a virtual robot's example project, in taskcal-studio/
 	$(BIN)/taskcal studio taskcal-studio --example
 
+# Each worker takes a run of neighbouring tests, which share fixtures, and then from the others what they have not begun.
 test: $(VENV)/.test  ## run the tests
-	$(BIN)/python -m pytest --numprocesses auto
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal
 
 test-quick: $(VENV)/.test  ## run some tests of every file on few examples, for a look while working
 	$(BIN)/python -m pytest --numprocesses auto --hypothesis-profile quick -m quick

@@ -23,7 +23,7 @@ from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import PERIODIC, Backlash, Compliance, Effect, EncoderGain, Harmonics, Overshoot, Settling
 from taskcal.robot.error_model import ErrorModel
 from tests.conftest import DATA
-from tests.realdata.held_out import CASES, Case, judged, measured, parts
+from tests.realdata.held_out import CASES, Case, lengths, measured, parts
 from tests.realdata.model_errors import model_errors
 from tests.realdata.test_effects import campaign_of, model_of
 from tests.realdata.test_sockets import PLACES, place_of
@@ -42,7 +42,7 @@ Figure = tuple[str, str]
 def _means(data: Path, case: Case, effects: Sequence[Effect], keep: Sequence[str] | None = None) -> list[float]:
     """Mean error in space of each split's held-out rows, or of all of them where every pose is held out in turn, mm."""
     campaign, model = campaign_of(data, case.robot), model_of(case.robot, effects)
-    errors = [judged(identify(model, fitted, keep=keep), unseen)[0] for fitted, unseen in parts(case, campaign)]
+    errors = [lengths(identify(model, fitted, keep=keep), unseen) for fitted, unseen in parts(case, campaign)]
     return [float(e.mean()) for e in (errors if case.rows else [np.concatenate(errors)])]
 
 

@@ -54,13 +54,18 @@ def parts(case: Case, campaign: Campaign) -> Iterator[tuple[Campaign, Campaign]]
         yield campaign.take(np.sort(order[:count]) if not case.rows else order[:count]), campaign.take(order[count:])
 
 
+def lengths(calibration: Calibration, unseen: Campaign) -> np.ndarray:
+    """Lengths of the errors, millimetres."""
+    return np.linalg.norm(calibration.residuals_on(unseen)[unseen.valid][:, :3], axis=1) * 1e3
+
+
 def judged(calibration: Calibration, unseen: Campaign) -> tuple[np.ndarray, np.ndarray]:
     """Lengths of the errors, millimetres, and whether each is inside its region."""
     at = unseen.valid
     error = calibration.residuals_on(unseen)[at][:, :3]
     C = calibration.predict_covariance(unseen.q, unseen.conditions)[..., :3, :3] + unseen.covariances()[..., :3, :3]
     square = np.einsum("ni,ni->n", error, np.linalg.solve(C[at], error[..., None])[..., 0])
-    return np.linalg.norm(error, axis=1) * 1e3, square < chdtri(3.0, 0.05)
+    return lengths(calibration, unseen), square < chdtri(3.0, 0.05)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +110,7 @@ def _results(
     start = time.process_time()
     auto = explain(model, fitted).calibration
     seconds = time.process_time() - start
-    frames, geometry = (judged(identify(model, fitted, keep=keep), unseen)[0] for keep in ([], None))
+    frames, geometry = (lengths(identify(model, fitted, keep=keep), unseen) for keep in ([], None))
     return frames, geometry, *judged(auto, unseen), seconds
 
 

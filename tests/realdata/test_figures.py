@@ -12,8 +12,8 @@ from tests.realdata.figures import MAKERS
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 CLAIMS = importlib.import_module("claims").claims()
 
-LONG = {"all_effects"}
-"""Makers that take many minutes."""
+LONG = {"named_effects", "all_effects"}
+"""Makers that take minutes; what effects leave on fewer splits is held to bounds by the tests of effects and conditions."""
 
 
 def fits(made: str, said: str) -> bool:
