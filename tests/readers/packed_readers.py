@@ -15,7 +15,7 @@ from taskcal.errors import TaskcalError
 from taskcal.reading.chunked import campaign_in_chunks
 from taskcal.reading.reader import read_campaign, read_measurements
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.importers.urdf_visuals import Visual
+from taskcal.robot.importers.urdf import Visual
 from taskcal.studio.files import unpack_robot
 from taskcal.studio.project import Project
 from taskcal.studio.robot_meshes import MESH_ENDINGS, meshes_of, put_mesh, triangles_of

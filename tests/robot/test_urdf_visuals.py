@@ -8,8 +8,7 @@ import pytest
 from taskcal.errors import FileError
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.importers.urdf import choose_tip
-from taskcal.robot.importers.urdf_visuals import read_looks
+from taskcal.robot.importers.urdf import choose_tip, read_looks
 
 ARM = """<robot name="arm">
   <link name="base"/>

@@ -46,7 +46,7 @@ from taskcal.registration.consensus import agrees_throughout, check_targets
 from taskcal.registration.registration import Cloud, Registration, register_cloud, serves
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.joint_side import FourBarDrive, JointSide
+from taskcal.robot.joint_side import FourBarDrive
 
 ROBOTS = 64
 """A thread takes at a time."""
@@ -331,7 +331,7 @@ def _model(layout: Layout, options: FitOptions) -> Model:
     # the tracker's frame is never the identity here, which a chain would leave out
     moved = replace(layout.registration, T_tracker_base=se3.translation(1.0, 1.0, 1.0))
     chain, robot = replace(layout, registration=moved).chain, model.robot
-    joint_side = JointSide(joint_map=robot.joint_map, four_bar=robot.four_bar)
+    joint_side = robot.joint_side
     assert prior.parameters is not None
     return Model(
         steps=chain.steps,

@@ -14,7 +14,7 @@ from taskcal.kernels.chunks import in_chunks
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Effect, LinearTerm
 from taskcal.robot.effects.base import terms_on
-from taskcal.robot.joint_side import FourBarDrive, JointSide, Slope, Walk
+from taskcal.robot.joint_side import FourBarDrive, Slope, Walk
 from taskcal.robot.parameter import Parameter, parameters_of
 from taskcal.robot.robot import Part, Robot
 from taskcal.robot.statics import Load
@@ -114,7 +114,6 @@ class ErrorModel:
         self._frame_count = len(names)
         estimated = added if lengths_only else self.terms
         self._fixed_terms = len(self.terms) - len(estimated)
-        self._joint_side = JointSide(joint_map=robot.joint_map, four_bar=robot.four_bar)
         for term in estimated:
             names += term.names
             units += term.units
@@ -291,7 +290,7 @@ class ErrorModel:
             if not self._fixed_terms:
                 first, pair = first + 3, len(loop.wanted.which)
             slopes.append(lambda: loop.slope(q, xi))
-        s, factor = self._joint_side.at(q, xi, used[:pair], self.chain.joints)
+        s, factor = self.robot.joint_side.at(q, xi, used[:pair], self.chain.joints)
         factors = [factor]
         for i, term in enumerate(self._effect_terms, start=len(slopes)):
             shift = term.shift(q, x[first : first + len(term.names)], None if prepared is None else prepared[i])

@@ -115,7 +115,7 @@ def trace_skeleton(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Skeleton:
     """
     q = np.asarray(q, dtype=float)
     s = robot.joint_map(q)
-    if robot.four_bar is not None:
+    if robot.four_bar is not None:  # drawn also where it folded over
         drive, kappa = robot.four_bar, q @ robot.four_bar.crank
         s = s + (close_four_bar(drive.bar, q @ drive.arm, kappa).angle - kappa)[:, None] * drive.output
     T = np.broadcast_to(np.eye(4), (len(q), 4, 4))
@@ -156,7 +156,7 @@ def _moved(kind: JointKind, s: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 
     return se3.pose(se3.exp(along if turns else 0.0 * along), 0.0 * along if turns else along)
 
 
-SINGULAR_SHARE = 1e-9
+MAX_ROUNDING_SHARE = 1e-9
 """Of the largest singular value of a loop's screws: what is below it is rounding."""
 
 
@@ -233,10 +233,10 @@ class LoopFreedom:
 
     @staticmethod
     def of(screws: Float[np.ndarray, "6 n"]) -> "LoopFreedom":
-        """Of any closed chain, from the unit screws (ω, v) of its joints, metres."""
+        """The freedom of a closed chain, from the unit screws (ω, v) of its joints, metres."""
         values = np.linalg.svd(screws, compute_uv=False)
-        rank = int((values > SINGULAR_SHARE * values[0]).sum())
-        orientations = 3 - int(np.linalg.matrix_rank(screws[:3], tol=SINGULAR_SHARE * values[0]))
+        rank = int((values > MAX_ROUNDING_SHARE * values[0]).sum())
+        orientations = 3 - int(np.linalg.matrix_rank(screws[:3], tol=MAX_ROUNDING_SHARE * values[0]))
         return LoopFreedom(rank=rank, fixed_orientations=orientations, fixed_positions=6 - rank - orientations)
 
 

@@ -185,6 +185,11 @@ class Robot:
         """Hash of the description, for provenance."""
         return hashlib.sha256(json.dumps(self.description, sort_keys=True).encode()).hexdigest()[:16]
 
+    @cached_property
+    def joint_side(self) -> JointSide:
+        """Couplings and four-bar together, as the compiled passes take them."""
+        return JointSide(joint_map=self.joint_map, four_bar=self.four_bar)
+
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the controller's joints."""
@@ -270,9 +275,8 @@ class Robot:
 
     def _coordinates(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n coordinates"]:
         """Nominal chain coordinates at joint positions, those of driven joints included."""
-        side = JointSide(joint_map=self.joint_map, four_bar=self.four_bar)
         q, count = np.ascontiguousarray(q, dtype=float), len(self.joints) + len(self.driven)
-        return side.at(q, np.zeros(3), np.zeros(0, dtype=bool), count)[0]
+        return self.joint_side.at(q, np.zeros(3), np.zeros(0, dtype=bool), count)[0]
 
     def _limited(self) -> list[tuple[str, Float[np.ndarray, " joints"], tuple[float, float], bool]]:
         """Name, coefficients, limits and whether it slides, of every joint and coupled limit."""

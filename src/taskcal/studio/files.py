@@ -11,7 +11,7 @@ from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, R
 
 from robot_programs.core.files import ZipEntry, ZipKind, open_zip
 from taskcal.errors import TaskcalError, shown
-from taskcal.robot.importers.urdf_visuals import read_looks
+from taskcal.robot.importers.urdf import read_looks
 from taskcal.studio.project import (
     CAMPAIGN_ENDINGS,
     CELL_ENDINGS,

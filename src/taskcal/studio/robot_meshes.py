@@ -12,7 +12,7 @@ from jaxtyping import Float
 from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.io.files import write_whole
 from taskcal.io.xml_file import parse_xml
-from taskcal.robot.importers.urdf_visuals import Looks, Visual, read_looks
+from taskcal.robot.importers.urdf import Looks, Visual, read_looks
 from taskcal.studio.project import LAYOUT, URDF_ENDINGS, Project, plain_name
 
 MESH_ENDINGS = (".stl", ".obj", ".dae", ".glb")

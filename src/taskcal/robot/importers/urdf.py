@@ -1,9 +1,9 @@
-"""Robots from URDF files: the chain between two links, as the content of a robot file."""
+"""Robots from URDF files: the chain between two links, as the content of a robot file, and the meshes on the links."""
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
@@ -21,11 +21,13 @@ from taskcal.robot.robot_file import robot_from
 
 UrdfKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
 
-FARTHEST = 1e3
+MAX_NUMBER = 1e3
 """Metres or radians of any number that places something; larger ones stand for none."""
 
-MOST_RAD = 8.0 * np.pi
+MAX_ANGLE_RAD = 8.0 * np.pi
 """Of an angle in the file, four turns: cables stop real joints sooner, and no part is turned so often. Degrees are more."""
+
+XACRO_SUFFIX = ".xacro"
 
 CLOSING = ("loop_joint", "closure", "constraint", "loop")
 """Elements by which dialects close a loop, which URDF itself cannot."""
@@ -104,17 +106,16 @@ class UrdfTree:
 
 
 def read_urdf_tree(path: Path) -> UrdfTree:
-    """Links and joints of a URDF file.
+    """Links and joints of a URDF file, or of the URDF that a xacro file stands for.
 
     Raises:
-        FileError: it is not XML, not a URDF, or its joints make no tree.
+        FileError: it is not XML, not a URDF, its joints make no tree, or its macros fail.
     """
-    return _tree(path, read_xml(path))
+    return _tree(path, _root(path))
 
 
-def parse_urdf_tree(path: Path, content: bytes) -> UrdfTree:
-    """Links and joints of a URDF that was made of a file; errors as of `read_urdf_tree`."""
-    return _tree(path, parse_xml(path, content))
+def _root(path: Path) -> Element:
+    return parse_xml(path, expand_xacro(path)) if path.suffix.lower() == XACRO_SUFFIX else read_xml(path)
 
 
 def _tree(path: Path, root: Element) -> UrdfTree:
@@ -211,12 +212,12 @@ def _joint(path: Path, element: Element) -> UrdfJoint:
         error = UnknownName("type", kind, get_args(UrdfKind), f"of joint '{shown(name)}'")
         raise FileError(path, str(error), line=element.line)
     axis, mimic = element.first("axis"), element.first("mimic")
-    pose = placed_at(path, element.first("origin"), f"joint '{shown(name)}'")
+    pose = _placed_at(path, element.first("origin"), f"joint '{shown(name)}'")
     limits, speed = _limits(path, element, name, sliding=kind == "prismatic")
     remark = ""
     if kind in ("revolute", "prismatic") and element.first("limit") is not None and limits is None:
         remark = f"limits of {name} are not a range, and taken for none"
-    if kind == "revolute" and limits is not None and max(map(abs, limits)) > MOST_RAD:
+    if kind == "revolute" and limits is not None and max(map(abs, limits)) > MAX_ANGLE_RAD:
         remark = f"limits of {name}, {limits[0]:g} to {limits[1]:g} rad, are taken for none; are they degrees?"
         limits = None
     return UrdfJoint(
@@ -240,7 +241,7 @@ def _joint(path: Path, element: Element) -> UrdfJoint:
     )
 
 
-def placed_at(path: Path, origin: Element | None, of: str) -> Float[np.ndarray, "4 4"]:
+def _placed_at(path: Path, origin: Element | None, of: str) -> Float[np.ndarray, "4 4"]:
     """The pose that an ``<origin>`` states, metres; none where there is no such element.
 
     Raises:
@@ -248,15 +249,15 @@ def placed_at(path: Path, origin: Element | None, of: str) -> Float[np.ndarray, 
     """
     if origin is None:
         return np.eye(4)
-    roll, pitch, yaw = triple_of(path, origin, "rpy", (0.0, 0.0, 0.0))
+    roll, pitch, yaw = _triple_of(path, origin, "rpy", (0.0, 0.0, 0.0))
     _refuse_degrees(path, origin, of, (roll, pitch, yaw))
     R = se3.rotation("z", yaw) @ se3.rotation("y", pitch) @ se3.rotation("x", roll)
-    return se3.pose(R[:3, :3], np.array(triple_of(path, origin, "xyz", (0.0, 0.0, 0.0))))
+    return se3.pose(R[:3, :3], np.array(_triple_of(path, origin, "xyz", (0.0, 0.0, 0.0))))
 
 
 def _refuse_degrees(path: Path, origin: Element, of: str, angles: tuple[float, float, float]) -> None:
     most = max(map(abs, angles))
-    if most > MOST_RAD:
+    if most > MAX_ANGLE_RAD:
         message = (
             f"rpy of <origin> of {of} has {most:g}, {most / (2 * np.pi):.0f} turns; URDF counts in radians: "
             f"write {np.radians(most):.6g} for {most:g}°"
@@ -268,7 +269,7 @@ def _axis(path: Path, element: Element | None, joint: str) -> Float[np.ndarray, 
     """Along x where none is stated, as URDF has it; of unit length."""
     if element is None:
         return np.array([1.0, 0.0, 0.0])
-    axis = np.array(triple_of(path, element, "xyz", (1.0, 0.0, 0.0)))
+    axis = np.array(_triple_of(path, element, "xyz", (1.0, 0.0, 0.0)))
     length = float(np.linalg.norm(axis))
     if length < 1e-6:
         raise FileError(path, f"the axis of joint '{shown(joint)}' has no direction", line=element.line)
@@ -288,8 +289,8 @@ def _limits(
         unit = "m" if sliding else "rad"
         message = f"joint '{shown(name)}' has the lower limit {low:g} {unit} above the upper {high:g} {unit}"
         raise FileError(path, message, line=limit.line)
-    stated = low < high and abs(low) <= FARTHEST and abs(high) <= FARTHEST
-    return (low, high) if stated else None, speed if 0.0 < speed <= FARTHEST else None
+    stated = low < high and abs(low) <= MAX_NUMBER and abs(high) <= MAX_NUMBER
+    return (low, high) if stated else None, speed if 0.0 < speed <= MAX_NUMBER else None
 
 
 def _linked(path: Path, element: Element, tag: str) -> str:
@@ -312,7 +313,7 @@ def _number(path: Path, element: Element, name: str, default: float, *, far: boo
     return default if text is None else _parsed(path, element, name, text, far=far)
 
 
-def triple_of(
+def _triple_of(
     path: Path, element: Element, name: str, default: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """Three numbers of an attribute, or the default where it is not stated.
@@ -335,7 +336,7 @@ def _parsed(path: Path, element: Element, name: str, text: str, *, far: bool = F
         value = float(text) if text.isascii() and "_" not in text else math.nan
     except ValueError:
         value = math.nan
-    if math.isnan(value) or (not far and abs(value) > FARTHEST):
+    if math.isnan(value) or (not far and abs(value) > MAX_NUMBER):
         message = (
             f"{name} of <{element.tag}>: '{shown(text)}' is not a number of metres or radians; write such as 0.0825"
         )
@@ -345,7 +346,7 @@ def _parsed(path: Path, element: Element, name: str, text: str, *, far: bool = F
 
 # A rigid transform as the elementary steps of a robot file.
 
-NOTHING = 1e-15
+MIN_STEP = 1e-15
 """Metres and radians that rounding leaves."""
 
 DIGITS = 12
@@ -364,7 +365,7 @@ def steps_of(T: Float[np.ndarray, "4 4"], number: str = "") -> list[dict[str, An
     """
     steps: list[dict[str, Any]] = []
     for axis, value in zip("xyz", T[:3, 3], strict=True):
-        if abs(value) > NOTHING:
+        if abs(value) > MIN_STEP:
             symbol = {"symbol": f"{axis}{number}"} if number else {}
             steps.append({f"t{axis}_mm": round(float(value) * 1e3, DIGITS), **symbol})
     R = T[:3, :3]
@@ -373,7 +374,7 @@ def steps_of(T: Float[np.ndarray, "4 4"], number: str = "") -> list[dict[str, An
     pitch = np.arctan2(-R[2, 0], c * R[0, 0] + s * R[1, 0])
     roll = np.arctan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1])
     for axis, angle in (("z", yaw), ("y", pitch), ("x", roll)):
-        if abs(angle) > NOTHING:
+        if abs(angle) > MIN_STEP:
             steps.append({f"r{axis}_deg": round(float(np.degrees(angle)), DIGITS)})
     return steps
 
@@ -381,7 +382,7 @@ def steps_of(T: Float[np.ndarray, "4 4"], number: str = "") -> list[dict[str, An
 FLANGE = "tool0"
 """What ROS calls the frame in which a controller counts its tools (REP 199)."""
 
-FARTHEST_TOGETHER = 100.0
+MAX_TOTAL_LENGTH_M = 100.0
 """Metres that the links of a robot add up to, at most; of a small one in millimetres they are more."""
 
 RESERVED = ("tool", "base", "loop")
@@ -391,7 +392,7 @@ RESERVED = ("tool", "base", "loop")
 def describe_urdf(
     path: str | Path, *, tip: str | None = None, base: str | None = None, name: str | None = None
 ) -> dict[str, Any]:
-    """A robot file's content from a URDF file.
+    """A robot file's content from a URDF file, or from the URDF that a xacro file stands for.
 
     Joints keep their names and limits. Fixed joints, axes in any direction and mimic joints are taken into the chain: a joint
     that mimics another of the chain is driven by it.
@@ -431,7 +432,7 @@ def describe_tree(
         raise FileError(tree.path, str(error)) from error
     parts = [part for joint in robot.joints for part in (*joint.before, *joint.after)] + list(robot.tool)
     apart = sum(float(np.linalg.norm(part.transform[:3, 3])) for part in parts)
-    if apart > FARTHEST_TOGETHER:
+    if apart > MAX_TOTAL_LENGTH_M:
         message = f"places the links from '{shown(begin)}' to '{shown(end)}' {apart:.0f} m apart; URDF counts in metres"
         raise FileError(tree.path, f"{message}: are these millimetres?")
     return described
@@ -444,12 +445,7 @@ URDF = RobotImporter(
     describe=lambda path, options: describe_urdf(path, **options),
 )
 
-XACRO = RobotImporter(
-    name="xacro",
-    suffixes=(".xacro",),
-    options=("tip", "base"),
-    describe=lambda path, options: describe_tree(parse_urdf_tree(path, expand_xacro(path)), **options),
-)
+XACRO = replace(URDF, name="xacro", suffixes=(XACRO_SUFFIX,))
 
 
 def choose_tip(tree: UrdfTree) -> str:
@@ -630,3 +626,91 @@ def _towards(axis: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "4 4"]:
     return se3.rotation("z", float(np.arctan2(y, x)) if x or y else 0.0) @ se3.rotation(
         "y", float(np.arctan2(np.hypot(x, y), z))
     )
+
+
+# The looks of a robot: which mesh each link has, where on the link, and where the links are at some joint positions.
+
+MAX_VISUALS = 200
+"""Of a robot; the most detailed ones of the field have sixty."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Visual:
+    """A mesh on a link."""
+
+    link: str
+    origin: Float[np.ndarray, "4 4"]
+    """Pose of the mesh in the link, metres."""
+    scale: tuple[float, float, float]
+    file: str
+    """As the URDF names it, such as ``package://robot/meshes/link_1.stl``."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Looks:
+    """A URDF's tree with the meshes on it."""
+
+    tree: UrdfTree
+    visuals: tuple[Visual, ...]
+
+    def link_poses(self, joints: Mapping[str, float]) -> dict[str, Float[np.ndarray, "4 4"]]:
+        """Poses of all links in the root.
+
+        Args:
+            joints: positions by joint, as Taskcal names them, radians or metres; joints that are not named are at zero, and those
+                that mimic another one follow it.
+        """
+        every = self.tree.joints
+        names = plain_joint_names(self.tree)
+
+        def value(name: str) -> float:
+            mimic = every[name].mimic
+            if mimic is None:
+                return joints.get(names[name], 0.0)
+            return mimic.multiplier * value(mimic.joint) + mimic.offset
+
+        poses: dict[str, np.ndarray] = {self.tree.root: np.eye(4)}
+        for link in self.tree.links:
+            for joint in self.tree.path_to(link):
+                if joint.child not in poses:
+                    poses[joint.child] = poses[joint.parent] @ joint.origin
+                    if joint.moves:
+                        poses[joint.child] = poses[joint.child] @ _moved(joint, value(joint.name))
+        return poses
+
+
+def _moved(joint: UrdfJoint, value: float) -> Float[np.ndarray, "4 4"]:
+    if joint.kind == "prismatic":
+        return se3.pose(np.eye(3), joint.axis * value)
+    return se3.pose(se3.exp(joint.axis * value), np.zeros(3))
+
+
+def read_looks(path: Path) -> Looks:
+    """The meshes of a URDF or xacro file.
+
+    Raises:
+        FileError: it is not such a file, or has too many of them.
+    """
+    root = _root(path)
+    visuals = tuple(visual for link in root.all("link") for visual in _visuals(path, link))
+    if len(visuals) > MAX_VISUALS:
+        raise FileError(path, f"has {len(visuals)} meshes; up to {MAX_VISUALS} are drawn")
+    return Looks(tree=_tree(path, root), visuals=visuals)
+
+
+def _visuals(path: Path, link: Element) -> list[Visual]:
+    found: list[Visual] = []
+    for visual in link.all("visual"):
+        geometry = visual.first("geometry")
+        mesh = None if geometry is None else geometry.first("mesh")
+        if mesh is None or not mesh.attributes.get("filename"):
+            continue
+        found.append(
+            Visual(
+                link=link.attributes["name"],
+                origin=_placed_at(path, visual.first("origin"), f"a mesh of link '{shown(link.attributes['name'])}'"),
+                scale=_triple_of(path, mesh, "scale", (1.0, 1.0, 1.0)),
+                file=mesh.attributes["filename"],
+            )
+        )
+    return found
