@@ -377,7 +377,7 @@ class Walk(ABC, Generic[S, R]):
 
     @property
     @abstractmethod
-    def nowhere(self) -> S:
+    def unreached(self) -> S:
         """Where control does not come."""
 
     @abstractmethod
@@ -456,7 +456,7 @@ class Walk(ABC, Generic[S, R]):
         """What holds behind any of some ways."""
         states = [state for state in ways if state.reached]
         if not states:
-            return self.nowhere
+            return self.unreached
         first, *others = states
         return first.joined(others, why) if others else first
 
@@ -506,7 +506,7 @@ class Walk(ABC, Generic[S, R]):
                 self.jumps.setdefault(node.label, []).append(state)
             case "stop":
                 pass
-        return self.nowhere
+        return self.unreached
 
     def _branches(self, node: Branches, state: S) -> S:
         why = f"it is set in one branch of the {node.name} before and not, or differently, in another"
@@ -607,10 +607,10 @@ class Walk(ABC, Generic[S, R]):
                 break
             before, state = state, self.turn(loop, state)
             if state.agrees(before):
-                return self.nowhere
+                return self.unreached
         ends = self.truth(loop.condition, self.widened(state, (loop,), "")) is not True
         behind = self._some_turns(loop, state)
-        return behind if ends else self.nowhere
+        return behind if ends else self.unreached
 
     def _until(self, loop: Loop, state: S) -> S:
         for _ in range(MAX_TURNS):
@@ -636,7 +636,7 @@ class Walk(ABC, Generic[S, R]):
                 break
             before, state = state, self.turn(loop, state)
             if not state.reached or state.agrees(before):
-                return self.nowhere
+                return self.unreached
         return self._some_turns(loop, state)
 
     def _some_turns(self, loop: Loop, state: S) -> S:
@@ -645,7 +645,7 @@ class Walk(ABC, Generic[S, R]):
         end = self.turn(loop, head)
         match loop.kind:
             case "endless":
-                return self.nowhere
+                return self.unreached
             case "until":
                 return end
             case "counted" | "while":

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from robot_programs.core import se3
 from robot_programs.core.program import Unresolved, angles, rotation
 from robot_programs.core.source import Edit, Place, Source, renumbered
-from robot_programs.krl.parse import given_by_value, handed_in, handed_in_motion, handed_over
+from robot_programs.krl.parse import given_by_value, passed_by_reference, passed_in_assignment, passed_in_motion
 from robot_programs.krl.syntax import (
     Aggregate,
     Assignment,
@@ -344,7 +344,7 @@ class Data:
             for line, routine, own in _lines_with_own_names(file):
                 names = _changed_by(line, self.by_value)
                 if isinstance(line, Assignment) and (file.number, line.start) in self.elements:
-                    names = (*self.elements[file.number, line.start], *handed_in(line, self.by_value))
+                    names = (*self.elements[file.number, line.start], *passed_in_assignment(line, self.by_value))
                 for name in names:
                     if name.partition("[")[0] not in own:
                         place = file.source.place(line.start)
@@ -488,11 +488,11 @@ def _changed_by(line: Statement, by_value: Mapping[str, tuple[bool, ...]]) -> tu
     """Variables and elements that a line assigns or hands to a routine."""
     match line:
         case Assignment():
-            return (*_element(line), *handed_in(line, by_value))
+            return (*_element(line), *passed_in_assignment(line, by_value))
         case Call() if line.name != BUILT_IN:
-            return handed_over(line, by_value)
+            return passed_by_reference(line, by_value)
         case Motion():
-            return handed_in_motion(line, by_value)
+            return passed_in_motion(line, by_value)
         case Beside(action=action) if action is not None:
             return _changed_by(action, by_value)
         case Control(keyword="FOR") if line.words:

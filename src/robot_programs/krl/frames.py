@@ -235,7 +235,7 @@ _GROUPS = {
 }  # fmt: skip
 """To what of `EVERYTHING` each field belongs."""
 
-NOWHERE = State(tool=FrameVariable(frame=None), base=FrameVariable(frame=None), reached=False)
+UNREACHED = State(tool=FrameVariable(frame=None), base=FrameVariable(frame=None), reached=False)
 """Where control does not come."""
 
 
@@ -287,17 +287,17 @@ def _closing(words: Sequence[Word]) -> int:
     return len(words)
 
 
-def on_its_mechanism(held: FrameVariable, number: float | None, data: Data, names: Names) -> FrameVariable:
+def on_its_mechanism(variable: FrameVariable, number: float | None, data: Data, names: Names) -> FrameVariable:
     """A base of a set of frame parameters on what carries it by $config.dat.
 
     Args:
-        held: the base, as if it stood still.
+        variable: the base, as if it stood still.
         number: its number.
         data: the data lists.
         names: of the routine.
     """
     if not number:
-        return held
+        return variable
     base = f"BASE_DATA[{number:g}]"
     try:
         index = data.find(f"MACHINE_FRAME_DAT[{number:g}]", names.module, names.routine).aggregate.value(
@@ -305,9 +305,9 @@ def on_its_mechanism(held: FrameVariable, number: float | None, data: Data, name
         )
     except Unresolved as trouble:
         changed = "MACHINE_FRAME_DAT" in data.refused
-        return FrameVariable(frame=None, reason=f"what carries {base} is not known: {trouble}") if changed else held
+        return FrameVariable(frame=None, reason=f"what carries {base} is not known: {trouble}") if changed else variable
     if index == 0:
-        return held
+        return variable
     try:
         machine = data.find(f"MACHINE_DEF[{index or 0:g}]", names.module, names.routine).aggregate
     except Unresolved as trouble:
@@ -315,11 +315,11 @@ def on_its_mechanism(held: FrameVariable, number: float | None, data: Data, name
     kind, controller = machine.field("MECH_TYPE"), machine.value("COOP_KRC_INDEX")
     match "" if kind is None else kind.text.upper():
         case "#NONE":
-            return held
+            return variable
         case "#ROBOT" if controller == 1:
-            return held
+            return variable
         case "#EASYS" | "#EBSYS" | "#ECSYS" | "#EDSYS" | "#EESYS" | "#EFSYS" if controller == 1:
-            return replace(held, carrier=EXTERNAL_KINEMATIC)
+            return replace(variable, carrier=EXTERNAL_KINEMATIC)
         case _:
             text = (
                 f"{base} is carried by MACHINE_DEF[{index or 0:g}], which is no external kinematic system of this robot"
@@ -346,8 +346,8 @@ class Frames:
     def known(self, state: State) -> Known:
         """The values of variables where something holds."""
         both = {"$TOOL": state.tool, "$BASE": state.base}
-        held = {name: held.frame for name, held in both.items() if held.frame is not None and not held.carrier}
-        return Known(names=self.names, data=self.data, variables=state.variables, held=held)
+        frames = {name: v.frame for name, v in both.items() if v.frame is not None and not v.carrier}
+        return Known(names=self.names, data=self.data, variables=state.variables, frames=frames)
 
     def of(self, words: Sequence[Word], name: str, known: Known) -> FrameVariable:
         """The frame that an expression states, called by a name where it has none of its own."""
@@ -384,8 +384,8 @@ class Frames:
         inside = coupled(words)
         if inside is None or isinstance(inside, FrameVariable):
             return self.of(words, "$BASE", known) if inside is None else inside
-        held = self.of(inside, "$BASE", known) if inside else FrameVariable(frame=NULL, table="null")
-        return replace(held, carrier=EXTERNAL_KINEMATIC)
+        variable = self.of(inside, "$BASE", known) if inside else FrameVariable(frame=NULL, table="null")
+        return replace(variable, carrier=EXTERNAL_KINEMATIC)
 
     def _named(self, name: str, known: Known) -> Float[np.ndarray, "4 4"]:
         if name in ("$NULLFRAME", "$WORLD"):
@@ -395,8 +395,8 @@ class Frames:
         assigned = known.assigned(name)
         if isinstance(assigned, Aggregate):
             return pose(assigned)
-        if assigned is None and name in known.held:
-            return known.held[name].T
+        if assigned is None and name in known.frames:
+            return known.frames[name].T
         return pose(self.data.find(name, self.names.module, self.names.routine).aggregate)
 
     @property
@@ -464,8 +464,8 @@ class Frames:
         if line.variable == "FDAT_ACT" and state.parameters is not None:
             return replace(state, parameters=_with_component(state.parameters, line, known))
         if line.variable in ("$TOOL", "$BASE"):
-            held = self._with_own_component(line, variables)
-            return replace(state, tool=held) if line.variable == "$TOOL" else replace(state, base=held)
+            variable = self._with_own_component(line, variables)
+            return replace(state, tool=variable) if line.variable == "$TOOL" else replace(state, base=variable)
         return state
 
     def _with_own_component(self, line: Assignment, variables: Variables) -> FrameVariable:
@@ -592,10 +592,10 @@ class Frames:
         # With #TCP the part hangs on the flange; its frame is one of TOOL_DATA, the fixed tool one of BASE_DATA, whichever of
         # the two variables holds it: bas.src and hand-written programs differ in that
         if {tool.table, base.table} <= {"tool", "base", "null"} and tool.table != base.table:
-            held, standing = (tool, base) if tool.table == "tool" or base.table == "base" else (base, tool)
-            assert held.frame is not None
+            variable, standing = (tool, base) if tool.table == "tool" or base.table == "base" else (base, tool)
+            assert variable.frame is not None
             assert standing.frame is not None
-            return self._standing(standing.frame), held.frame
+            return self._standing(standing.frame), variable.frame
         raise Unresolved(
             "$IPO_MODE is #TCP, and which frame is the part's and which the fixed tool's is not clear; take one from "
             "TOOL_DATA and one from BASE_DATA"

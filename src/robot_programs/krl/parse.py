@@ -107,7 +107,9 @@ def _statement(words: list[Word]) -> Statement:
     if keyword in POINT_MOTIONS | OTHER_MOTIONS:
         return _motion(words)
     if keyword in _STEERING:
-        return Control(start=start, end=end, keyword=keyword, words=tuple(words[1:]), changed=_handed_over(words[1:]))
+        return Control(
+            start=start, end=end, keyword=keyword, words=tuple(words[1:]), changed=_passed_to_calls(words[1:])
+        )
     if len(words) == 2 and words[1].text == ":":
         return Control(start=start, end=end, keyword="LABEL", words=(first,))
     if len(words) > 1 and words[1].kind == "name":
@@ -169,7 +171,7 @@ def _assignment(words: list[Word]) -> Statement:
         index=index,
         component=component,
         words=tuple(words[equals + 1 :]),
-        changed=_handed_over(words[equals:]),
+        changed=_passed_to_calls(words[equals:]),
     )
 
 
@@ -266,7 +268,7 @@ def arguments_of(words: Sequence[Word]) -> tuple[tuple[Word, ...], ...]:
     return (*out, tuple(current))
 
 
-def _handed_over(words: Sequence[Word]) -> tuple[str, ...]:
+def _passed_to_calls(words: Sequence[Word]) -> tuple[str, ...]:
     """Variables in the parentheses of a call, which the routine may change."""
     out: list[str] = []
     inside: list[bool] = []
@@ -473,7 +475,7 @@ def given_by_value(lines: Iterable[Statement]) -> Mapping[str, tuple[bool, ...]]
     return out
 
 
-def handed_over(line: Call, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
+def passed_by_reference(line: Call, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
     """Variables that a call may change: those given to parameters that are not by value, or to functions on the way.
 
     A parameter that does not say how it is given may be changed (KUKA System Software, transfer of parameters).
@@ -502,17 +504,17 @@ def whole_call(words: Sequence[Word]) -> Call | None:
     return Call(start=words[0].start, end=words[-1].end, name=words[0].upper, arguments=given)
 
 
-def handed_in(line: Assignment, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
+def passed_in_assignment(line: Assignment, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
     """Variables that the functions in an assignment may change."""
     called = whole_call(line.words)
-    return line.changed if called is None or called.name not in by_value else handed_over(called, by_value)
+    return line.changed if called is None or called.name not in by_value else passed_by_reference(called, by_value)
 
 
-def handed_in_motion(line: Motion, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
+def passed_in_motion(line: Motion, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
     """Variables that the program's functions in a motion may change; the controller's own change nothing."""
     out: list[str] = []
     for i, (name, behind) in enumerate(pairwise(line.words)):
         if name.kind == "name" and behind.text == "(" and name.upper in by_value:
             given = arguments_of(line.words[i + 1 :])
-            out += handed_over(Call(start=line.start, end=line.end, name=name.upper, arguments=given), by_value)
+            out += passed_by_reference(Call(start=line.start, end=line.end, name=name.upper, arguments=given), by_value)
     return tuple(out)

@@ -10,8 +10,17 @@ from robot_programs.core.program import Diagnostic, Frame, Program, Unresolved, 
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Source
 from robot_programs.krl.data import Data, File, Text
-from robot_programs.krl.frames import NOWHERE, Frames, State
-from robot_programs.krl.parse import LOOPS, Condition, Tree, handed_in_motion, handed_over, parse, tree_of, whole_call
+from robot_programs.krl.frames import UNREACHED, Frames, State
+from robot_programs.krl.parse import (
+    LOOPS,
+    Condition,
+    Tree,
+    parse,
+    passed_by_reference,
+    passed_in_motion,
+    tree_of,
+    whole_call,
+)
 from robot_programs.krl.resolve import Findings, Resolver
 from robot_programs.krl.rewrite import Sharing, Site, in_data_list, rewrite, visits_of
 from robot_programs.krl.routines import (
@@ -154,7 +163,7 @@ class Arguments:
     """In capitals."""
     words: tuple[tuple[Word, ...], ...]
     """What each parameter is given."""
-    handed: tuple[str, ...]
+    by_reference: tuple[str, ...]
     """Variables that it may change, because they are not given by value."""
 
 
@@ -165,13 +174,13 @@ def function_called(
     called = whole_call(words)
     if called is None or called.name not in routines:
         return None
-    return Arguments(name=called.name, words=called.arguments, handed=handed_over(called, by_value))
+    return Arguments(name=called.name, words=called.arguments, by_reference=passed_by_reference(called, by_value))
 
 
 def behind_call(
     call: Arguments, routine: Routine, variables: Variables, names: Names, changed: Container[str]
 ) -> Variables:
-    """Variables of the caller behind a call: those that it handed over as a whole hold what the parameters held at the end.
+    """Variables of the caller after a call: those passed by reference as a whole have the final values of the parameters.
 
     Args:
         call: the call.
@@ -180,9 +189,9 @@ def behind_call(
         names: of the caller.
         changed: keys of variables that the routine changes under their own names.
     """
-    back = forgotten(without_own(variables, routine.prefix), map(names.key, call.handed))
+    back = forgotten(without_own(variables, routine.prefix), map(names.key, call.by_reference))
     for parameter, words in zip(routine.parameters, call.words, strict=False):
-        if len(words) != 1 or call.handed.count(words[0].upper) != 1:
+        if len(words) != 1 or call.by_reference.count(words[0].upper) != 1:
             continue
         key, value = names.key(words[0].upper), variables.get(f"{routine.prefix}{parameter}")
         if value is None or key in changed or key in names.volatile or (isinstance(value, str) and value in HERE):
@@ -206,9 +215,9 @@ class _Walk(flow.Walk[State, Routine]):
     """A TRIGGER waits for the next motion."""
 
     @property
-    def nowhere(self) -> State:
+    def unreached(self) -> State:
         """Where control does not come."""
-        return NOWHERE
+        return UNREACHED
 
     def through(self, entry: State) -> tuple[State, AbstractValue | None]:
         """What holds behind the routine, its own variables included, and what it returns."""
@@ -368,7 +377,7 @@ class _Walk(flow.Walk[State, Routine]):
             if returned is None:
                 returned = Lost(reason=f"what {called.name} returns is known only at run time")
             if not state.reached:
-                return NOWHERE
+                return UNREACHED
         known = self.frames.known(state)
         if line.index is not None and not self.flow.scouting and line.variable not in self.frames.names.own:
             self._note_element(line, element_assigned(known, line))
@@ -394,26 +403,28 @@ class _Walk(flow.Walk[State, Routine]):
             return self.frames.after_bas(replace(state, variables=forgotten(state.variables, keys)), line)
         for name in calls_of(line)[1:]:
             state = self.flow.forget(name, state)
-        arguments = Arguments(name=line.name, words=line.arguments, handed=handed_over(line, self.flow.by_value))
+        arguments = Arguments(
+            name=line.name, words=line.arguments, by_reference=passed_by_reference(line, self.flow.by_value)
+        )
         if line.name in self.flow.routines:
             state, _ = self._followed(arguments, state)
             return state
         if not self.flow.scouting:
             text = f"{line.name} is not in the files given; it is taken to leave $TOOL, $BASE and $IPO_MODE as they are"
             self.flow.findings.diagnose(self.routine.file, line.start, text)
-        return replace(self._forgotten(arguments.handed, state), last=None)
+        return replace(self._forgotten(arguments.by_reference, state), last=None)
 
     def _followed(self, call: Arguments, state: State) -> tuple[State, AbstractValue | None]:
         """What holds behind a call of a routine of the files, and what it returns."""
         program, known = self.flow, self.frames.known(state)
-        left = self._forgotten(call.handed, state)
+        left = self._forgotten(call.by_reference, state)
         if program.idle(call.name):
             return program.lost_by(call.name, left), None
-        keys = frozenset(map(self.frames.names.key, call.handed))
+        keys = frozenset(map(self.frames.names.key, call.by_reference))
 
         def entry(routine: Routine) -> State:
             given = zip(routine.parameters, call.words, strict=False)
-            # what is handed over by reference has two names inside: only the parameter's is followed
+            # what is passed by reference has two names inside: only the parameter's is followed
             return replace(state, variables=forgotten(bound(known, given, program.frames(routine).names), keys))
 
         followed = self.follow(program.routines[call.name], entry)
@@ -424,7 +435,7 @@ class _Walk(flow.Walk[State, Routine]):
             left = replace(program.lost_by(call.name, left), last=None)
             behind = self.merged([behind, left], "an interrupt may resume behind it")
         if not behind.reached:
-            return NOWHERE, value
+            return UNREACHED, value
         if program.all_ways:
             return replace(behind, variables=forgotten(behind.variables, keys)), value
         (routine,) = program.routines[call.name]
@@ -440,7 +451,7 @@ class _Walk(flow.Walk[State, Routine]):
             return state
         state, returned = self._points_returned(line, state)
         if not state.reached:
-            return NOWHERE
+            return UNREACHED
         behind = replace(state, last=None, variables=without_places(state.variables))
         if self.flow.scouting:
             return behind
@@ -469,7 +480,7 @@ class _Walk(flow.Walk[State, Routine]):
                 state, value = self._followed(called, state)
                 returned[operand.start] = self._of_function(called.name, value)
         if len(returned) < sum(name in self.flow.routines for name in calls_of(line)):
-            state = self._forgotten(handed_in_motion(line, self.flow.by_value), self.asked(line, state))
+            state = self._forgotten(passed_in_motion(line, self.flow.by_value), self.asked(line, state))
         return state, returned
 
     def _of_function(self, name: str, value: AbstractValue | None) -> AbstractValue:

@@ -7,7 +7,7 @@ from itertools import pairwise
 from robot_programs.core.flow import with_called
 from robot_programs.krl.data import BUILT_IN, Data, File, Text, plain_value
 from robot_programs.krl.frames import EVERYTHING, FrameVariable, State
-from robot_programs.krl.parse import handed_in_motion, handed_over
+from robot_programs.krl.parse import passed_by_reference, passed_in_motion
 from robot_programs.krl.syntax import (
     Assignment,
     Begin,
@@ -120,9 +120,9 @@ def keys_changed_by(
             altered = _COMMANDS.get(line.command, frozenset[str]()) - {"parameters"}
             own = {variable for variable, what in _VARIABLES.items() if what in altered}
         case Call():
-            own = {*handed_over(line, by_value)}
+            own = {*passed_by_reference(line, by_value)}
         case Motion():
-            own = {*handed_in_motion(line, by_value)}
+            own = {*passed_in_motion(line, by_value)}
         case Control():
             own = {*line.changed, *(word.upper for word in line.words[:1] if line.keyword == "FOR")}
         case _:

@@ -204,7 +204,7 @@ class Assignment(Statement):
     text: str
     """The value as written, in capitals and without blanks."""
     changed: tuple[str, ...]
-    """Variables handed to functions on the way."""
+    """Variables passed to functions in its expressions."""
     index: tuple[Word, ...] | None
     """Of an element: what stands between the brackets."""
     component: str
@@ -274,7 +274,7 @@ class Control(Statement):
     words: tuple[Word, ...] = ()
     """What stands behind it."""
     changed: tuple[str, ...] = ()
-    """Variables handed to functions on the way."""
+    """Variables passed to functions in its expressions."""
 
 
 # The words of a line of KRL, taken one after the other: operands, structures and what WITH sets.

@@ -427,7 +427,7 @@ class Known:
     variables: Variables
     here: Aggregate | None = None
     """The position of the robot, where it is known and of consequence."""
-    held: Mapping[str, Frame] = field(default_factory=dict[str, Frame])
+    frames: Mapping[str, Frame] = field(default_factory=dict[str, Frame])
     """$TOOL and $BASE, where they are known and stand still."""
     deciding: bool = False
     """The value chooses a way: what data lists state does not, since an operator may set it by hand."""
@@ -472,9 +472,9 @@ class Known:
             return Real(value)
         if value is not None:
             return value
-        if name in self.held:
+        if name in self.frames:
             self._decided_by(name)
-            return structure("FRAME", dict(pose_values(self.held[name].T)))
+            return structure("FRAME", dict(pose_values(self.frames[name].T)))
         aggregate = self.data.find(name, self.names.module, self.names.routine).aggregate
         self._decided_by(name)
         return structure(aggregate.type, values_of(aggregate))
@@ -545,10 +545,10 @@ def _assigned(
     if component:
         old = known.variables.get(f"{known.names.key(line.variable)}{name[len(line.variable) :]}")
         reason = reason or (old.reason if isinstance(old, Adjustable) else "")
-        held = _with_component(known, name, component, value)
+        whole = _with_component(known, name, component, value)
     else:
-        held = _whole(known, name, value)
-    return Adjustable(value=held, reason=reason) if reason and not isinstance(held, Lost) else held
+        whole = _whole(known, name, value)
+    return Adjustable(value=whole, reason=reason) if reason and not isinstance(whole, Lost) else whole
 
 
 def _with_component(known: Known, name: str, component: str, value: Value) -> Value | Lost:

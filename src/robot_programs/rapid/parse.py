@@ -172,11 +172,11 @@ class ExpressionParser(Words):
                 if token.key == "[" and (end := self._numbers(token.start)):
                     self.jump(end)
                     self.grow(0)
-                    return Aggregate(start=token.start, end=end, held=self.text)
+                    return Aggregate(start=token.start, end=end, content=self.text)
                 if self.skip("["):
                     items = self._list("]")
                     self.grow(self.height)
-                    return Aggregate(start=token.start, end=self.end, held=items)
+                    return Aggregate(start=token.start, end=self.end, content=items)
                 if self.skip("("):
                     inner = self.expression()
                     self.expect(")")

@@ -84,7 +84,7 @@ from robot_programs.rapid.syntax import (
     Unparsed,
     parts,
 )
-from robot_programs.rapid.values import NOWHERE, AbstractValue, PassedArgument, State, Values
+from robot_programs.rapid.values import UNREACHED, AbstractValue, PassedArgument, State, Values
 
 # What data hold behind an assignment.
 
@@ -108,9 +108,9 @@ def after_assignment(
         return state
     if symbol is None:
         return state
-    held = None if symbol in volatile else _assigned(assignment, symbol, scope, values)
+    known = None if symbol in volatile else _assigned(assignment, symbol, scope, values)
     state = state.forgotten([symbol])
-    return state if held is None else state.holding({symbol: held})
+    return state if known is None else state.holding({symbol: known})
 
 
 def counting(instruction: Instruction) -> Assignment | None:
@@ -216,20 +216,20 @@ def passed_arguments(
         if argument.conditional or argument.value is None:
             continue
         try:
-            held = _held(argument, scope, file, values)
+            known = _argument_value(argument, scope, file, values)
         except Unresolved:
             continue
-        passed = held.passed
+        passed = known.passed
         if passed is not None:
             passed = PassedArgument(
                 argument=passed.argument, file=passed.file, origin=passed.origin, literal=passed.literal,
                 reads=passed.reads, parameters=(*passed.parameters, symbol),
             )  # fmt: skip
         settable = values.settable(argument.value, scope)
-        yield symbol, AbstractValue(value=held.value, passed=passed, name=held.name, settable=settable)
+        yield symbol, AbstractValue(value=known.value, passed=passed, name=known.name, settable=settable)
 
 
-def _held(argument: Argument, scope: Scope, file: File, values: Values) -> AbstractValue:
+def _argument_value(argument: Argument, scope: Scope, file: File, values: Values) -> AbstractValue:
     """What an argument gives.
 
     Raises:
@@ -405,9 +405,9 @@ class _Walk(form.Walk[State, Routine]):
     """An error handler may move the robot and then resume anywhere."""
 
     @property
-    def nowhere(self) -> State:
+    def unreached(self) -> State:
         """Where control does not come."""
-        return NOWHERE
+        return UNREACHED
 
     def between(self, state: State) -> State:
         """What holds where an error handler may have moved the robot."""
@@ -526,7 +526,7 @@ class _Walk(form.Walk[State, Routine]):
         if (counted := counting(instruction)) is not None:
             return self._assignment(counted, line, state)
         if key in LEAVING:
-            return NOWHERE
+            return UNREACHED
         if is_late(instruction, scope):
             self.flow.anywhere.update(self.flow.contexts)
             return self._lost(state)

@@ -879,10 +879,10 @@ def _speed(speed: float, declared: _Declarations) -> str:
 
 def _tool(move: Move, declared: _Declarations) -> str:
     """The tool with its work object, as arguments of a motion."""
-    held, fixed = ("FALSE", "TRUE") if move.part_in_hand else ("TRUE", "FALSE")
+    tool_held, fixed = ("FALSE", "TRUE") if move.part_in_hand else ("TRUE", "FALSE")
     tool, work_object = "tool0", ""
     if move.part_in_hand or _moves(move.tool):
-        value = f"[{held},{_frame(move.tool)},{LOAD}]"
+        value = f"[{tool_held},{_frame(move.tool)},{LOAD}]"
         tool = declared.name(("tooldata", value), "PERS tooldata", _wish(move.tool, "tTool"), value)
     if move.part_in_hand or _moves(move.part):
         value = f'[{fixed},TRUE,"",{_frame(move.part)},[[0,0,0],[1,0,0,0]]]'

@@ -142,13 +142,13 @@ class Truth(Node):
 class Aggregate(Node):
     """Values in square brackets: a record or an array."""
 
-    held: "tuple[Expression, ...] | str"
+    content: "tuple[Expression, ...] | str"
     """The values; the text of the file where they are a few numbers, which are most of a program and read again."""
 
     @property
     def is_plain(self) -> bool:
         """Whether it is known to hold nothing but numbers."""
-        return isinstance(self.held, str)
+        return isinstance(self.content, str)
 
     @property
     def numbers(self) -> tuple[float, ...]:
@@ -158,12 +158,12 @@ class Aggregate(Node):
     @property
     def items(self) -> tuple["Expression", ...]:
         """The values; those of a plain one are other objects each time."""
-        if not isinstance(self.held, str):
-            return self.held
+        if not isinstance(self.content, str):
+            return self.content
         return tuple(Number(start=start, end=end, value=value) for start, end, value in self._listed())
 
     def _listed(self) -> Iterator[tuple[int, int, float]]:
-        return listed(self.held, self.start, self.end) if isinstance(self.held, str) else iter(())
+        return listed(self.content, self.start, self.end) if isinstance(self.content, str) else iter(())
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)

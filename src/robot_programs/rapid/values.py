@@ -529,7 +529,7 @@ class State(flow.State):
         return all(value.agrees(other.variables[symbol]) for symbol, value in self.variables.items())
 
 
-NOWHERE = State(reached=False)
+UNREACHED = State(reached=False)
 """Where control does not come."""
 
 
@@ -619,9 +619,9 @@ class Values:
         match expression:
             case Reference():
                 symbol = scope.find(expression.name.text)
-                held = None if symbol is None else self.variables.get(symbol)
+                known = None if symbol is None else self.variables.get(symbol)
                 declaration = None if symbol is None else symbol.declaration
-                own = declaration is not None and declaration.storage == "pers" if held is None else held.settable
+                own = declaration is not None and declaration.storage == "pers" if known is None else known.settable
                 indices = (item for s in expression.selectors if isinstance(s, Index) for item in s.items)
                 return own or any(self.settable(item, scope) for item in indices)
             case Aggregate() if not expression.is_plain:
@@ -642,23 +642,23 @@ class Values:
         symbol = scope.find(reference.name.text)
         if symbol is None:
             raise Unresolved(f"'{reference.name.text}' is not declared in the files; pass the module that declares it")
-        held = self.variables.get(symbol)
-        if held is None and symbol in self.assigned:
+        known = self.variables.get(symbol)
+        if known is None and symbol in self.assigned:
             raise Unresolved(f"'{symbol.name}' {self.assigned[symbol]}, so its value is not known")
-        if held is None and symbol.obstacle:
+        if known is None and symbol.obstacle:
             raise Unresolved(symbol.obstacle)
         path, type_ = self.path(reference, symbol, scope, depth)
-        if held is None or held.declared:
+        if known is None or known.declared:
             origin = Origin(
                 symbol=symbol, path=path, type=type_, node=_written_at(symbol, path), selectors=reference.selectors
             )
             value = self._declared(origin, depth)
             return Found(value=value, type=type_, origin=origin, passed=None, literal=origin.node, name=origin.name)
-        value = _component(held.value, path, symbol)
-        if held.passed is None:
-            name = held.name if held.name and not path else symbol.name
+        value = _component(known.value, path, symbol)
+        if known.passed is None:
+            name = known.name if known.name and not path else symbol.name
             return Found(value=value, type=type_, origin=None, passed=None, literal=None, name=name)
-        return _through(held.passed, value, path, type_, reference)
+        return _through(known.passed, value, path, type_, reference)
 
     def origin(self, reference: Reference, scope: Scope, depth: int = 0) -> Origin:
         """Where the value of a reference is declared.
