@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from taskcal.campaigns.campaign import Campaign
-from taskcal.diagnosis.diagnose import diagnose
-from taskcal.diagnosis.hypotheses import IDS
+from taskcal.diagnosis.diagnose import MISTAKES, diagnose
 from taskcal.errors import CampaignError
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
@@ -218,7 +217,7 @@ def test_poses_in_one_corner_and_in_one_orientation_are_too_few():
 def test_findings_are_ranked_shares_of_known_mistakes_with_one_line_that_mends():
     robot = load_robot("ur5")
     for finding in diagnose(of_id("joint-sign", virtual("ur5"), robot, "J3").campaign, robot).findings:
-        assert finding.id in IDS
+        assert finding.id in MISTAKES
         assert 0.0 < finding.confidence < 1.0
         assert finding.error_after < finding.error_before
         assert finding.fix

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.diagnosis.course import pair_rows, rearranged
 from taskcal.diagnosis.diagnose import diagnose
 from taskcal.diagnosis.hypotheses import Case
+from taskcal.diagnosis.rows import pair_rows, rearranged
 from taskcal.robot.catalogue import load_robot
 from tests.diagnosis.virtual_campaigns import virtual
 

@@ -19,7 +19,7 @@ ONE_IMPORTER = {
         "robot_programs.apt.rewrite",
         "robot_programs.krl.resolve",
         "taskcal.correction.subdivision",
-        "taskcal.diagnosis.course",
+        "taskcal.diagnosis.drift",
         "taskcal.identification.chunked_fit",
         "taskcal.identification.group_search",
         "taskcal.planning.experiment",

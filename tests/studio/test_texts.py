@@ -7,7 +7,7 @@ from string import Formatter
 import numpy as np
 
 import taskcal.studio
-from taskcal.diagnosis.hypotheses import IDS
+from taskcal.diagnosis.diagnose import MISTAKES
 from taskcal.planning.candidates import find_measurable
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -45,7 +45,7 @@ def test_a_text_is_filled_in_and_the_browser_s_first_language_of_ours_is_taken()
 
 def test_what_the_library_names_has_its_texts() -> None:
     texts = Texts("de")
-    for finding in IDS:
+    for finding in MISTAKES:
         assert texts.named("doctor", finding) != finding
         assert texts.named("mend", finding, subject="J1") != finding
     assert texts.named("doctor", "a finding of tomorrow") == "a finding of tomorrow"

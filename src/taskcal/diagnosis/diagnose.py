@@ -8,22 +8,17 @@ from jaxtyping import Float, Int
 
 from taskcal.arguments import expect_kinds
 from taskcal.campaigns.campaign import Campaign, check_rows
-from taskcal.diagnosis.course import Local, Pairing, find_in_course, find_large_move, pair_rows
-from taskcal.diagnosis.fits import LEVER_SHARE, SMALLEST_ERROR, misfits
-from taskcal.diagnosis.hypotheses import Case, Finding, Supposition
-from taskcal.diagnosis.mistakes import (
-    common_shift,
-    joint_mistakes,
-    robot_mistakes,
-    scale_mistakes,
-    shift_fix,
-    unit_mistakes,
-)
+from taskcal.diagnosis.drift import find_in_course, find_large_move
+from taskcal.diagnosis.fits import LEVER_SHARE, MIN_ERROR_M, misfits
+from taskcal.diagnosis.hypotheses import MISTAKES as MISTAKES
+from taskcal.diagnosis.hypotheses import Case, Finding, Hypothesis, hypotheses_of, looked_for
+from taskcal.diagnosis.mistakes import common_shift, scale_mistakes, shift_fix, unit_mistakes
+from taskcal.diagnosis.rows import Local, Pairing, pair_rows
 from taskcal.diagnosis.search import (
-    LEAST_ROWS,
-    OUTSIDE_LIMITS,
-    PER_MISTAKE,
-    TRIED_ROWS,
+    MAX_TRIED_ROWS,
+    MIN_CLOSED_SHARE,
+    MIN_JUDGED_ROWS,
+    MISTAKE_CHARGE,
     Explanation,
     Progress,
     explain_in_pairs,
@@ -31,10 +26,12 @@ from taskcal.diagnosis.search import (
     has_no_unit,
     held_out_distances,
     is_sound,
+    limits_charge,
     rows_to_register,
+    silent,
     spread_rows,
     typical,
-    untold,
+    undone,
 )
 from taskcal.errors import CampaignError, UnitError
 from taskcal.estimation.matrices import single_threaded
@@ -45,50 +42,44 @@ from taskcal.short_repr import short_repr
 
 # Whether a campaign's poses are spread enough to tell frames and targets apart.
 
-LEAST_SPREAD = 0.07
+MIN_SPREAD_SHARE = 0.07
 """Of the reach, standard deviation of the positions along their longest direction: within less, an error of the base's place
 passes for one of the geometry. Measured campaigns of five robots, taken to calibrate them, have 0.08 at least."""
 
-LEAST_TURN = 0.005
+MIN_TURN = 0.005
 """1 − cos² of the spread of orientations, 4° about each axis: within less a target's place is uncertain by ten times the error of
 a measured point."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Narrowness:
-    """What a campaign lacks."""
-
-    id: str
-    share: float
-    """Of what is needed, that it has."""
-    said: str
-
-
-def find_narrowness(case: Case) -> list[Narrowness]:
-    """What the poses lack, the worst first."""
-    T = case.poses(np.arange(len(case.campaign)))
-    T = T[np.isfinite(T[:, 0, 3]) & case.campaign.seen]
+@looked_for("poses", "small-workspace", "few-orientations")
+def find_narrowness(case: Case, error: float) -> list[Finding]:
+    """What the poses lack, the worst first; an error as given is told with it, metres."""
+    T = case.usable()[1]
     if len(T) < 2:
         return []
-    p, R = T[:, :3, 3], T[:, :3, :3].mean(axis=0)
-    spread = float(np.linalg.svd(p - p.mean(axis=0), compute_uv=False)[0] / np.sqrt(len(p)) / case.model.robot.reach)
+    p, R, reach = T[:, :3, 3], T[:, :3, :3].mean(axis=0), case.model.robot.reach
+    spread = float(np.linalg.svd(p - p.mean(axis=0), compute_uv=False)[0] / np.sqrt(len(p)) / reach)
     turn = float(np.linalg.eigvalsh(np.eye(3) - R.T @ R)[0])
-    out: list[Narrowness] = []
-    if spread < LEAST_SPREAD:
-        size = spread * case.model.robot.reach * 1e3
-        said = (
-            f"the positions spread by {size:.0f} mm only: measure poses over the whole task's workspace, "
-            f"{LEAST_SPREAD * case.model.robot.reach * 1e3:.0f} mm (1σ) at least"
+    out: list[tuple[float, Finding]] = []
+
+    def lacks(name: str, share: float, fix: str) -> None:
+        confidence = float(np.clip(1.0 - 0.5 * share, 0.0, 0.99))
+        found = Finding(id=name, subject=(), error_before=error, error_after=None, confidence=confidence, fix=fix)
+        out.append((share, found))
+
+    if spread < MIN_SPREAD_SHARE:
+        fix = (
+            f"the positions spread by {spread * reach * 1e3:.0f} mm only: measure poses over the whole task's workspace, "
+            f"{MIN_SPREAD_SHARE * reach * 1e3:.0f} mm (1σ) at least"
         )
-        out.append(Narrowness(id="small-workspace", share=spread / LEAST_SPREAD, said=said))
-    if turn < LEAST_TURN and _can_turn(case):
-        degrees = np.degrees(np.sqrt(max(turn, 0.0)))
-        said = (
-            f"about one axis the orientations spread by {degrees:.1f}° only: measure poses that turn the tool by 10° and more "
-            "about all axes"
+        lacks("small-workspace", spread / MIN_SPREAD_SHARE, fix)
+    if turn < MIN_TURN and _can_turn(case):
+        fix = (
+            f"about one axis the orientations spread by {np.degrees(np.sqrt(max(turn, 0.0))):.1f}° only: measure poses that turn "
+            "the tool by 10° and more about all axes"
         )
-        out.append(Narrowness(id="few-orientations", share=turn / LEAST_TURN, said=said))
-    return sorted(out, key=lambda n: n.share)
+        lacks("few-orientations", turn / MIN_TURN, fix)
+    return [finding for _, finding in sorted(out, key=lambda one: one[0])]
 
 
 def _can_turn(case: Case) -> bool:
@@ -96,12 +87,15 @@ def _can_turn(case: Case) -> bool:
     q = case.campaign.q.mean(axis=0) + np.random.default_rng(0).uniform(-0.5, 0.5, (50, case.campaign.q.shape[1]))
     T = case.model.poses(q) if case.robot.four_bar is None else np.tile(np.eye(4), (1, 1, 1))
     R = T[:, :3, :3].mean(axis=0)
-    return case.robot.four_bar is not None or float(np.linalg.eigvalsh(np.eye(3) - R.T @ R)[0]) > LEAST_TURN
+    return case.robot.four_bar is not None or float(np.linalg.eigvalsh(np.eye(3) - R.T @ R)[0]) > MIN_TURN
 
 
 # What is told where no usual mistake explains a campaign: rows in another order, or a robot that is not known.
 
-AT_CHANCE = 0.7
+MIN_ALL_SHARE = 0.9
+"""Share of the rows from which on they are called all. A convention."""
+
+MIN_CHANCE_RATIO = 0.7
 """Error over that of points given out at random, from which on rows have nothing to do with each other. A convention: related
 rows are far below 1, random orders scatter about it."""
 
@@ -114,9 +108,7 @@ def find_other_order(case: Case, before: float) -> tuple[list[Finding], Campaign
         before: error as given, metres.
     """
     units = [*list(scale_mistakes(case))[:1], *unit_mistakes(case)]
-    in_units = case
-    for supposition in units:
-        in_units = supposition.undo(in_units)
+    in_units = undone(case, units)
     paired = pair_rows(in_units)
     if paired is None:
         return None
@@ -160,19 +152,19 @@ def find_what_is_left(case: Case, before: float) -> Finding:
 
 def at_chance(case: Case) -> bool:
     """Whether the rows fit no better than rows that are paired by lot."""
-    return _error_at(case, None) > AT_CHANCE * _error_at(case, np.random.default_rng(0))
+    return _error_at(case, None) > MIN_CHANCE_RATIO * _error_at(case, np.random.default_rng(0))
 
 
-def _order(case: Case, paired: Pairing) -> Supposition:
+def _order(case: Case, paired: Pairing) -> Hypothesis:
     by = common_shift(paired.source)
     if by is not None:
-        return Supposition(id="rows-shifted", subject=(f"{by:+d}",), fix=shift_fix(by))
+        return Hypothesis(id="rows-shifted", subject=(f"{by:+d}",), fix=shift_fix(by))
     rows = paired.moved
     fix = (
         f"the measurements of {len(rows)} rows stand beside the joints of other rows: pair them again by name or time, or take "
         "the order of --fix, the only one that fits"
     )
-    return Supposition(id="rows-shuffled", subject=_names(case, rows), fix=fix)
+    return Hypothesis(id="rows-shuffled", subject=_names(case, rows), fix=fix)
 
 
 def extent(case: Case) -> float:
@@ -183,7 +175,7 @@ def extent(case: Case) -> float:
 
 def _names(case: Case, rows: np.ndarray) -> tuple[str, ...]:
     """Ids of some rows; none where they are all."""
-    return () if len(rows) > 0.9 * len(case.campaign) else tuple(case.campaign.ids[i] for i in rows)
+    return () if len(rows) > MIN_ALL_SHARE * len(case.campaign) else tuple(case.campaign.ids[i] for i in rows)
 
 
 def _error_at(case: Case, rng: np.random.Generator | None) -> float:
@@ -198,18 +190,15 @@ def _error_at(case: Case, rng: np.random.Generator | None) -> float:
 
 # Mistakes of joints and robot in what was observed without a tracker: sockets, wires, landmarks, boards.
 
-CONTINUED = 4
+MAX_CONTINUED = 4
 """Single mistakes, at most, beside which a second is looked for. A convention: more cost time in proportion."""
 
 
-ENOUGH_ROWS = 12
+MIN_ROWS_OF_A_THING = 12
 """Rows of one thing, at least, to find it without a guess: a wire's anchor needs as many (`observations.distance`)."""
 
 _QUICK = frozenset({"socket"})
 """Kinds that are placed in a millisecond, so that all mistakes and their pairs can be tried."""
-
-_OFTEN = frozenset({"joints-in-radians", "joint-sign", "joint-zero"})
-"""What is tried of the others."""
 
 
 def scope_of(campaign: Campaign) -> str:
@@ -234,28 +223,32 @@ def _is_quick(campaign: Campaign) -> bool:
     return all(one.key in _QUICK for one in campaign.observations)
 
 
-def explain_observed(case: Case, progress: Progress = untold) -> list[Explanation]:
+def explain_observed(case: Case, progress: Progress = silent) -> list[Explanation]:
     """Explanations by one mistake of joints or robot, and by two where one is not enough, the best first.
 
     Each is ranked by how far the registered nominal robot misses the observations, over how far it moved: joints that are too
     small leave little to miss.
     """
-    quick, joints = _is_quick(case.campaign), list(joint_mistakes(case))
-    suppositions = [*joints, *robot_mistakes(case)] if quick else [s for s in joints if s.id in _OFTEN]
-    found = _ranked(case, [(), *((s,) for s in suppositions)], progress)
+    quick, joints = _is_quick(case.campaign), list(hypotheses_of(case, "joints"))
+    often = [one for one in joints if MISTAKES[one.id].without_tracker]
+    hypotheses = [*joints, *hypotheses_of(case, "robot")] if quick else often
+    found = _ranked(case, [(), *((s,) for s in hypotheses)], progress)
     if is_sound(found[0]) or not quick:
         return found
     pairs = [
-        (*e.mistakes, s) for e in found[:CONTINUED] for s in suppositions if e.mistakes and _together(e.mistakes[0], s)
+        (*e.mistakes, s)
+        for e in found[:MAX_CONTINUED]
+        for s in hypotheses
+        if e.mistakes and _together(e.mistakes[0], s)
     ]
     return sorted([*found, *_ranked(case, pairs, progress)], key=lambda e: e.rank)
 
 
-def _together(a: Supposition, b: Supposition) -> bool:
+def _together(a: Hypothesis, b: Hypothesis) -> bool:
     return (a.id, a.subject) != (b.id, b.subject) and (a.robot is None or b.robot is None)
 
 
-def _ranked(case: Case, combinations: Sequence[Sequence[Supposition]], progress: Progress) -> list[Explanation]:
+def _ranked(case: Case, combinations: Sequence[Sequence[Hypothesis]], progress: Progress) -> list[Explanation]:
     out: list[Explanation] = []
     for number, combination in enumerate(combinations):
         progress(f"mistakes, {max(map(len, combinations))} at a time", number, len(combinations))
@@ -263,27 +256,25 @@ def _ranked(case: Case, combinations: Sequence[Sequence[Supposition]], progress:
     return sorted(out, key=lambda e: e.rank)
 
 
-def _explanation(case: Case, mistakes: tuple[Supposition, ...]) -> Explanation:
+def _explanation(case: Case, mistakes: tuple[Hypothesis, ...]) -> Explanation:
     # the robot first: joints are undone for whichever it is
-    for mistake in sorted(mistakes, key=lambda s: s.robot is None):
-        case = mistake.undo(case)
+    case = undone(case, sorted(mistakes, key=lambda s: s.robot is None))
     error, moved = _error(case, as_given=not mistakes)
-    outside = 1.0 - float(case.robot.inside_limits(case.campaign.q, slack=0.02).mean())
-    cost = sum(PER_MISTAKE + s.cost for s in mistakes) + OUTSIDE_LIMITS * min(1.0, 5.0 * outside)
-    level = max(error, SMALLEST_ERROR) / max(moved, SMALLEST_ERROR)
+    cost = sum(MISTAKE_CHARGE + s.cost for s in mistakes) + limits_charge(case)
+    level = max(error, MIN_ERROR_M) / max(moved, MIN_ERROR_M)
     return Explanation(mistakes=mistakes, case=case, error=error, rank=float(np.log(level)) + cost)
 
 
 def tried_rows(campaign: Campaign) -> Int[np.ndarray, " k"]:
     """Some of the rows, evenly spread, and enough of every anchor, landmark, plane … to find it."""
-    rows = spread_rows(len(campaign), TRIED_ROWS)
+    rows = spread_rows(len(campaign), MAX_TRIED_ROWS)
     parts = [rows]
     for kind in campaign.observations:
         if kind.of is not None and kind.key not in _QUICK:
             for k in range(int(kind.of.max()) + 1):
                 own = np.flatnonzero(kind.of == k)
-                if (kind.of[rows] == k).sum() < ENOUGH_ROWS:
-                    parts.append(own[spread_rows(len(own), ENOUGH_ROWS)])
+                if (kind.of[rows] == k).sum() < MIN_ROWS_OF_A_THING:
+                    parts.append(own[spread_rows(len(own), MIN_ROWS_OF_A_THING)])
     return np.unique(np.concatenate(parts))
 
 
@@ -295,12 +286,10 @@ def _error(case: Case, *, as_given: bool) -> tuple[float, float]:
     Raises:
         UnitError: of the campaign as it is given, lengths in another unit.
     """
-    rows = tried_rows(case.campaign)
-    T = case.poses(rows)
-    closes = np.isfinite(T[:, 0, 3]) & case.campaign.seen[rows]
-    if closes.mean() < 0.7:
+    tried = tried_rows(case.campaign)
+    rows, T = case.usable(tried)
+    if len(rows) < MIN_CLOSED_SHARE * len(tried):
         return case.model.robot.reach, case.model.robot.reach
-    rows, T = rows[closes], T[closes]
     moved = float(np.sqrt(((T[:, :3, 3] - T[:, :3, 3].mean(axis=0)) ** 2).sum(axis=1).mean()))
     try:
         off = register_observations(T, case.campaign.take(rows), case.model)[1]
@@ -313,21 +302,25 @@ def _error(case: Case, *, as_given: bool) -> tuple[float, float]:
     return float(np.median(off)), moved
 
 
-ALTERNATIVES = 0.6
+ALTERNATIVE_MARGIN = 0.6
 """Natural logarithm of the error's factor, 1.8, over the best within which an explanation is told as well. A convention: below
 the charge of a mistake, above that of three unusual traits."""
 
-MOST_ALTERNATIVES = 2
+MAX_ALTERNATIVES = 2
 """Alternatives, at most, that are told beside the best explanation. A convention: three answers are read."""
 
-SHARPNESS = 3.0
+CONFIDENCE_POWER = 3.0
 """Power of the error's ratio by which an explanation's share of the confidence falls. A convention, not calibrated; `python -m
 tests.diagnosis.shares` counts the right answers by confidence."""
 
 UNEXPLAINED_SHARE = 0.1
 """Distance over the reach that a row left out is charged as. A convention: far above what an explained row is off by."""
 
-IN_NO_FILE = ("drift", "station-moved")
+MAX_COURSE_SHARE = 0.2
+"""Median distance of the campaign as given over the reach, at most, where a slip, move or drift alone may explain it. A
+convention: beyond, joints or frames are wrong."""
+
+NOT_MENDED_BY_A_FILE = ("drift", "station-moved")
 """What happened in the course of a campaign, and no other file mends."""
 
 
@@ -349,7 +342,7 @@ class Diagnosis:
 
 
 @single_threaded
-def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = untold) -> Diagnosis:
+def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -> Diagnosis:
     """Find the mistakes of a campaign: what is written wrong, and what went wrong in its course.
 
     Every usual mistake of joints, frames, rows and robot is undone, singly and in pairs; half of the rows register the nominal
@@ -406,18 +399,19 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = untold) -
     if local is not None:
         finding, without = local
         findings.append(finding)
-        if finding.id in IN_NO_FILE:
+        if finding.id in NOT_MENDED_BY_A_FILE:
             unmended.append(finding.id)
         else:
             mended = without
     if not best.mistakes or local is None:
-        lacking = _lacking(best, given)
+        lacking = find_narrowness(best.case, given.error)
         findings += lacking
         unmended += [finding.id for finding in lacking]
         findings += _alternatives(found, best, given, before)
     return Diagnosis(findings=tuple(findings), robot=best.case.robot, campaign=mended, unmended=tuple(unmended))
 
 
+@looked_for("rows", "too-few-rows")
 def _too_few(campaign: Campaign) -> Finding | None:
     """The only finding where no half of the rows can be judged by the other."""
     fix = ""
@@ -427,7 +421,7 @@ def _too_few(campaign: Campaign) -> Finding | None:
         except CampaignError as refusal:
             fix = str(refusal)
     else:
-        seen, least = int(campaign.seen.sum()), max(LEAST_ROWS, 2 * rows_to_register(campaign))
+        seen, least = int(campaign.seen.sum()), max(MIN_JUDGED_ROWS, 2 * rows_to_register(campaign))
         if seen < least:
             fix = (
                 f"{seen} measured rows are too few to look for mistakes: one half of them registers the robot, the other half "
@@ -475,27 +469,12 @@ def _diagnose_observed(case: Case, scope: str, progress: Progress) -> Diagnosis:
     return Diagnosis(findings=(left,), robot=case.robot, campaign=case.campaign, unmended=(left.id,), scope=scope)
 
 
-def _lacking(best: Explanation, given: Explanation) -> list[Finding]:
-    """What its poses cannot say."""
-    return [
-        Finding(
-            id=lack.id,
-            subject=(),
-            error_before=given.error,
-            error_after=None,
-            confidence=float(np.clip(1.0 - 0.5 * lack.share, 0.0, 0.99)),
-            fix=lack.said,
-        )
-        for lack in find_narrowness(best.case)
-    ]
-
-
 def _chosen(found: list[Explanation], given: Explanation) -> tuple[Explanation, Local | None]:
     """The best explanation, and what went wrong in its course; the campaign as it is, if that alone explains as much."""
     best = found[0]
     if best is given:
         return given, find_in_course(given)
-    if given.error < 0.2 * given.case.model.robot.reach:
+    if given.error < MAX_COURSE_SHARE * given.case.model.robot.reach:
         local = find_in_course(given)
         if local is not None and _rank_without(*local, given.case) < best.rank:
             return given, local
@@ -512,7 +491,7 @@ def _rank_without(finding: Finding, mended: Campaign, case: Case) -> float:
     unexplained = np.log(UNEXPLAINED_SHARE * case.model.robot.reach)
     # a distance in space has three numbers, each of whose likelihood falls as it grows
     pairing = len(finding.subject) * np.log(rows) / (3.0 * rows) if finding.id == "rows-shuffled" else 0.0
-    return float(kept * np.log(level) + (1.0 - kept) * unexplained + pairing) + PER_MISTAKE
+    return float(kept * np.log(level) + (1.0 - kept) * unexplained + pairing) + MISTAKE_CHARGE
 
 
 def _key(explanation: Explanation) -> frozenset[tuple[str, tuple[str, ...]]]:
@@ -536,7 +515,7 @@ def _written(found: list[Explanation], best: Explanation, given: Explanation, be
 
 
 def _share(found: list[Explanation], best: Explanation, mistake: tuple[str, tuple[str, ...]]) -> float:
-    weights = {_key(e): float(np.exp(SHARPNESS * (best.rank - e.rank))) for e in reversed(found)}
+    weights = {_key(e): float(np.exp(CONFIDENCE_POWER * (best.rank - e.rank))) for e in reversed(found)}
     total = sum(weights.values())
     with_it = sum(weight for key, weight in weights.items() if mistake in key)
     return float(min(with_it / total, 0.99))
@@ -549,11 +528,11 @@ def _alternatives(found: list[Explanation], best: Explanation, given: Explanatio
     for other in found:
         if other is best or not other.mistakes or not best.mistakes:
             continue
-        if other.rank > min(best.rank + ALTERNATIVES, given.rank):
+        if other.rank > min(best.rank + ALTERNATIVE_MARGIN, given.rank):
             continue
         for finding in _written(found, other, given, before):
             finding = replace(finding, confidence=min(_share(found, best, (finding.id, finding.subject)), 0.49))
-            if (finding.id, finding.subject) not in known and len(out) < MOST_ALTERNATIVES:
+            if (finding.id, finding.subject) not in known and len(out) < MAX_ALTERNATIVES:
                 known.add((finding.id, finding.subject))
                 out.append(finding)
     return sorted(out, key=lambda f: -f.confidence)

@@ -15,17 +15,24 @@ from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.registration.registration import Registration, register_closely
 
+TRUSTED_SHARE = 0.75
+"""Share of the points that a fit follows; the others may be wrong. A convention between the share of wrong rows that is borne
+and the use of right ones."""
+
+MEDIAN_SIGMAS = 1.54
+"""Median length of a normal vector in space over its standard deviation per axis (Maxwell distribution)."""
+
 PRIOR_SCALE = 3.0
 """Standard deviation of the geometry over its tolerances in the doctor's fit. A convention: a robot is rarely off by more; a
 looser one would follow slips."""
 
-LEAST_NOISE = 5e-5
+MIN_NOISE_M = 5e-5
 """Standard deviation at least, metres per axis. A convention: no nominal robot fits better."""
 
-ROUNDS = 8
+ROBUST_ROUNDS = 8
 """Rounds of weights and noise in turn. A convention that bounds the time."""
 
-TUNING = 4.0
+TUNING_MEDIANS = 4.0
 """Distance over the median one at which a row's weight is a quarter. A convention of the Geman–McClure kind: larger trusts
 outliers, smaller wastes rows."""
 
@@ -77,13 +84,10 @@ class LinearFit:
 
 def fit_linearly(case: Case, rows: Int[np.ndarray, " k"]) -> LinearFit | None:
     """The robust linear fit of some rows; None where they cannot be registered."""
-    T = case.poses(rows)
-    usable = np.isfinite(T[:, 0, 3]) & case.campaign.seen[rows]
-    rows, T = rows[usable], T[usable]
+    rows, T = case.usable(rows)
     campaign = case.campaign.take(rows)
-    try:
-        registration = register_trimmed(campaign, T)
-    except (CampaignError, np.linalg.LinAlgError):
+    registration = registered_trimmed(campaign, T)
+    if registration is None:
         return None
     row, target = np.nonzero(campaign.valid)
     Z, offsets = registration.T_tracker_base[:3, :3], registration.T_tool_target[:, :3, 3]
@@ -125,30 +129,42 @@ def frame_columns(places: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3 6"
     return out
 
 
-def register_trimmed(campaign: Campaign, T: Float[np.ndarray, "n 4 4"]) -> Registration:
-    """Register on the three quarters of the rows that agree best.
+def registered(
+    campaign: Campaign, T: Float[np.ndarray, "n 4 4"], rotation: Float[np.ndarray, "3 3"] | None = None
+) -> Registration | None:
+    """The registration of all rows, from a rotation on where one is given; None where they do not show all targets."""
+    try:
+        return register_closely(campaign, T, rotation)
+    except (CampaignError, np.linalg.LinAlgError):
+        return None
 
-    Raises:
-        CampaignError: these rows do not show all targets.
-    """
-    registration = register_closely(campaign, T)
+
+def registered_trimmed(campaign: Campaign, T: Float[np.ndarray, "n 4 4"]) -> Registration | None:
+    """The registration of the three quarters of the rows that agree best; None where these do not show all targets."""
+    found = registered(campaign, T)
     for _ in range(4):
-        ends = (registration.T_tracker_base @ T)[:, None] @ registration.T_tool_target
-        distance = np.nanmax(np.linalg.norm(campaign.points - ends[..., :3, 3], axis=2), axis=1)
-        kept = np.sort(np.argsort(distance)[: int(np.ceil(0.75 * len(distance)))])
-        registration = register_closely(campaign.take(kept), T[kept])
-    return registration
+        if found is None:
+            return None
+        ends = target_poses(found, T)[..., :3, 3]
+        distance = np.nanmax(np.linalg.norm(campaign.points - ends, axis=2), axis=1)
+        kept = np.sort(np.argsort(distance)[: int(np.ceil(TRUSTED_SHARE * len(distance)))])
+        found = registered(campaign.take(kept), T[kept])
+    return found
+
+
+def target_poses(registration: Registration, T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n targets 4 4"]:
+    """Where a registration has every target at some poses of the tool."""
+    return (registration.T_tracker_base @ T)[:, None] @ registration.T_tool_target
 
 
 def _robustly(columns: np.ndarray, held: int, residual: np.ndarray) -> tuple[float, np.ndarray]:
     distance = np.linalg.norm(residual, axis=1)
-    noise = max(float(np.median(distance)) / 1.54, LEAST_NOISE)
-    for _ in range(ROUNDS):
-        weight = 1.0 / (1.0 + (distance / (TUNING * 1.54 * noise)) ** 2) ** 2
+    noise = max(float(np.median(distance)) / MEDIAN_SIGMAS, MIN_NOISE_M)
+    for _ in range(ROBUST_ROUNDS):
+        weight = 1.0 / (1.0 + (distance / (TUNING_MEDIANS * MEDIAN_SIGMAS * noise)) ** 2) ** 2
         solution = _solve(columns, held, residual, weight, noise)[0]
         distance = np.linalg.norm(residual - columns @ solution, axis=1)
-        # the median length of a normal vector in space is 1.54 σ
-        noise = max(float(np.median(distance)) / 1.54, LEAST_NOISE)
+        noise = max(float(np.median(distance)) / MEDIAN_SIGMAS, MIN_NOISE_M)
     return noise, distance
 
 
@@ -172,24 +188,20 @@ def _solve(
     return solution, float(b @ b - g @ solution)
 
 
-# Tracker frame and targets for many suppositions at once, and how far off the measurements are then.
+# Tracker frame and targets for many hypotheses at once, and how far off the measurements are then.
 #
 # The closed form of `registration_start.closed_form`, by normal equations over a batch: M·y + m = p + R·o is linear
 # in the unconstrained matrix M, the vector m and the offsets o. Concentration steps (Rousseeuw and Van Driessen
 # 2006) keep the best three quarters.
 
-TRUSTED_SHARE = 0.75
-"""Share of the points that the fit follows; the others may be wrong. A convention between the share of wrong rows that is borne
-and the use of right ones."""
-
 CHUNK = 400
-"""Suppositions fitted together: what they need stays in the cache and below 100 MB."""
+"""Hypotheses fitted together: what they need stays in the cache and below 100 MB."""
 
 QUICK_ROUNDS = 3
 """Fits, the first to all points, the others to the best of them. A convention: concentration steps settle fast, and each costs
 a fit."""
 
-RIDGE = 1e-10
+RIDGE_SHARE = 1e-10
 """Share of the normal equations' mean diagonal that is added to it: columns that hardly matter stay at zero. A convention: far
 above rounding, far below any information."""
 
@@ -197,7 +209,7 @@ LEVER_SHARE = 0.25
 """Lever over the reach by which a measured rotation's error counts as a distance. A convention."""
 
 
-SMALLEST_ERROR = 2e-4
+MIN_ERROR_M = 2e-4
 """Distance, metres, below which no two explanations are told apart. A convention: below it, noise decides."""
 
 
@@ -213,7 +225,7 @@ def misfits(
     It is a geometric mean: a few rows may be off as far as they like, and a mistake that only some rows show still counts.
 
     Args:
-        T: tool poses of every supposition.
+        T: tool poses of every hypothesis.
         points: measured points, NaN where the beam was lost.
         rotations: measured orientations, if there are.
         lever: metres at which the error of a rotation counts.
@@ -251,7 +263,7 @@ def _misfit(
 
 def _typical(distance: np.ndarray, seen: np.ndarray) -> Float[np.ndarray, " h"]:
     """Geometric mean of what was seen, metres."""
-    log = np.log(np.maximum(np.where(seen, distance, 1.0), SMALLEST_ERROR)) * seen
+    log = np.log(np.maximum(np.where(seen, distance, 1.0), MIN_ERROR_M)) * seen
     return np.exp(log.sum(axis=(1, 2)) / np.maximum(seen.sum(axis=(1, 2)), 1))
 
 
@@ -301,5 +313,5 @@ def _solve_quick(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     At = np.swapaxes(A, 1, 2)
     H = At @ A
     k = np.arange(H.shape[1])
-    H[:, k, k] += RIDGE * np.maximum(H[:, k, k].mean(axis=1), 1e-12)[:, None] + 1e-300
+    H[:, k, k] += RIDGE_SHARE * np.maximum(H[:, k, k].mean(axis=1), 1e-12)[:, None] + 1e-300
     return np.linalg.solve(H, At @ b)

@@ -1,8 +1,8 @@
-"""What may have been written wrong: a supposition undoes it, and says in one line how a user does."""
+"""What may have been written wrong: a hypothesis undoes it, and says in one line how a user does."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -39,6 +39,15 @@ class Case:
         """Nominal poses at some rows; NaN where a closed loop does not close."""
         return nominal_poses(self.model, self.campaign.q[rows])
 
+    def usable(
+        self, rows: Int[np.ndarray, " k"] | None = None
+    ) -> tuple[Int[np.ndarray, " u"], Float[np.ndarray, "u 4 4"]]:
+        """Those of some rows, or of all, that were measured and at which a closed loop closes, and their nominal poses."""
+        rows = np.arange(len(self.campaign)) if rows is None else rows
+        T = self.poses(rows)
+        usable = np.isfinite(T[:, 0, 3]) & self.campaign.seen[rows]
+        return rows[usable], T[usable]
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class JointMap:
@@ -57,7 +66,7 @@ class JointMap:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Supposition:
+class Hypothesis:
     """One mistake, undone: in the joints, in the measurements, or in the robot."""
 
     id: str
@@ -97,15 +106,48 @@ def nominal_poses(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Float[
     return T
 
 
-# One mistake that was found.
+# All mistakes that are looked for.
 
-IDS = (
-    "too-few-rows", "points-in-metres", "points-in-other-unit", "joints-in-radians", "joint-sign", "joint-zero", "coupling",
-    "joint-order", "dh-convention", "left-handed", "quaternion-order", "inverse-poses", "rows-shuffled", "rows-shifted",
-    "target-swapped", "target-slipped", "station-moved", "drift", "duplicate-poses", "gross-rows", "other-robot",
-    "small-workspace", "few-orientations",
-)  # fmt: skip
-"""All mistakes that are looked for."""
+Part = Literal["joints", "frames", "robot", "order", "rows", "course", "poses"]
+"""What a mistake is of."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mistake:
+    """One mistake that the doctor knows."""
+
+    id: str
+    part: Part
+    find: Callable[..., Any]
+    """Finds it: a function from the case to hypotheses, where it is one of how things were written."""
+    without_tracker: bool = False
+    """Whether it is tried by itself on observations that take long to register."""
+
+
+MISTAKES: dict[str, Mistake] = {}
+"""Every mistake by its id, in the order in which they are defined; `diagnose` imports the modules that define them."""
+
+Finder = TypeVar("Finder", bound=Callable[..., Any])
+
+
+def looked_for(part: Part, *ids: str, without_tracker: bool = False) -> Callable[[Finder], Finder]:
+    """Decorator: enter the mistakes that a function or class finds, with their texts to be in ``studio/texts.toml``."""
+
+    def enter(find: Finder) -> Finder:
+        MISTAKES.update({name: Mistake(id=name, part=part, find=find, without_tracker=without_tracker) for name in ids})
+        return find
+
+    return enter
+
+
+def hypotheses_of(case: Case, *parts: Part) -> Iterator[Hypothesis]:
+    """Every mistake of some parts that may have been written into a case, one at a time."""
+    for part in parts:
+        for find in dict.fromkeys(mistake.find for mistake in MISTAKES.values() if mistake.part == part):
+            yield from find(case)
+
+
+# One mistake that was found.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +155,7 @@ class Finding:
     """A mistake, what it concerns, and what mends it."""
 
     id: str
-    """One of `IDS`."""
+    """One of `MISTAKES`."""
     subject: tuple[str, ...]
     """The joints, targets, rows (by their id) or robots."""
     error_before: float | None

@@ -1,4 +1,4 @@
-"""Measurements in another unit, a left-handed frame, quaternions in another order, inverse poses."""
+"""What may have been written wrong: each mistake yields hypotheses, which undo it and say in one line how a user does."""
 
 import itertools
 from collections.abc import Iterator, Mapping
@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.campaigns.campaign import Campaign
-from taskcal.diagnosis.hypotheses import Case, JointMap, Supposition
+from taskcal.diagnosis.hypotheses import Case, Hypothesis, JointMap, looked_for
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.reading.columns import LENGTHS
@@ -22,36 +22,28 @@ from taskcal.robot.robot_file import robot_from
 
 DEGREES = 180.0 / np.pi
 
-LARGEST_IN_RADIANS = 0.125
+MAX_TOO_SMALL_RAD = 0.125
 """Joint positions, radians: no campaign whose joints stay below is of use, and π read as degrees is 0.055."""
 
-SMALLEST_IN_DEGREES = 12.6
+MIN_TOO_LARGE_RAD = 12.6
 """Joint positions, radians: two turns."""
 
 
-def joint_mistakes(case: Case) -> Iterator[Supposition]:
-    """All that can be wrong with a campaign's joints, one at a time."""
-    yield from unit_mistakes(case)
-    yield from _signs(case)
-    yield from _zeros(case)
-    yield from _couplings(case)
-    yield from _orders(case)
-
-
-def unit_mistakes(case: Case) -> Iterator[Supposition]:
+@looked_for("joints", "joints-in-radians", without_tracker=True)
+def unit_mistakes(case: Case) -> Iterator[Hypothesis]:
     """Another unit of the joints, where their size asks for it."""
     turning = ~np.array(case.robot.prismatic)
     largest = np.abs(case.campaign.q[:, turning]).max(initial=0.0)
     names = tuple(name for name, turns in zip(case.robot.joint_names, turning, strict=True) if turns)
-    if 0.0 < largest < LARGEST_IN_RADIANS:
-        yield Supposition(
+    if 0.0 < largest < MAX_TOO_SMALL_RAD:
+        yield Hypothesis(
             id="joints-in-radians",
             subject=names,
             joints=_map(np.diag(np.where(turning, DEGREES, 1.0))),
             fix="name the joint columns with _rad instead of _deg: they hold radians",
         )
-    elif largest > SMALLEST_IN_DEGREES:
-        yield Supposition(
+    elif largest > MIN_TOO_LARGE_RAD:
+        yield Hypothesis(
             id="joints-in-radians",
             subject=names,
             joints=_map(np.diag(np.where(turning, 1.0 / DEGREES, 1.0))),
@@ -59,11 +51,12 @@ def unit_mistakes(case: Case) -> Iterator[Supposition]:
         )
 
 
-def _signs(case: Case) -> Iterator[Supposition]:
+@looked_for("joints", "joint-sign", without_tracker=True)
+def _signs(case: Case) -> Iterator[Hypothesis]:
     for j, name in enumerate(case.robot.joint_names):
         matrix = np.eye(len(case.robot.joints))
         matrix[j, j] = -1.0
-        yield Supposition(
+        yield Hypothesis(
             id="joint-sign",
             subject=(name,),
             joints=_map(matrix),
@@ -71,7 +64,8 @@ def _signs(case: Case) -> Iterator[Supposition]:
         )
 
 
-def _zeros(case: Case) -> Iterator[Supposition]:
+@looked_for("joints", "joint-zero", without_tracker=True)
+def _zeros(case: Case) -> Iterator[Hypothesis]:
     joints = case.robot.joint_names
     limits = np.clip(case.robot.limits, -1e3, 1e3)
     # of the two ways to half a turn the one that leads towards the middle of the limits
@@ -82,7 +76,7 @@ def _zeros(case: Case) -> Iterator[Supposition]:
         degrees = float(half_turns[j]) if turn is None else turn
         shift = np.zeros(len(joints))
         shift[j] = np.radians(degrees)
-        yield Supposition(
+        yield Hypothesis(
             id="joint-zero",
             subject=(name,),
             joints=_map(np.eye(len(joints)), shift),
@@ -91,7 +85,8 @@ def _zeros(case: Case) -> Iterator[Supposition]:
         )
 
 
-def _couplings(case: Case) -> Iterator[Supposition]:
+@looked_for("joints", "coupling")
+def _couplings(case: Case) -> Iterator[Hypothesis]:
     names, n = case.robot.joint_names, len(case.robot.joints)
     pairs = [(j, j + 1) for j in range(1, n - 1)] + [(j + 1, j) for j in range(1, n - 1)] + [(3, 5)] * (n >= 6)
     for (source, moved), sign in itertools.product(pairs, (1.0, -1.0)):
@@ -100,7 +95,7 @@ def _couplings(case: Case) -> Iterator[Supposition]:
         matrix = np.eye(n)
         matrix[moved, source] = sign
         added = f"{names[moved]} {'+' if sign > 0 else '-'} {names[source]}"
-        yield Supposition(
+        yield Hypothesis(
             id="coupling",
             subject=(names[source], names[moved]),
             joints=_map(matrix),
@@ -110,7 +105,8 @@ def _couplings(case: Case) -> Iterator[Supposition]:
         )
 
 
-def _orders(case: Case) -> Iterator[Supposition]:
+@looked_for("joints", "joint-order")
+def _orders(case: Case) -> Iterator[Hypothesis]:
     n = len(case.robot.joints)
     orders = {(*range(n),)}
     for i, j in itertools.combinations(range(n), 2):
@@ -127,15 +123,13 @@ def _orders(case: Case) -> Iterator[Supposition]:
                 yield from _order(case, (*range(i), *inner, *range(k + 1, n)), orders, 0.1)
 
 
-def _order(
-    case: Case, order: tuple[int, ...], known: set[tuple[int, ...]], cost: float = 0.02
-) -> Iterator[Supposition]:
+def _order(case: Case, order: tuple[int, ...], known: set[tuple[int, ...]], cost: float = 0.02) -> Iterator[Hypothesis]:
     if order in known:
         return
     known.add(order)
     names = np.array(case.robot.joint_names)
     moved = [k for k, source in enumerate(order) if k != source]
-    yield Supposition(
+    yield Hypothesis(
         id="joint-order",
         subject=tuple(str(name) for name in names[moved]),
         joints=_map(np.eye(len(order))[list(order)]),
@@ -152,45 +146,31 @@ def _map(matrix: np.ndarray, shift: np.ndarray | None = None) -> JointMap:
 SWAP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """x and y exchanged."""
 
-NARROW, WIDE = 0.02, 5.0
+MIN_SCATTER_SHARE, MAX_SCATTER_SHARE = 0.02, 5.0
 """Spreads of the points, of the reach, beyond which they may be in another unit. Any points fit any robot that hardly moves once
 they are made a thousand times smaller."""
 
 OTHER_UNITS = {unit: LENGTHS[unit] for unit in ("mm", "m", "in", "cm", "ft")}
 """In which points are written, and taken for one another."""
 
-SCATTER_WINDOW = 2.0
+MAX_SCATTER_RATIO = 2.0
 """Factor, at most, between the scatter of the points and that of the nominal tool point, which a target's place and mistakes of
 joints explain. A convention: below 2.54, the ratio of the nearest two units."""
 
 _LONG = {"mm": "millimetres", "m": "metres", "in": "inches", "cm": "centimetres", "ft": "feet"}
 
 
-def frame_mistakes(case: Case) -> Iterator[Supposition]:
-    """All that can be wrong with how a campaign's measurements are written, one at a time."""
-    names = case.campaign.targets
-    yield from scale_mistakes(case)
-    yield Supposition(
-        id="left-handed",
-        subject=names,
-        measured=partial(_turned, both=True),
-        fix="exchange the columns x and y (or reverse one axis): the points are in a left-handed frame",
-        cost=0.02,
-    )
-    if case.campaign.rotations is not None:
-        yield from _of_poses(names)
-
-
-def scale_mistakes(case: Case) -> Iterator[Supposition]:
+@looked_for("frames", "points-in-metres", "points-in-other-unit")
+def scale_mistakes(case: Case) -> Iterator[Hypothesis]:
     """Another unit of the points, where their spread asks for it; the likeliest first."""
     names = case.campaign.targets
     spread = float(np.nanstd(case.campaign.points, axis=0).max())
     scales = (
-        (1e3, "_m instead of _mm: they hold metres", spread < NARROW * case.model.robot.reach),
-        (1e-3, "_mm instead of _m: they hold millimetres", spread > WIDE * case.model.robot.reach),
+        (1e3, "_m instead of _mm: they hold metres", spread < MIN_SCATTER_SHARE * case.model.robot.reach),
+        (1e-3, "_mm instead of _m: they hold millimetres", spread > MAX_SCATTER_SHARE * case.model.robot.reach),
     )
     metric = [
-        Supposition(
+        Hypothesis(
             id="points-in-metres",
             subject=names,
             measured=partial(_scaled, factors=np.full(len(names), factor)),
@@ -208,14 +188,14 @@ def scale_mistakes(case: Case) -> Iterator[Supposition]:
     others = sorted(_other_units(names, expected / scatter), key=lambda found: found[0])
     metric_off = [abs(np.log(expected / np.nanmedian(scatter) / scale[0])) for scale in scales if scale[2]]
     if others and metric and others[0][0] < metric_off[0]:
-        yield from (supposition for _, supposition in others)
+        yield from (hypothesis for _, hypothesis in others)
         yield from metric
     else:
         yield from metric
-        yield from (supposition for _, supposition in others)
+        yield from (hypothesis for _, hypothesis in others)
 
 
-def _other_units(names: tuple[str, ...], ratio: Float[np.ndarray, " targets"]) -> Iterator[tuple[float, Supposition]]:
+def _other_units(names: tuple[str, ...], ratio: Float[np.ndarray, " targets"]) -> Iterator[tuple[float, Hypothesis]]:
     """Units that make the scatter of the points what the joints let expect, and the logarithm of what they leave.
 
     All targets at first; of several, those alone whose scatter asks for it.
@@ -224,15 +204,15 @@ def _other_units(names: tuple[str, ...], ratio: Float[np.ndarray, " targets"]) -
         if {taken, unit} == {"m", "mm"}:
             continue
         off = np.abs(np.log(ratio / (size / as_taken)))
-        wrong = np.asarray(off < np.log(SCATTER_WINDOW))
-        if not wrong.any() or (not wrong.all() and (np.abs(np.log(ratio[~wrong])) > np.log(SCATTER_WINDOW)).any()):
+        wrong = np.asarray(off < np.log(MAX_SCATTER_RATIO))
+        if not wrong.any() or (not wrong.all() and (np.abs(np.log(ratio[~wrong])) > np.log(MAX_SCATTER_RATIO)).any()):
             continue
         subject = tuple(name for name, one in zip(names, wrong, strict=True) if one)
         of = "" if wrong.all() else f" of {', '.join(subject)}"
         factor = size / as_taken
         yield (
             float(off[wrong].max()),
-            Supposition(
+            Hypothesis(
                 id="points-in-other-unit",
                 subject=subject,
                 measured=partial(_scaled, factors=np.where(wrong, factor, 1.0)),
@@ -246,10 +226,10 @@ def _other_units(names: tuple[str, ...], ratio: Float[np.ndarray, " targets"]) -
 
 def _expected_scatter(case: Case) -> float | None:
     """Of the nominal tool point, the joints in the unit that their size asks for, metres; None where it hardly moves."""
-    for supposition in unit_mistakes(case):
-        case = supposition.undo(case)
+    for hypothesis in unit_mistakes(case):
+        case = hypothesis.undo(case)
     scatter = _scatter(case.poses(np.arange(len(case.campaign)))[:, :3, 3])
-    return scatter if scatter > NARROW * case.model.robot.reach else None
+    return scatter if scatter > MIN_SCATTER_SHARE * case.model.robot.reach else None
 
 
 def _scatter(points: Float[np.ndarray, "n 3"]) -> float:
@@ -257,36 +237,45 @@ def _scatter(points: Float[np.ndarray, "n 3"]) -> float:
     return float(np.sqrt(np.nanvar(points, axis=0).sum()))
 
 
-def _of_poses(names: tuple[str, ...]) -> Iterator[Supposition]:
-    yield Supposition(
-        id="left-handed",
-        subject=names,
-        measured=partial(_turned, both=False),
-        fix="exchange the columns x and y (or reverse one axis): the points are in a left-handed frame, the rotations are not",
-        cost=0.04,
-    )
+@looked_for("frames", "left-handed")
+def _left_handed(case: Case) -> Iterator[Hypothesis]:
+    fix = "exchange the columns x and y (or reverse one axis): the points are in a left-handed frame"
+    names, cost = case.campaign.targets, 0.02
+    yield Hypothesis(id="left-handed", subject=names, measured=partial(_turned, both=True), fix=fix, cost=cost)
+    if case.campaign.rotations is not None:
+        fix, turned = f"{fix}, the rotations are not", partial(_turned, both=False)
+        yield Hypothesis(id="left-handed", subject=names, measured=turned, fix=fix, cost=2.0 * cost)
+
+
+@looked_for("frames", "quaternion-order")
+def _quaternion_orders(case: Case) -> Iterator[Hypothesis]:
     orders = {"qw qx qy qz": [1, 2, 3, 0], "qy qz qw qx": [3, 0, 1, 2]}
-    for order, taken in orders.items():
-        yield Supposition(
+    for order, taken in orders.items() if case.campaign.rotations is not None else ():
+        yield Hypothesis(
             id="quaternion-order",
-            subject=names,
+            subject=case.campaign.targets,
             measured=partial(_reordered, taken=taken),
             fix=f"the four columns of the quaternion hold {order}: rename them so",
         )
-    yield Supposition(
-        id="inverse-poses",
-        subject=names,
-        measured=_inverted,
-        fix="invert the poses: they are those of the tracker in the target's frame",
-        cost=0.02,
-    )
-    yield Supposition(
-        id="inverse-poses",
-        subject=names,
-        measured=_transposed,
-        fix="invert the rotations (reverse the sign of qw): they are those of the tracker in the target's frame",
-        cost=0.04,
-    )
+
+
+@looked_for("frames", "inverse-poses")
+def _inverses(case: Case) -> Iterator[Hypothesis]:
+    for said, measured, cost in (
+        (
+            ("poses", _inverted, 0.02),
+            ("rotations (reverse the sign of qw)", _transposed, 0.04),
+        )
+        if case.campaign.rotations is not None
+        else ()
+    ):
+        yield Hypothesis(
+            id="inverse-poses",
+            subject=case.campaign.targets,
+            measured=measured,
+            fix=f"invert the {said}: they are those of the tracker in the target's frame",
+            cost=cost,
+        )
 
 
 def _scaled(campaign: Campaign, factors: Float[np.ndarray, " targets"]) -> Campaign:
@@ -329,35 +318,35 @@ _OTHER = {"dh": "mdh", "mdh": "dh"}
 _CONVENTION_NAMES = {"dh": "standard", "mdh": "modified"}
 
 
-def robot_mistakes(case: Case) -> Iterator[Supposition]:
-    """Other robots that the campaign may belong to, one at a time."""
-    yield from _conventions(case)
-    own = case.robot
-    for name in catalogue_names():
-        robot = load_robot(name)
-        if name == own.name or robot.prismatic != own.prismatic or robot.description == own.description:
-            continue
-        yield Supposition(
-            id="other-robot",
-            subject=(name,),
-            robot=robot,
-            fix=f"--robot {name}: the campaign fits this robot, not {own.name}",
-            cost=0.3,
-        )
-
-
-def _conventions(case: Case) -> Iterator[Supposition]:
+@looked_for("robot", "dh-convention")
+def _conventions(case: Case) -> Iterator[Hypothesis]:
     exchanged = other_convention(case.robot)
     if exchanged is None:
         return
     robot, other = exchanged
-    yield Supposition(
+    yield Hypothesis(
         id="dh-convention",
         subject=case.robot.joint_names,
         robot=robot,
         fix=f"the table is a {_CONVENTION_NAMES[other]} Denavit-Hartenberg table: import it with --convention {other}",
         cost=0.05,
     )
+
+
+@looked_for("robot", "other-robot")
+def _other_robots(case: Case) -> Iterator[Hypothesis]:
+    own = case.robot
+    for name in catalogue_names():
+        robot = load_robot(name)
+        if name == own.name or robot.prismatic != own.prismatic or robot.description == own.description:
+            continue
+        yield Hypothesis(
+            id="other-robot",
+            subject=(name,),
+            robot=robot,
+            fix=f"--robot {name}: the campaign fits this robot, not {own.name}",
+            cost=0.3,
+        )
 
 
 def other_convention(robot: Robot) -> tuple[Robot, str] | None:
@@ -388,23 +377,24 @@ def _exchanged(description: Mapping[str, Any], convention: str) -> dict[str, Any
 
 # Points that stand some rows below or above their joints.
 
-MOST_ROWS = 12
+MAX_SHIFT_ROWS = 12
 """Rows, at most, of the shifts that are tried. A convention: who loses more rows at the top of a file sees it."""
 
 
-SHIFTED_ALIKE = 0.8
+MIN_ALIKE_SHARE = 0.8
 """Share of the rows out of place, at least, that lie as many rows off for a shift. A convention: rows shuffled at random agree
 in a few only."""
 
-LEAST_SHIFTED = 4
+MIN_SHIFTED_ROWS = 4
 """Rows at least that lie as many rows off for a shift. A convention: fewer agree by chance."""
 
 
-def row_mistakes(case: Case) -> Iterator[Supposition]:
+@looked_for("order", "rows-shifted")
+def _shifts(case: Case) -> Iterator[Hypothesis]:
     """Shifts of the points against the joints, one at a time."""
-    most = min(MOST_ROWS, len(case.campaign) // 4)
+    most = min(MAX_SHIFT_ROWS, len(case.campaign) // 4)
     for k in [step * sign for step in range(1, most + 1) for sign in (1, -1)]:
-        yield Supposition(
+        yield Hypothesis(
             id="rows-shifted",
             subject=(f"{k:+d}",),
             measured=partial(shifted, by=k),
@@ -424,7 +414,7 @@ def common_shift(source: Int[np.ndarray, " n"]) -> int | None:
     """By how many rows nearly all measurements that stand in a wrong row are off; None if they are off by different numbers."""
     offset = source - np.arange(len(source))
     values, counts = np.unique(offset[offset != 0], return_counts=True)
-    if not len(values) or counts.max() < SHIFTED_ALIKE * counts.sum() or counts.max() < LEAST_SHIFTED:
+    if not len(values) or counts.max() < MIN_ALIKE_SHARE * counts.sum() or counts.max() < MIN_SHIFTED_ROWS:
         return None
     return int(values[counts.argmax()])
 

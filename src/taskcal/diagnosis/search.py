@@ -1,4 +1,4 @@
-"""Which suppositions, singly or in pairs, make robot and campaign fit each other."""
+"""Which hypotheses, singly or in pairs, make robot and campaign fit each other."""
 
 import itertools
 from collections.abc import Callable, Iterable, Sequence
@@ -8,78 +8,86 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.campaigns.campaign import Campaign
-from taskcal.diagnosis.fits import LEVER_SHARE, QUICK_ROUNDS, SMALLEST_ERROR, misfits, register_trimmed
-from taskcal.diagnosis.hypotheses import Case, JointMap, Supposition, nominal_poses
-from taskcal.diagnosis.mistakes import (
-    frame_mistakes,
-    joint_mistakes,
-    robot_mistakes,
-    row_mistakes,
-    scale_mistakes,
-    unit_mistakes,
+from taskcal.diagnosis.fits import (
+    LEVER_SHARE,
+    MIN_ERROR_M,
+    QUICK_ROUNDS,
+    TRUSTED_SHARE,
+    misfits,
+    registered,
+    registered_trimmed,
+    target_poses,
 )
-from taskcal.errors import CampaignError
-from taskcal.registration.registration import Registration, register_closely
+from taskcal.diagnosis.hypotheses import Case, Hypothesis, JointMap, hypotheses_of, nominal_poses
+from taskcal.diagnosis.mistakes import scale_mistakes, unit_mistakes
+from taskcal.registration.registration import Registration
 from taskcal.robot.robot import TWO_TURNS
 
 Progress = Callable[[str, int, int], None]
 """Told what is being tried, how many of it were, and how many there are."""
 
-PER_MISTAKE = 0.8
+MISTAKE_CHARGE = 0.8
 """Natural logarithm of the factor, 2.2, by which one mistake has to lower the typical error to be believed. A convention: less
 finds mistakes in sound campaigns, more misses small ones. `python -m tests.diagnosis.shares` counts right answers with it."""
 
-OUTSIDE_LIMITS = 0.5
+LIMITS_SHARE, LIMITS_SLACK = 0.2, 0.02
+"""Share of the rows outside the limits that is charged in full; and what a joint may be beyond its limit, radians or metres. A
+convention: limits in data sheets are rounded to degrees."""
+
+LIMITS_CHARGE = 0.5
 """Natural logarithm of the error's factor, 1.6, charged where a fifth of the rows or more lie outside the joint limits. A
 convention: below the charge of a mistake, so that it decides between explanations of equal error only."""
 
-TRIED_ROWS = 36
+MIN_CLOSED_SHARE = 0.7
+"""Share of the rows, at least, at which a closed loop closes. A convention: with fewer the joints are not this robot's."""
+
+MAX_TRIED_ROWS = 36
 """Rows, at most, on which all hypotheses are tried. A convention: 18 rows register the robot, 18 judge it; more cost time in
 proportion."""
 
-HELD_OUT_ROWS = 120
+MAX_HELD_OUT_ROWS = 120
 """Rows, at most, on which the best explanations are compared. A convention: more sharpen the comparison by the root of their
 number."""
 
-UNUSUAL = 0.15
+TRAIT_CHARGE = 0.15
 """Natural logarithm of the error's factor, 1.16, charged for each unusual trait: a robot that hangs from the ceiling by a
 levelled tracker, a target behind the flange, inside the arm, a joint that stays at its limit. A convention: a fifth of a
 mistake's charge, so that it decides between mirrored robots, whose errors are equal."""
 
-UPRIGHT = 0.7
+MIN_HANGING_COSINE = 0.7
 """Cosine of the angle, 45°, between the base's z axis and minus the tracker's, within which a robot hangs. A convention halfway
 between ceiling and wall."""
 
-BEHIND = 5e-3
+MIN_BEHIND_M = 5e-3
 """Distance behind the flange along the tool's z axis, metres, from which on a target is inside the arm. A convention that
 allows for the registration's error."""
 
-ALIKE = 0.4
+TRAITS_MARGIN = 0.4
 """Natural logarithm of the error's factor, 1.5, over the best within which explanations are looked at for unusual traits. A
 convention: more than two traits' charges, less than a mistake's."""
 
-COMPARED = 24
+MAX_COMPARED = 24
 """Explanations, at most, that are compared on held-out rows. A convention: more cost time in proportion."""
 
-LEAST_ROWS = 6
+MIN_JUDGED_ROWS = 6
 """Rows at least; with fewer no half of the rows can be judged by the other, since three points register a frame."""
 
-CLOSELY = 300
+MAX_ROBUST_FITS = 300
 """Combinations of joint mistakes, at most, that are fitted robustly. A convention: a plain fit ranks the others; more cost time
 in proportion."""
 
 SOUND_SHARE = 4e-3
 """Typical error over the robot's reach, below which pairs of mistakes are not looked for. A convention: 8 mm of a reach of 2 m."""
 
-MOST = 3
+MAX_MISTAKES = 3
 """Mistakes at a time, at most. A convention: the number of combinations grows with its power."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Explanation:
-    """Suppositions that were undone together, and what is left."""
+    """Hypotheses that were undone together, and what is left."""
 
-    mistakes: tuple[Supposition, ...]
+    mistakes: tuple[Hypothesis, ...]
     case: Case
     """Without the mistakes."""
     error: float
@@ -88,11 +96,24 @@ class Explanation:
     """Logarithm of the error, and what the mistakes cost; the smallest is the best."""
 
 
-def untold(step: str, done: int, of: int) -> None:
-    """Nobody asks how far it is."""
+def silent(step: str, done: int, of: int) -> None:
+    """Progress that is not shown."""
 
 
-def explain_singly(case: Case, progress: Progress = untold) -> list[Explanation]:
+def undone(case: Case, mistakes: Iterable[Hypothesis]) -> Case:
+    """The case without some mistakes."""
+    for mistake in mistakes:
+        case = mistake.undo(case)
+    return case
+
+
+def limits_charge(case: Case) -> float:
+    """What rows outside the joint limits cost, of the logarithm of the error."""
+    outside = 1.0 - float(case.robot.inside_limits(case.campaign.q, slack=LIMITS_SLACK).mean())
+    return LIMITS_CHARGE * min(1.0, outside / LIMITS_SHARE)
+
+
+def explain_singly(case: Case, progress: Progress = silent) -> list[Explanation]:
     """Explanations by one mistake, the best first; without mistakes among them the campaign as it is."""
     return _compared(case, _tried(case, (), progress, pairs=False), progress)
 
@@ -107,11 +128,11 @@ def is_sound(explanation: Explanation) -> bool:
     return explanation.error <= SOUND_SHARE * explanation.case.model.robot.reach
 
 
-def explain_in_pairs(case: Case, progress: Progress = untold) -> list[Explanation]:
+def explain_in_pairs(case: Case, progress: Progress = silent) -> list[Explanation]:
     """As `explain_singly`, with two mistakes at a time, and with three where two are too few."""
     found = _compared(case, _tried(case, (), progress, pairs=True), progress)
-    if len(found[0].mistakes) == MOST - 1 and not is_sound(found[0]):
-        two = [e for e in found[:3] if len(e.mistakes) == MOST - 1]
+    if len(found[0].mistakes) == MAX_MISTAKES - 1 and not is_sound(found[0]):
+        two = [e for e in found[:3] if len(e.mistakes) == MAX_MISTAKES - 1]
         more = [m for e in two for m in _tried(e.case, e.mistakes, progress, pairs=False)]
         found = sorted([*found, *_compared(case, more, progress)], key=lambda e: e.rank)
     return found
@@ -122,14 +143,14 @@ def spread_rows(rows: int, wanted: int) -> Int[np.ndarray, " k"]:
     return np.unique(np.linspace(0, rows - 1, min(rows, wanted)).round().astype(int))
 
 
-Combination = tuple[Supposition, ...]
+Combination = tuple[Hypothesis, ...]
 
 
 def _tried(case: Case, already: Combination, progress: Progress, *, pairs: bool) -> list[Combination]:
     """The best combinations by a quick fit on some rows."""
-    joints = list(joint_mistakes(case))
-    robots = list(robot_mistakes(case)) if all(s.robot is None for s in already) else []
-    measured = [*frame_mistakes(case), *row_mistakes(case)]
+    joints = list(hypotheses_of(case, "joints"))
+    robots = list(hypotheses_of(case, "robot")) if all(s.robot is None for s in already) else []
+    measured = list(hypotheses_of(case, "frames", "order"))
     groups: list[tuple[Combination, list[Combination]]] = [((), [(), *((s,) for s in joints)])]
     others = [(s,) for s in (*robots, *measured)]
     with_joints: list[Combination] = [(), *((s,) for s in joints)] if pairs else [()]
@@ -141,18 +162,16 @@ def _tried(case: Case, already: Combination, progress: Progress, *, pairs: bool)
     step = f"mistakes, {len(already) + 1 + pairs} at a time"
     for number, (rest, combinations) in enumerate(groups):
         progress(step, number, len(groups))
-        changed = case
-        for supposition in rest:
-            changed = supposition.undo(changed)
+        changed = undone(case, rest)
         errors = _errors(changed, combinations)
         for error, combination in zip(errors, combinations, strict=True):
             whole = (*rest, *combination)
             scored.append((_rank(float(error), (*already, *whole)), (*already, *whole)))
     scored.sort(key=lambda item: item[0])
-    return [combination for _, combination in scored[:COMPARED]]
+    return [combination for _, combination in scored[:MAX_COMPARED]]
 
 
-def _joint_pairs(joints: Sequence[Supposition]) -> Iterable[Combination]:
+def _joint_pairs(joints: Sequence[Hypothesis]) -> Iterable[Combination]:
     for a, b in itertools.combinations(joints, 2):
         if a.id == b.id and (a.subject == b.subject or a.id == "joint-order"):
             continue
@@ -161,23 +180,23 @@ def _joint_pairs(joints: Sequence[Supposition]) -> Iterable[Combination]:
             yield (b, a)
 
 
-def _together(a: Supposition, b: Supposition) -> bool:
+def _together(a: Hypothesis, b: Hypothesis) -> bool:
     """Whether both can be: not two robots, nor the same mistake twice."""
     return a.id != b.id and (a.robot is None or b.robot is None)
 
 
 def _rank(error: float, mistakes: Combination) -> float:
-    return float(np.log(max(error, SMALLEST_ERROR))) + sum(
-        PER_MISTAKE + s.cost - float(np.log(s.size)) for s in mistakes
+    return float(np.log(max(error, MIN_ERROR_M))) + sum(
+        MISTAKE_CHARGE + s.cost - float(np.log(s.size)) for s in mistakes
     )
 
 
 def _errors(case: Case, combinations: Sequence[Combination]) -> Float[np.ndarray, " h"]:
     """By the quick fit, for joints undone in several ways; of many ways the poor ones by a first round alone."""
-    if len(combinations) <= 2 * CLOSELY:
+    if len(combinations) <= 2 * MAX_ROBUST_FITS:
         return _quick_errors(case, combinations)
     out = _quick_errors(case, combinations, rounds=1)
-    best = np.argsort(out, kind="stable")[:CLOSELY]
+    best = np.argsort(out, kind="stable")[:MAX_ROBUST_FITS]
     out = out + out[best[-1]]
     out[best] = _quick_errors(case, [combinations[i] for i in best])
     return out
@@ -186,7 +205,7 @@ def _errors(case: Case, combinations: Sequence[Combination]) -> Float[np.ndarray
 def _quick_errors(
     case: Case, combinations: Sequence[Combination], rounds: int = QUICK_ROUNDS
 ) -> Float[np.ndarray, " h"]:
-    rows = spread_rows(len(case.campaign), TRIED_ROWS)
+    rows = spread_rows(len(case.campaign), MAX_TRIED_ROWS)
     campaign = case.campaign.take(rows)
     maps = [_composed(combination, campaign.q.shape[1]) for combination in combinations]
     q = np.stack([m(campaign.q) for m in maps])
@@ -201,9 +220,9 @@ def _quick_errors(
 
 def _composed(combination: Combination, joints: int) -> JointMap:
     out = JointMap(matrix=np.eye(joints), shift=np.zeros(joints))
-    for supposition in combination:
-        assert supposition.joints is not None
-        out = supposition.joints.after(out)
+    for hypothesis in combination:
+        assert hypothesis.joints is not None
+        out = hypothesis.joints.after(out)
     return out
 
 
@@ -212,38 +231,32 @@ def _compared(case: Case, combinations: Iterable[Combination], progress: Progres
     compared = ((), *(c for c in combinations if c))
     for number, combination in enumerate(compared):
         progress("the likeliest of them, on rows held out", number, len(compared))
-        changed = case
-        for supposition in combination:
-            changed = supposition.undo(changed)
+        changed = undone(case, combination)
         distances = held_out_distances(changed)
         error, level = float(np.median(distances)), typical(distances)
-        outside = 1.0 - float(changed.robot.inside_limits(changed.campaign.q, slack=0.02).mean())
-        cost = OUTSIDE_LIMITS * min(1.0, 5.0 * outside)
-        out.append(Explanation(mistakes=combination, case=changed, error=error, rank=_rank(level, combination) + cost))
+        rank = _rank(level, combination) + limits_charge(changed)
+        out.append(Explanation(mistakes=combination, case=changed, error=error, rank=rank))
     least = min(e.rank for e in out)
-    out = [replace(e, rank=e.rank + _unusual(e.case)) if e.rank < least + ALIKE else e for e in out]
+    out = [replace(e, rank=e.rank + _unusual(e.case)) if e.rank < least + TRAITS_MARGIN else e for e in out]
     return sorted(out, key=lambda e: e.rank)
 
 
 def _unusual(case: Case) -> float:
     """What the robot's mounting, the targets' places and the joints' middle positions cost."""
-    rows = spread_rows(len(case.campaign), HELD_OUT_ROWS)
-    T = case.poses(rows)
-    usable = np.isfinite(T[:, 0, 3]) & case.campaign.seen[rows]
-    try:
-        registration = register_trimmed(case.campaign.take(rows[usable]), T[usable])
-    except (CampaignError, np.linalg.LinAlgError):
+    rows, T = case.usable(spread_rows(len(case.campaign), MAX_HELD_OUT_ROWS))
+    registration = registered_trimmed(case.campaign.take(rows), T)
+    if registration is None:
         return 0.0
-    hangs = registration.T_tracker_base[2, 2] < -UPRIGHT
-    behind = float(np.median(registration.T_tool_target[:, 2, 3])) < -BEHIND
+    hangs = registration.T_tracker_base[2, 2] < -MIN_HANGING_COSINE
+    behind = float(np.median(registration.T_tool_target[:, 2, 3])) < -MIN_BEHIND_M
     limits = np.clip(case.robot.limits, -TWO_TURNS, TWO_TURNS)
     strain = np.abs(np.median(case.campaign.q, axis=0) - limits.mean(axis=1)) / (0.5 * np.ptp(limits, axis=1))
-    return UNUSUAL * (float(hangs) + float(behind) + float(np.clip(strain, 0.0, 2.0).sum()))
+    return TRAIT_CHARGE * (float(hangs) + float(behind) + float(np.clip(strain, 0.0, 2.0).sum()))
 
 
 def typical(distances: Float[np.ndarray, " n"]) -> float:
     """Geometric mean, metres: a few rows may be off as far as they like, and a mistake that only some rows show still counts."""
-    return float(np.exp(np.log(np.maximum(distances, SMALLEST_ERROR)).mean()))
+    return float(np.exp(np.log(np.maximum(distances, MIN_ERROR_M)).mean()))
 
 
 def rows_to_register(campaign: Campaign) -> int:
@@ -260,12 +273,10 @@ def held_out_error(case: Case) -> float:
 
 def held_out_distances(case: Case) -> Float[np.ndarray, " n"]:
     """Distance of each row from where the registration of the other half of the rows has it, metres; infinite without one."""
-    rows = spread_rows(len(case.campaign), HELD_OUT_ROWS)
-    T = case.poses(rows)
-    closes = np.isfinite(T[:, 0, 3]) & case.campaign.seen[rows]
-    if closes.mean() < 0.7 or closes.sum() < LEAST_ROWS:
+    looked_at = spread_rows(len(case.campaign), MAX_HELD_OUT_ROWS)
+    rows, T = case.usable(looked_at)
+    if len(rows) < max(MIN_CLOSED_SHARE * len(looked_at), MIN_JUDGED_ROWS):
         return np.array([np.inf])
-    rows, T = rows[closes], T[closes]
     halves = np.array_split(np.random.default_rng(0).permutation(len(rows)), 2)
     distance: list[np.ndarray] = []
     for fitted, tested in (halves, halves[::-1]):
@@ -283,31 +294,27 @@ def _trimmed_distances(
     lever = LEVER_SHARE * case.model.robot.reach
     out = None
     for _ in range(3):
-        try:
-            registration = _registered(campaign, T, chosen, case.model.robot.reach)
-        except (CampaignError, np.linalg.LinAlgError):
+        registration = _registered(campaign, T, chosen, case.model.robot.reach)
+        if registration is None:
             return out
-        ends = (registration.T_tracker_base @ T)[:, None] @ registration.T_tool_target
+        ends = target_poses(registration, T)
         square = ((campaign.points - ends[..., :3, 3]) ** 2).sum(axis=2)
         if campaign.rotations is not None:
             square = square + lever**2 * 0.5 * ((ends[..., :3, :3] - campaign.rotations[:, None]) ** 2).sum(axis=(2, 3))
         row = np.sqrt(np.nanmedian(square, axis=1))
         out = row[tested]
-        chosen = fitted[np.argsort(row[fitted])[: int(np.ceil(0.75 * len(fitted)))]]
+        chosen = fitted[np.argsort(row[fitted])[: int(np.ceil(TRUSTED_SHARE * len(fitted)))]]
     return out
 
 
 def _registered(
     campaign: Campaign, T: Float[np.ndarray, "n 4 4"], chosen: Int[np.ndarray, " k"], reach: float
-) -> Registration:
-    """Register on some rows, from where all rows together point as well, if they alone lead to where nothing fits.
-
-    Raises:
-        CampaignError: these rows do not show all targets.
-    """
+) -> Registration | None:
+    """Register on some rows, from where all rows together point as well, if they alone lead to where nothing fits."""
     part = campaign.take(chosen)
-    alone = register_closely(part, T[chosen])
-    if alone.rms <= SOUND_SHARE * reach:
+    alone = registered(part, T[chosen])
+    if alone is None or alone.rms <= SOUND_SHARE * reach:
         return alone
-    together = register_closely(campaign, T).T_tracker_base[:3, :3]
-    return min(alone, register_closely(part, T[chosen], together), key=lambda registration: registration.rms)
+    together = registered(campaign, T)
+    again = together and registered(part, T[chosen], together.T_tracker_base[:3, :3])
+    return again and min(alone, again, key=lambda registration: registration.rms)

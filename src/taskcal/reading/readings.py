@@ -30,7 +30,7 @@ from taskcal.reading.columns import (
 )
 from taskcal.robot.robot import Robot
 from taskcal.tables.forms import TableForm, read_table
-from taskcal.tables.table import LEAVE_OUT, NUMBER, UNIT_LENGTH, Table, joint_too_many, no_joint
+from taskcal.tables.table import LEAVE_OUT, NUMBER, UNIT_LENGTH, Table
 from taskcal.tables.text import footer_note, is_statistic
 
 
@@ -57,7 +57,9 @@ class MeasuredTable:
         at: dict[int, tuple[str, Meaning]] = {}
         for name, meaning in self.of(kind):
             if meaning.index >= len(self.robot.joints):
-                raise self.table.header_error(f"'{name}' {joint_too_many(self.robot)}")
+                count = len(self.robot.joints)
+                message = f"is a joint that {self.robot.name} does not have; it has {count}: is it the right robot?"
+                raise self.table.header_error(f"'{name}' {message}")
             if meaning.index in at:
                 joint, twice = self.robot.joint_names[meaning.index], f"by '{at[meaning.index][0]}' and '{name}'"
                 raise self.table.header_error(f"joint {joint} is given twice, {twice}; keep one")
@@ -117,12 +119,40 @@ def joint_columns(measured: MeasuredTable) -> JointColumns:
             scale[j] = known[unit]
         elif unit is not None or slides or any(turning):
             bare = robot.joint_names[j] if unit is not None else name
-            wanted = " or ".join(f"{bare}_{unit}" for unit in (("mm", "m") if slides else ("deg", "rad")))
             what = f"'{unit}' is no unit of this joint" if unit else "the unit is not stated"
-            raise table.header_error(f"{what}; name the column {wanted}", name)
+            raise table.header_error(
+                f"{what}; name the column {' or '.join(f'{bare}_{u}' for u in _units(slides))}", name
+            )
     columns = tuple(at[j][0] for j in range(len(at)))
     values = _together(table, columns, remedy=LEAVE_OUT)
     return JointColumns(columns=columns, values=values * scale, unit_stated=any(turning) or not turning)
+
+
+def read_joints(table: Table, robot: Robot) -> Float[np.ndarray, "rows joints"] | None:
+    """The joints of a table's rows, radians and metres; None where it has no column of a joint.
+
+    Raises:
+        FileError: as of `joint_columns`, or no unit is stated.
+    """
+    known = tuple(meanings(table.header, [""] * len(table.header), robot.joint_names))
+    joints = joint_columns(MeasuredTable(table=table, known=known, robot=robot))
+    if not joints.unit_stated:
+        name = joints.columns[int(np.argmin(robot.prismatic))]
+        raise table.header_error(f"the unit is not stated; name the column {name}_deg or {name}_rad", name)
+    return joints.values
+
+
+def no_joint(robot: Robot, j: int) -> str:
+    """What is said of a table without a column for a joint."""
+    units, joint = _units(robot.prismatic[j]), robot.joint_names[j]
+    return (
+        f"has no column for joint {joint} of {robot.name}; it needs one for each of "
+        f"{', '.join(robot.joint_names)}, such as {joint}_{units[0]} or q{j + 1}_{units[1]}"
+    )
+
+
+def _units(slides: bool) -> tuple[str, str]:
+    return ("mm", "m") if slides else ("deg", "rad")
 
 
 def _together(table: Table, columns: Sequence[str], **how: Any) -> Float[np.ndarray, "rows columns"]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from typing import Any, Protocol, overload, runtime_checkable
+from typing import Any, overload
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -128,33 +128,10 @@ _NOT_FINITE = re.compile(r"[+-]?(nan|inf(inity)?)", re.IGNORECASE)
 POSITION = ("x_mm", "y_mm", "z_mm")
 QUATERNION = ("qx", "qy", "qz", "qw")
 
-JOINT_UNITS = {"deg": np.pi / 180, "rad": 1.0, "mm": 1e-3, "m": 1.0}
-"""What a joint's number is multiplied by for radians or metres."""
-
 UNIT_LENGTH = 1e-3
 """How far the length of a quaternion or a direction may be from one: files round to a few digits."""
 
 LEAVE_OUT = "give a number, or leave out the row"
-
-
-@runtime_checkable
-class Jointed(Protocol):
-    """Whose joints columns name: a robot."""
-
-    @property
-    def name(self) -> str:
-        """The robot's name."""
-        ...
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints, in order."""
-        ...
-
-    @property
-    def prismatic(self) -> tuple[bool, ...]:
-        """Which joints slide."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -331,59 +308,6 @@ class Table:
             hint = " (is qw last?)" if what == "quaternion" else ""
             raise self.error(f"the {what} has length {lengths[row]:.4f}; it must be 1{hint}", int(row), column)
 
-    def joints(self, robot: Jointed) -> Float[np.ndarray, "rows joints"]:
-        """Joint positions, radians or metres, in columns such as ``J1_deg``, ``q1_rad`` or ``rail_mm``.
-
-        Raises:
-            FileError: a joint has no column, or two, its unit is not stated, or there is a joint too many.
-        """
-        columns: list[str] = []
-        for number, (joint, units) in enumerate(zip(robot.joint_names, _joint_units(robot), strict=True), start=1):
-            column = self._joint_column(joint, number, units)
-            if column is None:
-                bare = [self.spelled(s) for s in _spellings(joint, number) if s in self]
-                if bare:
-                    wanted = " or ".join(f"{bare[0]}_{unit}" for unit in units)
-                    raise self.header_error(f"the unit is not stated; name the column {wanted}", bare[0])
-                raise self.header_error(no_joint(robot, number - 1))
-            columns.append(column)
-        count = len(columns)
-        surplus = [name for name in self.header if re.match(rf"[jq]{count + 1}_(deg|rad)$", name.lower())]
-        if surplus:
-            raise self.header_error(f"'{surplus[0]}' {joint_too_many(robot)}")
-        return self.side_by_side(columns, remedy=LEAVE_OUT) * joint_scale(columns)
-
-    def joint_columns(
-        self, robot: Jointed, endings: Sequence[Sequence[str]] | None = None, why: str = ""
-    ) -> tuple[str, ...]:
-        """A column for each joint, as the file writes them; none where it has none of them.
-
-        Args:
-            robot: whose joints they are.
-            endings: what may follow each joint's name; the units of its position by default.
-            why: what to say where some joints have a column and others do not.
-
-        Raises:
-            FileError: only some joints have a column, or one has two.
-        """
-        endings = _joint_units(robot) if endings is None else endings
-        names = robot.joint_names
-        columns = [self._joint_column(*one) for one in zip(names, range(1, len(names) + 1), endings, strict=True)]
-        given = tuple(column for column in columns if column is not None)
-        if given and None in columns:
-            j = columns.index(None)
-            lacking = f"{names[j]}_{endings[j][0]}"
-            raise self.header_error(f"has '{given[0]}' but no column '{lacking}'{why or f' of {robot.name}'}")
-        self._used.update(given)
-        return given
-
-    def _joint_column(self, joint: str, number: int, endings: Sequence[str]) -> str | None:
-        candidates = (f"{spelling}_{ending}" for spelling in _spellings(joint, number) for ending in endings)
-        found = [self.spelled(column) for column in candidates if column in self]
-        if len(found) > 1:
-            raise self.header_error(f"joint {joint} is given twice, by '{found[0]}' and '{found[1]}'; keep one")
-        return found[0] if found else None
-
     def is_used(self, column: str) -> bool:
         """Whether a column was asked for."""
         return self.spelled(column) in self._used
@@ -416,33 +340,6 @@ def _trouble(text: str, remedy: str, largest: float) -> str:
     if _NOT_FINITE.fullmatch(text):
         return f"'{shown(text)}' is not a finite number; {remedy}"
     return f"'{shown(text)}' is not a number; give a number such as 12.5"
-
-
-def no_joint(robot: Jointed, j: int) -> str:
-    """What is said of a table without a column for a joint."""
-    units, joint = _joint_units(robot)[j], robot.joint_names[j]
-    return (
-        f"has no column for joint {joint} of {robot.name}; it needs one for each of "
-        f"{', '.join(robot.joint_names)}, such as {joint}_{units[0]} or q{j + 1}_{units[1]}"
-    )
-
-
-def joint_too_many(robot: Jointed) -> str:
-    """What is said of a column for a joint beyond the last."""
-    return f"is a joint that {robot.name} does not have; it has {len(robot.joint_names)}: is it the right robot?"
-
-
-def joint_scale(columns: Sequence[str]) -> Float[np.ndarray, " columns"]:
-    """What the numbers in columns of joints are multiplied by for radians or metres, by the unit at the end of their names."""
-    return np.array([JOINT_UNITS[column.lower().rpartition("_")[2]] for column in columns])
-
-
-def _joint_units(robot: Jointed) -> list[tuple[str, str]]:
-    return [("mm", "m") if slides else ("deg", "rad") for slides in robot.prismatic]
-
-
-def _spellings(joint: str, number: int) -> list[str]:
-    return list(dict.fromkeys(spelling.lower() for spelling in (joint, f"J{number}", f"q{number}")))
 
 
 # Rows of cells as a file has them, before anyone says what they mean.

@@ -49,6 +49,7 @@ def command(
 ) -> None:
     """Compute tool poses from joint values, or joint values from tool poses."""
     outputs = out.begin("poses", [("--output", output)], [table, of.robot, of.calibration])
+    from taskcal.reading.readings import read_joints
     from taskcal.tables.forms import read_csv
 
     model, calibration = of.load()
@@ -56,10 +57,11 @@ def command(
     ids = columns.texts("id") if "id" in columns else [str(row) for row in range(len(columns))]
     if not len(columns):
         raise columns.error("has no rows below its header")
-    if reverse or not columns.joint_columns(model.robot):
-        header, rows = _joints_for(columns, model, calibration)
+    q = read_joints(columns, model.robot)
+    if reverse or q is None:
+        header, rows = _joints_for(columns, q, model, calibration)
     else:
-        header, rows = _poses_at(columns, model, calibration, angles)
+        header, rows = _poses_at(columns, q, model, calibration, angles)
     outputs.write({output: _csv(ids, header, rows)})
     entries = [{"id": name, **dict(zip(header, row, strict=True))} for name, row in zip(ids, rows, strict=True)]
     result = {"robot": model.robot.name, "calibrated": calibration is not None, "rows": entries}
@@ -89,14 +91,13 @@ def _show(robot: str, ids: list[str], header: list[str], rows: list[list[float]]
 
 
 def _poses_at(
-    columns: "Table", model: "ErrorModel", calibration: "Calibration | None", angles: Angles
+    columns: "Table", q: "np.ndarray", model: "ErrorModel", calibration: "Calibration | None", angles: Angles
 ) -> tuple[list[str], list[list[float]]]:
     """Poses at joints, and with a calibration how they differ."""
     import numpy as np
 
     from taskcal.correction.tool_poses import locate_tool
 
-    q = columns.joints(model.robot)
     left = [name for name in columns.header if not columns.is_used(name) and name.lower() != "id"]
     if left:
         info(f"ignored columns: {', '.join(left)}")
@@ -133,19 +134,19 @@ def _pose_cells(prefix: str, T: "np.ndarray", angles: Angles) -> tuple[list[str]
 
 
 def _joints_for(
-    columns: "Table", model: "ErrorModel", calibration: "Calibration | None"
+    columns: "Table", seed: "np.ndarray | None", model: "ErrorModel", calibration: "Calibration | None"
 ) -> tuple[list[str], list[list[float]]]:
     """Joints for poses: nominal, and with a calibration those of the calibrated robot."""
     import numpy as np
 
     from taskcal.correction.tool_poses import find_joints
+    from taskcal.reading.readings import no_joint
     from taskcal.task.orientation import has_poses, read_tool_poses
 
     robot = model.robot
     if not has_poses(columns) and "x_mm" not in columns:
-        columns.joints(robot)  # its error names the columns that there must be
+        raise columns.header_error(no_joint(robot, 0))
     T = read_tool_poses(columns)
-    seed = columns.joints(robot) if columns.joint_columns(robot) else None
     joints = find_joints(model if calibration is None else calibration, T, seed)
     if not joints.reached.any():
         raise ReachError(
