@@ -9,10 +9,10 @@ from taskcal.kernels import walk
 from taskcal.kernels.compiled import compiled
 from taskcal.kernels.lanes import (
     LANES,
+    allocate_lanes,
     angle_of,
     as_lanes,
     cosine_and_sine,
-    empty_for_lanes,
     least_of,
     square_root,
     unravel,
@@ -109,20 +109,19 @@ def test_lanes_are_compared_each_with_its_own():
 
 
 @compiled
-def unravelled(rows, turned, out, n):
+def unravelled(rows, out, n):
     for first in range(0, n, LANES):
-        unravel(rows[first // LANES], turned, out, first, n)
+        unravel(rows[first // LANES], out, first, n)
 
 
 @pytest.mark.parametrize("count", [1, 7, 8, 9, 16, 135])
 @pytest.mark.parametrize("n", [1, 8, 13, 24])
-@pytest.mark.parametrize("streamed", [False, True])
-def test_lanes_are_copied_as_the_plain_function_says(n, count, streamed):
+def test_lanes_are_copied_as_the_plain_function_says(n, count):
     rows = np.random.default_rng(n).normal(size=(-(-n // LANES), count * LANES))
-    expected, found = np.empty(n * count), empty_for_lanes((n * count,))
+    expected, found = np.empty(n * count), np.empty(n * count)
     for first in range(0, n, LANES):
-        unravel(rows[first // LANES], np.empty(0), expected, first, n)
-    unravelled(rows, np.empty(count * LANES if streamed else 0), found, n)
+        unravel(rows[first // LANES], expected, first, n)
+    unravelled(rows, found, n)
     np.testing.assert_array_equal(found, expected)
     np.testing.assert_array_equal(found.reshape(n, count)[0], rows[0, ::LANES])
 
@@ -141,24 +140,9 @@ def test_what_comes_out_for_a_pose_does_not_depend_on_those_beside_it(case, rng,
         np.testing.assert_array_equal(walk.columns(case.chain, q, case.e, layout, by, angular=True), J[rows])
 
 
-@given(chains(), generators, st.integers(0, 3 * LANES), st.booleans())
-def test_past_the_caches_goes_the_same(case, rng, n, angular):
-    s = rng.normal(size=(n, case.s.shape[1]))
-    layout, _ = every_column(case)
-    factor = rng.normal(size=(n, s.shape[1]))
-    J = walk.columns(case.chain, s, case.e, layout, factor, angular=angular)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(walk, "STREAMED", -1)
-        streamed = walk.columns(case.chain, s, case.e, layout, factor, angular=angular)
-        elsewhere = np.empty(J.size + 1)[1:].reshape(J.shape)  # which no register's worth begins at
-        walk.columns(case.chain, s, case.e, layout, factor, angular=angular, out=elsewhere)
-    np.testing.assert_array_equal(streamed, J)
-    np.testing.assert_array_equal(elsewhere, J)
-
-
-@pytest.mark.parametrize("shape", [(1,), (3, 5), (1000, 3, 45)])
-def test_room_for_lanes_begins_where_a_register_does(shape):
-    room = empty_for_lanes(shape)
-    assert room.shape == shape
-    assert room.flags.c_contiguous
-    assert room.ctypes.data % (LANES * 8) == 0
+@pytest.mark.parametrize("shape", [(1,), (3, 5), (1000, 3, 5)])
+def test_arrays_of_lanes_begin_where_a_register_does(shape):
+    for array in allocate_lanes(shape, shape):
+        assert array.shape == (*shape, LANES)
+        assert array.flags.c_contiguous
+        assert array.ctypes.data % (LANES * 8) == 0

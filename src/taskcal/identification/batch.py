@@ -30,8 +30,8 @@ from taskcal.kernels.closure import allocate_coordinates
 from taskcal.kernels.fit import (
     CONVERGED,
     UNTOUCHED,
-    Buffers,
     Campaigns,
+    FitBuffers,
     Fits,
     Model,
     Search,
@@ -287,7 +287,7 @@ class _Fitting:
     def _run(self, search: Search) -> None:
         walked = self.layouts[0].walked(self.campaigns.q[0, :1], self.campaigns.start[0])
         p, n = self.campaigns.start.shape[1], self.campaigns.q.shape[1]
-        buffers = Buffers(
+        buffers = FitBuffers(
             coordinates=allocate_coordinates(self.campaigns.q.shape[2], len(self.model.drive.offset)),
             point=allocate_points(walked),
             cache=allocate_cache(n, 1, p),

@@ -53,7 +53,7 @@ class Layout:
         places = (f"{name}.{c}" for name, kind in zip(labels, self.kinds, strict=True) for c in _components(kind))
         return (*kept, *base, *places, *(name for kind in self.kinds for name in kind.unknowns))
 
-    @property
+    @cached_property
     def in_tracker(self) -> bool:
         """Whether anything was measured in a tracker's frame."""
         return any(kind.in_tracker for kind in self.kinds)
@@ -155,7 +155,11 @@ class Layout:
         """The model's walk with the measuring frame of an estimate before it, and its targets at the end."""
         k = len(self.kept)
         base = z[k : k + 6] if self.in_tracker and not self.fixed_frames else np.zeros(6)
-        offsets = np.ascontiguousarray(self.frames(z)[1][:, :3, 3])
+        offsets = self.registration.T_tool_target[:, :3, 3].copy()
+        for t, (kind, place) in enumerate(zip(self.kinds, self.places, strict=True)):
+            if not self.fixed_frames:
+                R = self.registration.T_tool_target[t, :3, :3]
+                offsets[t] = offsets[t] + R @ z[place[:3]] if kind.turned else z[place]
         points = Points(offsets, self.point_columns)
         return Walked(self.chain, s, np.concatenate([base[None], e]), self.columns, factor, points)
 

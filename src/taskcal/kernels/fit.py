@@ -16,7 +16,6 @@ from taskcal.kernels.compiled import compiled, part
 from taskcal.kernels.lanes import LANES, allocate_lanes, as_lanes, square_root, total_of
 from taskcal.kernels.points import (
     PointBlock,
-    PointBuffers,
     Points,
     SeenPoints,
     WalkArrays,
@@ -25,7 +24,7 @@ from taskcal.kernels.points import (
     take_points,
 )
 from taskcal.kernels.products import Products, add_products
-from taskcal.kernels.walk import Axes, expand_error_frames, take_lanes, walk_pose
+from taskcal.kernels.walk import Buffers, axes_of, expand_error_frames, take_lanes, walk_pose
 
 # Positive definite matrices of very different scales inside kernels: factored on unit diagonal, solved and
 # inverted.
@@ -163,7 +162,7 @@ def cache_noise(noise, valid, cache):
 def cache_points(walk, seen, buffers, cache):
     """Walk every pose, and keep the residuals and derivatives."""
     error_frames, n, targets = expand_error_frames(walk.e), walk.s.shape[0], seen.valid.shape[1]
-    axes = Axes(as_lanes(buffers.joints), as_lanes(buffers.frames), buffers.slides)
+    axes = axes_of(buffers)
     s, factor, y, T = as_lanes(buffers.s), as_lanes(buffers.factor), as_lanes(buffers.y), as_lanes(buffers.T)
     r, J = as_lanes(cache.residual), as_lanes(cache.by_entry)
     for first in range(0, n, LANES):
@@ -294,11 +293,11 @@ class Fits(NamedTuple):
     state: Int[np.ndarray, " robots"]
 
 
-class Buffers(NamedTuple):
+class FitBuffers(NamedTuple):
     """What a pass fills on the way."""
 
     coordinates: CoordinateBuffers
-    point: PointBuffers
+    point: Buffers
     cache: PointCache
     products: Products
 

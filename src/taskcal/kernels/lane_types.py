@@ -183,25 +183,11 @@ def _transpose(typingctx: Any, source: Any, i: Any, target: Any, j: Any, stride:
     return types.void(source, types.intp, target, types.intp, types.intp), generate
 
 
-@extending.intrinsic
-def _stream(typingctx: Any, source: Any, i: Any, target: Any, j: Any) -> Any:
-    """A register's worth of numbers past the caches."""
-
-    def generate(context: Any, builder: Any, sig: Any, values: Any) -> Any:
-        source, i, target, j = values
-        value = builder.load(_address(context, builder, sig.args[0], source, i), align=8)
-        store = builder.store(value, _address(context, builder, sig.args[2], target, j), align=8 * LANES)
-        store.set_metadata("nontemporal", builder.module.add_metadata([INDEX(1)]))
-        return context.get_dummy_value()
-
-    return types.void(source, types.intp, target, types.intp), generate
-
-
 @extending.overload(unravel, strict=False)
-def _unravel(rows: Any, turned: Any, out: Any, first: Any, n: Any) -> Any:
-    def copy(rows, turned, out, first, n):
+def _unravel(rows: Any, out: Any, first: Any, n: Any) -> Any:
+    def copy(rows, out, first, n):
         count = rows.shape[0] // LANES
-        begin, streamed = first * count, turned.shape[0] > 0
+        begin = first * count
         if first + LANES > n or count < LANES:
             for lane in range(min(LANES, n - first)):
                 for k in range(count):
@@ -209,13 +195,7 @@ def _unravel(rows: Any, turned: Any, out: Any, first: Any, n: Any) -> Any:
             return
         for k in range(0, count, LANES):
             row = min(k, count - LANES)  # what is left over goes together with some that went before
-            if streamed:
-                _transpose(rows, LANES * row, turned, row, count)
-            else:
-                _transpose(rows, LANES * row, out, begin + row, count)
-        if streamed:
-            for k in range(0, LANES * count, LANES):
-                _stream(turned, k, out, begin + k)
+            _transpose(rows, LANES * row, out, begin + row, count)
 
     return copy
 

@@ -51,13 +51,11 @@ def as_lanes(array: Any) -> Any:
     return array
 
 
-def unravel(rows: Any, turned: Any, out: Any, first: Any, n: Any) -> None:
+def unravel(rows: Any, out: Any, first: Any, n: Any) -> None:
     """Copy numbers of lanes, lane by lane, to where the pose of each has its own; all arrays are flat.
 
     Args:
         rows: so many numbers, each of all lanes.
-        turned: takes as many, for a compiled kernel to go past the caches, which `out` must be aligned for
-            (`empty_for_lanes`): what is large is not read soon; empty where it shall not.
         out: the same numbers of n poses, pose by pose.
         first: the pose of the first lane; lanes beyond n are left out.
         n: poses.
@@ -66,15 +64,12 @@ def unravel(rows: Any, turned: Any, out: Any, first: Any, n: Any) -> None:
     out.reshape(n, count)[first : first + poses] = rows.reshape(count, LANES).T[:poses]
 
 
-def empty_for_lanes(shape: tuple[int, ...]) -> np.ndarray:
-    """An array that begins where a register's worth of memory does."""
-    return _aligned(np.empty(prod(shape) + LANES), ((shape, 0),))[0]
-
-
 def allocate_lanes(*shapes: tuple[int, ...]) -> list[np.ndarray]:
     """Arrays of lanes, (…, LANES) for each shape, of zeros, which begin where a register does: none lies across two lines."""
     size, places = _places(shapes)
-    return _aligned(np.zeros(size), places)
+    memory = np.zeros(size)
+    begin = -memory.__array_interface__["data"][0] % (8 * LANES)
+    return [np.ndarray(shape, buffer=memory, offset=begin + first) for shape, first in places]
 
 
 @cache
@@ -82,8 +77,3 @@ def _places(shapes: tuple[tuple[int, ...], ...]) -> tuple[int, tuple[tuple[tuple
     """Doubles that arrays of lanes need, one behind the other, with the shape and the first byte of each."""
     ends = tuple(accumulate((LANES * prod(shape) for shape in shapes), initial=0))
     return ends[-1] + LANES, tuple(((*shape, LANES), 8 * end) for shape, end in zip(shapes, ends, strict=False))
-
-
-def _aligned(memory: np.ndarray, places: tuple[tuple[tuple[int, ...], int], ...]) -> list[np.ndarray]:
-    begin = -memory.__array_interface__["data"][0] % (8 * LANES)
-    return [np.ndarray(shape, buffer=memory, offset=begin + first) for shape, first in places]

@@ -14,9 +14,9 @@ from jaxtyping import Bool, Float, Int
 from taskcal.kernels.chain import Chain, Columns, Layout, Steps
 from taskcal.kernels.chunks import in_chunks
 from taskcal.kernels.compiled import compiled, inlined, part
-from taskcal.kernels.lanes import LANES, allocate_lanes, as_lanes
+from taskcal.kernels.lanes import LANES, as_lanes
 from taskcal.kernels.products import add_products, allocate_products, symmetric
-from taskcal.kernels.walk import Axes, expand_error_frames, fill_columns, take_lanes, walk_pose
+from taskcal.kernels.walk import Axes, Buffers, axes_of, expand_error_frames, fill_columns, take_lanes, walk_pose
 
 # A measured point that is fixed to the end of a chain.
 
@@ -93,37 +93,16 @@ class PointBlock(NamedTuple):
     """One pose as walked, or eight as lanes, and the residual of one of its points."""
 
     axes: Axes
-    T: Float[np.ndarray, "3 4"]
+    T: Float[np.ndarray, "4 4"]
     """Pose of the end."""
     r: Float[np.ndarray, " 3"]
     J: Float[np.ndarray, "3 p"]
     """Derivative of the prediction."""
 
 
-class PointBuffers(NamedTuple):
-    """What a pass over points fills on the way; the lanes are along each array's last axis, where it has any."""
-
-    s: Float[np.ndarray, "joints lanes"]
-    factor: Float[np.ndarray, "pairs lanes"]
-    joints: Float[np.ndarray, "joints 2 3 lanes"]
-    frames: Float[np.ndarray, "frames 7 3 lanes"]
-    slides: Bool[np.ndarray, " joints"]
-    T: Float[np.ndarray, "3 4 lanes"]
-    r: Float[np.ndarray, "3 lanes"]
-    J: Float[np.ndarray, "3 p lanes"]
-    y: Float[np.ndarray, "3 lanes"]
-    """Measured."""
-    work: Float[np.ndarray, "3 3 lanes"]
-    """For the pass itself."""
-
-
-def allocate_points(walked: Walked) -> PointBuffers:
-    """Buffers for a pass over a walk."""
-    joints, frames, pairs = walked.s.shape[1], len(walked.e), walked.factor.shape[1]
-    s, factor, axes, along, T, r, J, y, work = allocate_lanes(
-        (joints,), (pairs,), (joints, 2, 3), (frames, 7, 3), (3, 4), (3,), (3, walked.layout.count), (3,), (3, 3)
-    )
-    return PointBuffers(s, factor, axes, along, np.empty(joints, dtype=bool), T, r, J, y, work)
+def allocate_points(walked: Walked) -> Buffers:
+    """Buffers for a pass over the points of a walk."""
+    return Buffers.of(walked.s, walked.e, walked.factor.shape[1], (3, walked.layout.count))
 
 
 @part
@@ -197,13 +176,8 @@ def _take_whitener(valid, whitener, first, t, out):
 @compiled
 def _accumulate(walk, seen, whitener, loss, buffers, products):
     """Add up the products of whitened columns and residuals, which come last, eight poses at a time; the cost."""
-    error_frames, p, W, rows = (
-        expand_error_frames(walk.e),
-        products.columns,
-        as_lanes(buffers.work),
-        as_lanes(products.block),
-    )
-    axes = Axes(as_lanes(buffers.joints), as_lanes(buffers.frames), buffers.slides)
+    error_frames, axes, p = expand_error_frames(walk.e), axes_of(buffers), products.columns
+    W, rows = as_lanes(buffers.work), as_lanes(products.block)
     s, factor, y, r, J = (
         as_lanes(buffers.s),
         as_lanes(buffers.factor),
@@ -292,14 +266,8 @@ def conjugate_lanes(J, matrix, out):
 @compiled
 def _propagate(walk, seen, matrix, buffers, residual, out):
     """Store r and J·matrix·Jᵀ of every block, eight poses at a time."""
-    error_frames, n, s, factor, y = (
-        expand_error_frames(walk.e),
-        len(walk.s),
-        as_lanes(buffers.s),
-        as_lanes(buffers.factor),
-        as_lanes(buffers.y),
-    )
-    axes = Axes(as_lanes(buffers.joints), as_lanes(buffers.frames), buffers.slides)
+    error_frames, axes, n = expand_error_frames(walk.e), axes_of(buffers), len(walk.s)
+    s, factor, y = as_lanes(buffers.s), as_lanes(buffers.factor), as_lanes(buffers.y)
     block = PointBlock(axes, as_lanes(buffers.T), as_lanes(buffers.r), as_lanes(buffers.J))
     for first in range(0, n, LANES):
         take_lanes(walk.s, first, buffers.s)

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.kernels.compiled import inlined, part
-from taskcal.kernels.lanes import LANES, empty_for_lanes, total_of
+from taskcal.kernels.lanes import allocate_lanes, total_of
 
 TILE = 4
 """Columns and rows of the sums that are taken at once."""
@@ -33,8 +33,7 @@ class Products(NamedTuple):
 def allocate_products(columns: int, vectors: int) -> Products:
     """Buffers for columns besides the residuals, and so many lanes of rows in all, no more of them in a block; sums of zero."""
     tiled = -(-(columns + 1) // TILE) * TILE
-    block = empty_for_lanes((tiled, min(VECTORS, vectors), LANES))
-    block[columns + 1 :] = 0.0
+    (block,) = allocate_lanes((tiled, min(VECTORS, vectors)))
     return Products(columns, block, np.zeros((tiled, tiled)))
 
 

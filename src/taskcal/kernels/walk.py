@@ -13,10 +13,7 @@ from jaxtyping import Bool, Float
 from taskcal.kernels.chain import ERROR_FRAME, FIXED, REVOLUTE, Chain, Columns
 from taskcal.kernels.chunks import in_chunks
 from taskcal.kernels.compiled import compiled, part
-from taskcal.kernels.lanes import LANES, allocate_lanes, as_lanes, cosine_and_sine, empty_for_lanes, unravel
-
-STREAMED = 4_000_000
-"""Bytes from which on an array goes past the caches, which it would only fill."""
+from taskcal.kernels.lanes import LANES, allocate_lanes, as_lanes, cosine_and_sine, unravel
 
 
 class ErrorFrames(NamedTuple):
@@ -185,7 +182,7 @@ def fill_columns(axes, layout, factor, x, y, z, out):
                 out[5, k] += g
 
 
-class _Buffers(NamedTuple):
+class Buffers(NamedTuple):
     """What a pass over lanes fills on the way; the lanes are along each array's last axis, where it has any."""
 
     s: Float[np.ndarray, "joints lanes"]
@@ -195,49 +192,41 @@ class _Buffers(NamedTuple):
     slides: Bool[np.ndarray, " joints"]
     T: Float[np.ndarray, "4 4 lanes"]
     J: Float[np.ndarray, "rows p lanes"]
-    out: Float[np.ndarray, " numbers"]
-    """The same as T, or as J, flat."""
-    turned: Float[np.ndarray, " numbers"]
-    """For as many numbers pose by pose, where they go past the caches; else empty."""
+    r: Float[np.ndarray, "3 lanes"]
+    y: Float[np.ndarray, "3 lanes"]
+    """A measured point."""
+    work: Float[np.ndarray, "3 3 lanes"]
+    """For the pass itself."""
 
     @classmethod
-    def of(
-        cls,
-        s: np.ndarray,
-        e: np.ndarray,
-        shape: tuple[int, int] | None = None,
-        pairs: int = 0,
-        *,
-        streamed: bool = False,
-    ) -> "_Buffers":
-        """For chain coordinates and error frames such as these, and columns of a shape (rows, p), or poses without one."""
+    def of(cls, s: np.ndarray, e: np.ndarray, pairs: int = 0, columns: tuple[int, int] = (0, 0)) -> "Buffers":
+        """For chain coordinates and error frames such as these, joint-side pairs, and columns of a shape (rows, p)."""
         joints = s.shape[1]
-        shapes = ((joints,), (pairs,), (joints, 2, 3), (len(e), 7, 3), (4, 4), shape or (0, 0))
-        buffer_s, factor, axes, along, T, J = allocate_lanes(*shapes)
+        shapes = (joints,), (pairs,), (joints, 2, 3), (len(e), 7, 3), (4, 4), columns, (3,), (3,), (3, 3)
+        own_s, factor, axes, along, T, *others = allocate_lanes(*shapes)
         T[3, 3] = 1.0
-        out = (T if shape is None else J).reshape(-1)
-        turned = empty_for_lanes((len(out) if streamed else 0,))
-        return cls(buffer_s, factor, axes, along, np.empty(joints, dtype=bool), T, J, out, turned)
+        return cls(own_s, factor, axes, along, np.empty(joints, dtype=bool), T, *others)
+
+
+@part
+def axes_of(buffers):
+    """The axes that a pass over lanes fills."""
+    return Axes(as_lanes(buffers.joints), as_lanes(buffers.frames), buffers.slides)
 
 
 @compiled
 def _poses(steps, s, e, buffers, out):
-    error_frames = expand_error_frames(e)
-    axes = Axes(as_lanes(buffers.joints), as_lanes(buffers.frames), buffers.slides)
+    error_frames, axes, flat = expand_error_frames(e), axes_of(buffers), buffers.T.reshape(-1)
     for first in range(0, s.shape[0], LANES):
         take_lanes(s, first, buffers.s)
         walk_pose(steps, as_lanes(buffers.s), error_frames, axes, as_lanes(buffers.T))
-        unravel(buffers.out, buffers.turned, out, first, s.shape[0])
+        unravel(flat, out, first, s.shape[0])
 
 
 @compiled
 def _columns(steps, s, e, factor, layout, point, buffers, out):
-    error_frames = expand_error_frames(e)
-    axes, T, J = (
-        Axes(as_lanes(buffers.joints), as_lanes(buffers.frames), buffers.slides),
-        as_lanes(buffers.T),
-        as_lanes(buffers.J),
-    )
+    error_frames, axes = expand_error_frames(e), axes_of(buffers)
+    T, J, flat = as_lanes(buffers.T), as_lanes(buffers.J), buffers.J.reshape(-1)
     a, b, c = point
     for first in range(0, s.shape[0], LANES):
         take_lanes(s, first, buffers.s)
@@ -247,7 +236,7 @@ def _columns(steps, s, e, factor, layout, point, buffers, out):
         y = T[1, 3] + T[1, 0] * a + T[1, 1] * b + T[1, 2] * c
         z = T[2, 3] + T[2, 0] * a + T[2, 1] * b + T[2, 2] * c
         fill_columns(axes, layout, as_lanes(buffers.factor), x, y, z, J)
-        unravel(buffers.out, buffers.turned, out, first, s.shape[0])
+        unravel(flat, out, first, s.shape[0])
 
 
 def poses(
@@ -267,7 +256,7 @@ def poses(
     T = np.empty((len(s), 4, 4)) if out is None else out
 
     def fill(rows: slice) -> None:
-        _poses(chain.steps, s[rows], e, _Buffers.of(s, e), T[rows].reshape(-1))
+        _poses(chain.steps, s[rows], e, Buffers.of(s, e), T[rows].reshape(-1))
 
     in_chunks(fill, len(s))
     return T
@@ -283,7 +272,7 @@ def allocate_columns(
     """
     shape = (n, 6 if angular else 3, layout.count)
     if out is None:
-        out = empty_for_lanes(shape)
+        out = np.empty(shape)
     elif out.shape != shape or out.dtype != float or not (out.flags.c_contiguous and out.flags.writeable):
         raise ValueError(
             f"out has shape {out.shape} and type {out.dtype}; it has to be a writable, contiguous array of {shape} doubles"
@@ -320,10 +309,8 @@ def columns(
     J = allocate_columns(layout, len(s), angular=angular) if out is None else out
 
     def fill(rows: slice) -> None:
-        part = J[rows]
-        streamed = part.nbytes > STREAMED and part.ctypes.data % (LANES * part.itemsize) == 0
-        buffers = _Buffers.of(s, e, (J.shape[1], J.shape[2]), factor.shape[1], streamed=streamed)
-        _columns(chain.steps, s[rows], e, factor[rows], layout.arrays, point, buffers, part.reshape(-1))
+        buffers = Buffers.of(s, e, factor.shape[1], (J.shape[1], J.shape[2]))
+        _columns(chain.steps, s[rows], e, factor[rows], layout.arrays, point, buffers, J[rows].reshape(-1))
 
     in_chunks(fill, len(s))
     return J
