@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from taskcal.analysis.collinearity import find_collinearities
-from taskcal.analysis.identifiability import identifiability
+from taskcal.analysis.identifiability import find_collinearities, identifiability
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, Coupling, Harmonics
 from taskcal.robot.error_model import ErrorModel

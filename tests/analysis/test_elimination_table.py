@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taskcal.analysis.elimination_table import describe_combination, published_kept, tabulate_elimination
+from taskcal.analysis.identifiability import describe_combination, published_kept, tabulate_elimination
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import EncoderGain
 from taskcal.robot.error_model import ErrorModel

@@ -101,7 +101,7 @@ def test_a_rod_a_tenth_of_a_millimetre_longer_adds_to_the_exact_rank_and_nothing
     q = irb6660_positions(np.random.default_rng(0), 60)
     ideal, longer = (identifiability(with_rod(rod), q) for rod in (700.0, 700.1))
     assert (ideal.rank, longer.rank) == (25, 26)
-    before, after = ideal.told_apart(noise=0.26e-3), longer.told_apart(noise=0.26e-3)
+    before, after = ideal.distinguishable(noise=0.26e-3), longer.distinguishable(noise=0.26e-3)
     assert before.count == after.count == 24
     added = after.directions[0]
     assert added.leading == pytest.approx({"loop.crank": 0.5**0.5, "loop.rocker": 0.5**0.5}, rel=1e-3)
@@ -117,7 +117,7 @@ def test_what_is_left_of_a_direction_is_what_a_posterior_leaves(rng, p, exponent
     noise, tolerances = 10.0**exponent, 10.0 ** rng.uniform(-3.0, 0.0, p)
     J = rng.normal(size=(20, p))
     names = tuple(f"a{i}" for i in range(p))
-    told = eliminate(J, names, tolerances, poses=10).told_apart(noise=noise)
+    told = eliminate(J, names, tolerances, poses=10).distinguishable(noise=noise)
     scaled = J * tolerances
     posterior = np.linalg.inv(np.eye(p) + scaled.T @ scaled / noise**2)
     v = np.array([[direction.coefficients[name] for name in names] for direction in told.directions])
@@ -131,4 +131,4 @@ def test_what_is_left_of_a_direction_is_what_a_posterior_leaves(rng, p, exponent
 def test_noise_that_is_no_positive_number_is_refused(noise):
     found = eliminate(np.eye(3), ("a", "b", "c"), np.ones(3), poses=1)
     with pytest.raises(ValueError, match=r"noise of .*positive standard deviation per axis in metres"):
-        found.told_apart(noise=noise)
+        found.distinguishable(noise=noise)

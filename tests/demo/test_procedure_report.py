@@ -3,7 +3,7 @@ import re
 import numpy as np
 import pytest
 
-from taskcal.analysis.elimination_table import published_kept
+from taskcal.analysis.identifiability import published_kept
 from taskcal.cli.output import show
 from taskcal.demo import procedure_report as tables
 from taskcal.demo.procedure import ONE, SEVERAL, Procedure

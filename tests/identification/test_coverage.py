@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from taskcal.analysis.elimination_table import published_kept
-from taskcal.analysis.identifiability import identifiability
+from taskcal.analysis.identifiability import identifiability, published_kept
 from taskcal.demo.procedure import reference_task
 from taskcal.identification.batch import fit_together
 from taskcal.identification.identify import identify

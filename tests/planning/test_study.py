@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from taskcal.analysis.elimination_table import published_kept
+from taskcal.analysis.identifiability import published_kept
 from taskcal.demo.procedure import reference_task
 from taskcal.errors import FileError, TaskcalError, UnknownName
 from taskcal.identification.identify import identify

@@ -13,7 +13,7 @@ PERSISTED = {tc.Calibration}
 """With `load_calibration`."""
 
 REPORTED = {
-    tc.Calibration, tc.Correction, tc.Plan, tc.Selection, tc.Study, tc.Validation, tc.analysis.ToldApart,
+    tc.Calibration, tc.Correction, tc.Plan, tc.Selection, tc.Study, tc.Validation, tc.analysis.DistinguishableDirections,
     tc.export.ControllerOffsets, tc.export.Loss, tc.identification.Explanation, tc.identification.ResidualAnalysis,
     tc.performance.PathPerformance, tc.performance.PosePerformance,
 }  # fmt: skip
@@ -31,7 +31,7 @@ def test_only_what_is_read_back_has_to_json() -> None:
 
 def reports(results: dict[str, Any]) -> dict[str, Any]:  # noqa: F811
     calibration, campaign = results["calibration"], results["campaign"]
-    told_apart = results["identifiability"].told_apart(noise=1e-4)
+    told_apart = results["identifiability"].distinguishable(noise=1e-4)
     study = tc.Study(
         rows=(
             {

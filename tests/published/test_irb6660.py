@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.analysis.elimination_table import published_kept
-from taskcal.analysis.identifiability import identifiability
+from taskcal.analysis.identifiability import identifiability, published_kept
 from taskcal.analysis.sensitivity import sensitivity
 from taskcal.demo.procedure import reference_task
 from taskcal.robot.catalogue import load_robot

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from taskcal.analysis.elimination_table import EliminationTable, tabulate_elimination
+from taskcal.analysis.identifiability import EliminationTable, tabulate_elimination
 from taskcal.analysis.sensitivity import Sensitivity, sensitivity
 from taskcal.report.sensitivity import draw_sensitivities, draw_singular_values
 from taskcal.robot.error_model import ErrorModel

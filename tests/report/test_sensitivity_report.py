@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from taskcal.analysis.elimination_table import tabulate_elimination
+from taskcal.analysis.identifiability import tabulate_elimination
 from taskcal.analysis.sensitivity import MeasuringNoise, sensitivity
-from taskcal.report.sensitivity import sensitivity_page, tabulate_told_apart
+from taskcal.report.sensitivity import sensitivity_page, tabulate_distinguishable
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import ModelError
@@ -15,11 +15,11 @@ def test_the_page_says_what_the_noise_tells_apart_and_how_large_it_is():
     q = np.random.default_rng(0).uniform(-1.5, 1.5, size=(20, 6))
     table = tabulate_elimination(model, {"poses": q})
     noise = MeasuringNoise(tracker=3e-5, model_error=ModelError(position=4e-4, source="a guess"))
-    told_apart = table.eliminations["poses"].told_apart(noise=noise.total)
+    told_apart = table.eliminations["poses"].distinguishable(noise=noise.total)
     page = sensitivity_page(
         sensitivity(model, q), table, told_apart, noise, maps=None, poses="20 poses", version="0"
     ).html()
     assert 0 < told_apart.count < table.eliminations["poses"].rank
     assert f"{told_apart.count} of {table.eliminations['poses'].rank} directions are determined" in page
     assert "0.401 mm per axis at every pose: tracker 0.03 mm, model error 0.4 mm (a guess)" in page
-    assert all(cell in page for row in tabulate_told_apart(told_apart, {}).rows for cell in row[1:])
+    assert all(cell in page for row in tabulate_distinguishable(told_apart, {}).rows for cell in row[1:])

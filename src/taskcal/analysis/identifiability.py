@@ -1,23 +1,231 @@
-"""Which parameters some poses can tell apart: those without effect, those that repeat others, and the relations."""
+"""Identifiability of parameters at some poses: exact relations, near ones, and the directions that noise leaves distinguishable."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
-from taskcal.analysis.collinearity import LEVEL, Collinearity, find_collinearities
-from taskcal.analysis.distinguishable_directions import ToldApart, find_told_apart
 from taskcal.arguments import expect_kinds
 from taskcal.errors import shortened
 from taskcal.estimation.experiment_design import Observability, observability
 from taskcal.geometry import se3
 from taskcal.robot.error_model import COMPONENTS, ErrorModel
+from taskcal.short_repr import short_repr
 
 NEGLIGIBLE = 1e-9
 """Share of the largest singular value, or column, under which one counts as zero."""
+
+
+def _unit_columns(
+    matrix: Float[np.ndarray, "rows p"],
+) -> tuple[Float[np.ndarray, "rows k"], Int[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Columns of unit length that are not negligible, their numbers, and their lengths."""
+    norms = np.linalg.norm(matrix, axis=0)
+    alive = np.flatnonzero(norms > NEGLIGIBLE * max(norms.max(initial=0.0), 1e-300))
+    return matrix[:, alive] / norms[alive], alive, norms[alive]
+
+
+# Collinearity: parameters that a few others nearly repeat.
+
+MIN_COLLINEAR_SHARE = 0.99
+"""Share of a column's squared length from which on a few others are said to nearly repeat it."""
+
+MAX_COLLINEAR = 4
+"""Others that may repeat a column together: many columns explain anything."""
+
+MAX_NULL_SHARE = 1e-6
+"""Share of a unit vector that counts as nothing."""
+
+
+@short_repr
+@dataclass(frozen=True, kw_only=True)
+class Collinearity:
+    """A parameter that others nearly repeat."""
+
+    name: str
+    share: float
+    """Of its column's squared length, explained by the named ones; 1 where they repeat it exactly."""
+    inflation: float
+    """How many times larger its variance becomes because all other parameters are free too; infinite where they repeat it."""
+    by: Mapping[str, float]
+    """The named ones, the strongest first: column ≈ Σ c · column, in SI units."""
+
+
+def find_collinearities(
+    matrix: Float[np.ndarray, "rows p"],
+    names: Sequence[str],
+    wanted: Sequence[str],
+    *,
+    against: Sequence[str] | None = None,
+    level: float = MIN_COLLINEAR_SHARE,
+    most: int = MAX_COLLINEAR,
+) -> tuple[Collinearity, ...]:
+    """Which of the wanted parameters a few others nearly repeat, the most repeated first.
+
+    The few are found by orthogonal matching pursuit (Pati, Rezaiifar and Krishnaprasad 1993); the variance inflation is the
+    diagonal of the inverse of the correlation matrix (Marquardt 1970).
+
+    Args:
+        matrix: stacked sensitivities, or their triangular factor.
+        names: of its columns.
+        wanted: names to look at; those without effect are passed over.
+        against: names that may repeat them; all by default.
+        level: share of a column's squared length that must be explained.
+        most: how many others may explain it.
+    """
+    unit, alive, size = _unit_columns(matrix)
+    labels = [names[int(i)] for i in alive]
+    inflation = _inflations(unit)
+    allowed = np.array([against is None or label in set(against) for label in labels], dtype=bool)
+    out: list[Collinearity] = []
+    for k in (k for k, label in enumerate(labels) if label in set(wanted)):
+        chosen, c, share = _pursue(unit, k, allowed, level, most)
+        if share >= level:
+            by = {labels[j]: float(c[i] * size[k] / size[j]) for i, j in enumerate(chosen)}
+            out.append(Collinearity(name=labels[k], share=share, inflation=float(inflation[k]), by=by))
+    return tuple(sorted(out, key=lambda found: -found.share))
+
+
+def _inflations(unit: Float[np.ndarray, "rows p"]) -> Float[np.ndarray, " p"]:
+    """1/(1 − R²) of every column on all others; infinite where it takes part in an exact dependence."""
+    _, s, Vt = np.linalg.svd(unit, full_matrices=True)
+    rank = int((s > NEGLIGIBLE * s.max(initial=0.0)).sum())
+    repeated = np.linalg.norm(Vt[rank:], axis=0) > MAX_NULL_SHARE
+    return np.where(repeated, np.inf, ((Vt[:rank] / s[:rank, None]) ** 2).sum(axis=0))
+
+
+def _pursue(
+    unit: Float[np.ndarray, "rows p"], k: int, allowed: Bool[np.ndarray, " p"], level: float, most: int
+) -> tuple[list[int], Float[np.ndarray, " few"], float]:
+    """Others that explain column k best, one after another, with their coefficients and the share they explain."""
+    column, chosen = unit[:, k], list[int]()
+    c, left = np.zeros(0), column
+    while float(left @ left) > 1.0 - level and len(chosen) < most:
+        match = np.where(allowed, np.abs(unit.T @ left), -1.0)
+        match[[k, *chosen]] = -1.0
+        best = int(
+            np.flatnonzero(match >= match.max() - MAX_NULL_SHARE)[0]
+        )  # of those that repeat each other the first one
+        if match[best] <= 0.0:
+            break
+        chosen.append(best)
+        c = np.linalg.lstsq(unit[:, chosen], column, rcond=None)[0]
+        left = column - unit[:, chosen] @ c
+    order = sorted(range(len(chosen)), key=lambda i: -abs(float(c[i])))
+    return [chosen[i] for i in order], c[order], 1.0 - float(left @ left)
+
+
+# Directions of parameters of which the data say more than their tolerances did.
+
+MIN_SHOWN_SHARE = 0.05
+"""Share of a direction's largest coefficient under which one is left out of its description."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Direction:
+    """A combination of parameters that the poses see, independent of all others before and after the measurement."""
+
+    coefficients: Mapping[str, float]
+    """In units of the tolerances, the largest first and positive; their squares add up to one."""
+    information: float
+    """λ, how much more the data say of it than the prior: the prior's variance over that of the data alone."""
+
+    def __repr__(self) -> str:
+        terms = ", ".join(f"{name} {c:+.3g}" for name, c in self.leading.items())
+        return f"Direction({self.left:.3g} σ left: {shortened(terms, 120)})"
+
+    @property
+    def left(self) -> float:
+        """Standard deviation after the measurement over that before, (1 + λ)^−½."""
+        return float((1.0 + self.information) ** -0.5)
+
+    @property
+    def leading(self) -> dict[str, float]:
+        """Coefficients of at least a twentieth of the largest."""
+        largest = max(map(abs, self.coefficients.values()))
+        return {name: c for name, c in self.coefficients.items() if abs(c) >= MIN_SHOWN_SHARE * largest}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DistinguishableDirections:
+    """Directions that are independent exactly, and how many of them a measurement with noise tells apart."""
+
+    noise: float
+    """Standard deviation per axis at every pose, metres."""
+    directions: tuple[Direction, ...]
+    """As many as the exact rank, the weakest first."""
+
+    @property
+    def count(self) -> int:
+        """Directions of which the data say more than the tolerances, λ > 1: less than half of the variance is left."""
+        return sum(direction.information > 1.0 for direction in self.directions)
+
+    @property
+    def lost(self) -> tuple[Direction, ...]:
+        """Directions that are independent exactly and not told apart, the weakest first."""
+        return self.directions[: len(self.directions) - self.count]
+
+    def summary(self) -> dict[str, Any]:
+        """The report; coefficients in units of the tolerances."""
+        return {
+            "count": self.count,
+            "rank": len(self.directions),
+            "directions": [
+                {"coefficients": d.leading, "information": d.information, "left": d.left} for d in self.directions
+            ],
+        }
+
+    def __repr__(self) -> str:
+        weakest = f"; weakest: {shortened(', '.join(self.directions[0].leading), 80)}" if self.directions else ""
+        return f"DistinguishableDirections({self.count} of {len(self.directions)} directions at {self.noise * 1e3:.3g} mm{weakest})"
+
+
+def find_distinguishable(
+    matrix: Float[np.ndarray, "rows p"],
+    names: tuple[str, ...],
+    tolerances: Float[np.ndarray, " p"],
+    rank: int,
+    noise: float,
+) -> DistinguishableDirections:
+    """Compare the information of a measurement with that of the tolerances, direction by direction.
+
+    With S the stacked sensitivities in units of the tolerances and σ the noise, H = SᵀS/σ² is the information that the data
+    add to a prior of unit covariance. Prior and H share the eigenvectors of H: along each, the variance falls from 1 to
+    1/(1 + λ).
+
+    Args:
+        matrix: stacked sensitivities, or their triangular factor, SI units.
+        names: of its columns.
+        tolerances: prior standard deviations of the columns, metres and radians.
+        rank: how many directions are independent exactly.
+        noise: standard deviation per axis at every pose, metres.
+
+    Raises:
+        ValueError: the noise is not a positive number.
+    """
+    if not 0.0 < noise < np.inf:
+        raise ValueError(
+            f"noise of {noise!r} m; give a positive standard deviation per axis in metres, such as that of tracker and "
+            "model error together, 0.3e-3"
+        )
+    _, s, Vt = np.linalg.svd(matrix * (tolerances / noise), full_matrices=False)
+    weakest_first = range(min(rank, len(s)) - 1, -1, -1)
+    return DistinguishableDirections(
+        noise=float(noise),
+        directions=tuple(_direction(Vt[k], names, float(s[k] ** 2)) for k in weakest_first),
+    )
+
+
+def _direction(v: Float[np.ndarray, " p"], names: tuple[str, ...], information: float) -> Direction:
+    order = np.argsort(-np.abs(v), kind="stable")
+    sign = 1.0 if v[order[0]] > 0.0 else -1.0
+    return Direction(coefficients={names[i]: float(sign * v[i]) for i in order}, information=information)
+
+
+# Elimination.
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -90,7 +298,11 @@ class Identifiability:
         return observability(np.linalg.svd(columns, compute_uv=False), self.poses)
 
     def collinear(
-        self, names: Sequence[str] | None = None, *, against: Sequence[str] | None = None, level: float = LEVEL
+        self,
+        names: Sequence[str] | None = None,
+        *,
+        against: Sequence[str] | None = None,
+        level: float = MIN_COLLINEAR_SHARE,
     ) -> tuple[Collinearity, ...]:
         """Parameters that a few others nearly repeat, or repeat exactly, the most repeated first.
 
@@ -100,9 +312,9 @@ class Identifiability:
             level: share of a column's squared length that four others at most must explain.
         """
         wanted = self.names if names is None else names
-        return find_collinearities(self.matrix, self.names, wanted, against=against, level=level, negligible=NEGLIGIBLE)
+        return find_collinearities(self.matrix, self.names, wanted, against=against, level=level)
 
-    def told_apart(self, *, noise: float) -> ToldApart:
+    def distinguishable(self, *, noise: float) -> DistinguishableDirections:
         """How many directions a measurement with noise tells apart, and the weakest of those that are independent exactly.
 
         Where the exact rank counts what differs by more than rounding, this counts the directions of which the data say
@@ -114,7 +326,7 @@ class Identifiability:
         Raises:
             ValueError: the noise is not a positive number.
         """
-        return find_told_apart(self.matrix, self.names, self.scales, self.rank, noise)
+        return find_distinguishable(self.matrix, self.names, self.scales, self.rank, noise)
 
     def relations(self) -> Float[np.ndarray, "kept p"]:
         """B with J = J_kept·B: what each parameter adds to the kept ones."""
@@ -183,18 +395,14 @@ def eliminate(
     matrix = stacked
     if len(stacked) > p:
         matrix = np.asarray(qr(stacked, mode="r")[0])[:p]
-    norms = np.linalg.norm(matrix, axis=0)
-    alive = np.flatnonzero(norms > NEGLIGIBLE * max(norms.max(initial=0.0), 1e-300))
-    unit = matrix[:, alive] / norms[alive]
+    unit, alive, norms = _unit_columns(matrix)
     s = np.linalg.svd(unit, compute_uv=False)
     rank = int((s > NEGLIGIBLE * s[0]).sum()) if len(s) else 0
     diagonal = np.abs(np.diag(np.asarray(qr(unit, mode="r", pivoting=True)[0]))) if len(alive) else np.zeros(0)
     pivoted = int((diagonal > NEGLIGIBLE * diagonal[0]).sum()) if len(diagonal) else 0
     kept, dependent = _left_to_right(unit)
     relations = {
-        names[alive[j]]: {
-            names[alive[k]]: float(c * norms[alive[j]] / norms[alive[k]]) for k, c in coefficients.items()
-        }
+        names[alive[j]]: {names[alive[k]]: float(c * norms[j] / norms[k]) for k, c in coefficients.items()}
         for j, coefficients in dependent.items()
     }
     return Identifiability(
@@ -202,7 +410,7 @@ def eliminate(
         zero=tuple(names[i] for i in range(p) if i not in set(alive)),
         dependent=relations,
         kept=tuple(names[alive[k]] for k in kept),
-        repeats=_repeats(unit, [names[i] for i in alive], norms[alive]),
+        repeats=_repeats(unit, [names[i] for i in alive], norms),
         rank=rank,
         pivoted_rank=pivoted,
         singular_values=np.concatenate([s, np.zeros(p - len(s))]),
@@ -251,4 +459,94 @@ def _repeats(unit: np.ndarray, names: list[str], norms: np.ndarray) -> dict[str,
             if names[i] not in out and float(np.linalg.norm(unit[:, j] - sign * unit[:, i])) < 1e-8:
                 out[name] = (names[i], float(sign * norms[j] / norms[i]))
                 break
+    return out
+
+
+# A publication's choice of parameters beside the exact repeats and the full elimination, parameter by parameter.
+
+
+@dataclass(frozen=True, kw_only=True)
+class EliminationRow:
+    """What is said of one parameter."""
+
+    name: str
+    symbol: str
+    published: str
+    """``zero``, ``redundant``, ``dropped``, ``redundant, kept`` or ``kept``; empty where nothing was published."""
+    repeats: str
+    """The one other parameter that it repeats, with the factor."""
+    eliminated: Mapping[str, str]
+    """For each set of poses: ``kept``, ``zero``, or the combination that it equals."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EliminationTable:
+    """All parameters, and the elimination for each set of poses."""
+
+    rows: tuple[EliminationRow, ...]
+    eliminations: Mapping[str, Identifiability]
+
+
+def tabulate_elimination(model: ErrorModel, poses: Mapping[str, Float[np.ndarray, "n joints"]]) -> EliminationTable:
+    """Eliminate for every named set of joint positions, and put what was published beside it.
+
+    The repeats are those that hold for all sets together.
+    """
+    eliminations = {label: identifiability(model, q) for label, q in poses.items()}
+    everywhere = identifiability(model, np.concatenate(list(poses.values())))
+    label = {p.name: p.symbol or p.name for p in model.parameters}
+    rows = tuple(
+        EliminationRow(
+            name=p.name,
+            symbol=p.symbol,
+            published="" if p.name in model.effect_names else _published(model, p.name),
+            repeats=_repeat(everywhere, p.name, label),
+            eliminated={key: _fate(found, p.name, label) for key, found in eliminations.items()},
+        )
+        for p in model.parameters
+    )
+    return EliminationTable(rows=rows, eliminations=eliminations)
+
+
+def published_kept(model: ErrorModel) -> tuple[str, ...]:
+    """Parameters of the reduced model that was published, which has no effects."""
+    others = {*model.robot.published.dropped, *model.effect_names}
+    return tuple(name for name in model.names if name not in others)
+
+
+def _published(model: ErrorModel, name: str) -> str:
+    said = model.robot.published
+    if not said.source:
+        return ""
+    if name in said.zero:
+        return "zero"
+    if name in said.redundant:
+        return "redundant" if name in said.dropped else "redundant, kept"
+    return "dropped" if name in said.dropped else "kept"
+
+
+def _repeat(found: Identifiability, name: str, label: Mapping[str, str]) -> str:
+    if name in found.zero:
+        return "zero"
+    if name not in found.repeats:
+        return ""
+    other, factor = found.repeats[name]
+    return describe_combination({other: factor}, label)
+
+
+def _fate(found: Identifiability, name: str, label: Mapping[str, str]) -> str:
+    if name in found.zero:
+        return "zero"
+    if name in found.dependent:
+        return describe_combination(found.dependent[name], label)
+    return "kept"
+
+
+def describe_combination(terms: Mapping[str, float], label: Mapping[str, str]) -> str:
+    """A linear combination in words, such as ``0.3·t1z + psi1 − 0.7·t2y``."""
+    out = ""
+    for name, c in terms.items():
+        size = "" if abs(abs(c) - 1.0) < 5e-5 else f"{abs(c):.4g}·"
+        sign = ("− " if c < 0 else "+ ") if out else ("−" if c < 0 else "")
+        out += f"{' ' if out else ''}{sign}{size}{label.get(name, name)}"
     return out

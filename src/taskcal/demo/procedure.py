@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import chdtri
 
-from taskcal.analysis.elimination_table import EliminationTable, published_kept, tabulate_elimination
+from taskcal.analysis.identifiability import EliminationTable, published_kept, tabulate_elimination
 from taskcal.analysis.sensitivity import Sensitivity, sensitivity
 from taskcal.campaigns.campaign import Campaign
 from taskcal.geometry import se3

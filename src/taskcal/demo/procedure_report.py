@@ -10,7 +10,7 @@ from jaxtyping import Float
 from plotly.subplots import make_subplots
 from scipy.special import chdtri
 
-from taskcal.analysis.elimination_table import published_kept
+from taskcal.analysis.identifiability import published_kept
 from taskcal.demo.procedure import (
     CIRCLES,
     INSIDE,

@@ -13,8 +13,7 @@ from typing import Any, Unpack
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.analysis.collinearity import Collinearity
-from taskcal.analysis.identifiability import identifiability
+from taskcal.analysis.identifiability import Collinearity, identifiability
 from taskcal.arguments import expect_kinds
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, ClosureError, FitError, TaskcalError, shortened

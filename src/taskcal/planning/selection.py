@@ -7,8 +7,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.analysis.elimination_table import describe_combination, published_kept
-from taskcal.analysis.identifiability import Identifiability, identifiability
+from taskcal.analysis.identifiability import Identifiability, describe_combination, identifiability, published_kept
 from taskcal.arguments import expect_kinds, with_choices
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, shortened

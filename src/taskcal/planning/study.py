@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict, Unpack
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.analysis.elimination_table import published_kept
+from taskcal.analysis.identifiability import published_kept
 from taskcal.arguments import expect_kinds, with_choices
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FileError, NothingLearntError, TaskcalError, UnknownName

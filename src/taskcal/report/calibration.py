@@ -9,8 +9,7 @@ import plotly.graph_objects as go
 from jaxtyping import Bool, Float
 from plotly.subplots import make_subplots
 
-from taskcal.analysis.elimination_table import describe_combination
-from taskcal.analysis.identifiability import Identifiability, identifiability
+from taskcal.analysis.identifiability import Identifiability, describe_combination, identifiability
 from taskcal.analysis.sensitivity import sensitivity
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration, informed_parameters, largest_correlations

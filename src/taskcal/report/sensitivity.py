@@ -7,9 +7,14 @@ import plotly.graph_objects as go
 from jaxtyping import Float
 from plotly.subplots import make_subplots
 
-from taskcal.analysis.distinguishable_directions import Direction, ToldApart
-from taskcal.analysis.elimination_table import EliminationTable, describe_combination
-from taskcal.analysis.identifiability import NEGLIGIBLE, Identifiability
+from taskcal.analysis.identifiability import (
+    NEGLIGIBLE,
+    Direction,
+    DistinguishableDirections,
+    EliminationTable,
+    Identifiability,
+    describe_combination,
+)
 from taskcal.analysis.sensitivity import MeasuringNoise, Sensitivity
 from taskcal.planning.task_map import TaskCurves, TaskMaps
 from taskcal.report.content import Chart, Column, Numbers, Section, Table, Text
@@ -136,7 +141,7 @@ MAX_DIRECTIONS, MAX_TERMS = 5, 5
 """Directions that are shown, and terms of each."""
 
 
-def tabulate_told_apart(told_apart: ToldApart, symbols: Mapping[str, str]) -> Table:
+def tabulate_distinguishable(told_apart: DistinguishableDirections, symbols: Mapping[str, str]) -> Table:
     """The directions that a measurement determines least.
 
     Args:
@@ -159,7 +164,7 @@ def tabulate_told_apart(told_apart: ToldApart, symbols: Mapping[str, str]) -> Ta
     )
 
 
-def count_told_apart(told_apart: ToldApart) -> str:
+def count_distinguishable(told_apart: DistinguishableDirections) -> str:
     """Count the directions that are determined, in words."""
     return (
         f"{told_apart.count} of {len(told_apart.directions)} directions are determined: less than half of the prior variance "
@@ -205,7 +210,7 @@ def tabulate_effects(found: Sensitivity) -> Table:
 def sensitivity_page(
     found: Sensitivity,
     table: EliminationTable,
-    told_apart: ToldApart,
+    told_apart: DistinguishableDirections,
     noise: MeasuringNoise,
     *,
     maps: TaskMaps | TaskCurves | None,
@@ -237,7 +242,7 @@ def sensitivity_page(
     )
 
 
-def _effects(found: Sensitivity, table: EliminationTable, told_apart: ToldApart) -> Section:
+def _effects(found: Sensitivity, table: EliminationTable, told_apart: DistinguishableDirections) -> Section:
     """Effects of every parameter."""
     model, eliminated = found.model, next(iter(table.eliminations.values()))
     largest = found.maximum_in_space(scaled=True)
@@ -263,7 +268,9 @@ def _effects(found: Sensitivity, table: EliminationTable, told_apart: ToldApart)
     )
 
 
-def _elimination(found: Sensitivity, table: EliminationTable, told_apart: ToldApart, noise: MeasuringNoise) -> Section:
+def _elimination(
+    found: Sensitivity, table: EliminationTable, told_apart: DistinguishableDirections, noise: MeasuringNoise
+) -> Section:
     """Exactly independent parameters, and the directions that noise leaves determined."""
     label, eliminated = next(iter(table.eliminations.items()))
     columns = [
@@ -281,8 +288,8 @@ def _elimination(found: Sensitivity, table: EliminationTable, told_apart: ToldAp
     return Section(
         title="Identifiable parameters",
         blocks=(
-            Text((counts, f"{count_told_apart(told_apart)}. Noise of the measurement: {noise.describe()}.")),
-            tabulate_told_apart(told_apart, {p.name: p.symbol or p.name for p in found.model.parameters}),
+            Text((counts, f"{count_distinguishable(told_apart)}. Noise of the measurement: {noise.describe()}.")),
+            tabulate_distinguishable(told_apart, {p.name: p.symbol or p.name for p in found.model.parameters}),
             Chart(
                 title="Singular values",
                 figure=draw_singular_values(table.eliminations),

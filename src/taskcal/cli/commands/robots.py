@@ -9,7 +9,7 @@ import numpy as np
 import typer
 from typer.core import TyperGroup
 
-from taskcal.analysis.elimination_table import describe_combination
+from taskcal.analysis.identifiability import describe_combination
 from taskcal.cli.command import Command, laid_out
 from taskcal.cli.options.common import ROBOT, JsonOption, OutputOptions, argument, option
 from taskcal.cli.output import info, placement, show_facts, show_table, tell, write_json

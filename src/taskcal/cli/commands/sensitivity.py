@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Float
 
-    from taskcal.analysis.distinguishable_directions import ToldApart
-    from taskcal.analysis.elimination_table import EliminationTable
+    from taskcal.analysis.identifiability import DistinguishableDirections, EliminationTable
     from taskcal.analysis.sensitivity import MeasuringNoise, Sensitivity
     from taskcal.campaigns.campaign import Campaign
     from taskcal.report.page import Page
@@ -55,7 +54,7 @@ def command(
         raise typer.BadParameter("give exactly one of them, which has the poses", param_hint="--task / --campaign")
     stated = check_model_error(model_error_mm)
     outputs = page.begin("sensitivity", [("--output", output)], [robot, *files_of_task(task), *measured.inputs])
-    from taskcal.analysis.elimination_table import tabulate_elimination
+    from taskcal.analysis.identifiability import tabulate_elimination
     from taskcal.analysis.sensitivity import measuring_noise, sensitivity
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
@@ -67,7 +66,7 @@ def command(
         influence, elimination = sensitivity(model, q), tabulate_elimination(model, {"poses": q})
         result = _result(influence, elimination, unreachable)
         noise = measuring_noise(model, q, campaign, stated)
-        told_apart = elimination.eliminations["poses"].told_apart(noise=noise.total)
+        told_apart = elimination.eliminations["poses"].distinguishable(noise=noise.total)
         result["told_apart"] = {**told_apart.summary(), **noise.summary()}
         if sort == "influence":
             result["parameters"].sort(key=lambda p: -p["tolerance_scaled_um"]["space"])
@@ -110,7 +109,7 @@ def _poses(
 def _page(
     found: "Sensitivity",
     elimination: "EliminationTable",
-    apart: "tuple[ToldApart, MeasuringNoise]",
+    apart: "tuple[DistinguishableDirections, MeasuringNoise]",
     task: Path | None,
     seed: int,
 ) -> "Page":
@@ -139,7 +138,7 @@ def _page(
 def _result(found: "Sensitivity", table: "EliminationTable", unreachable: float) -> dict[str, Any]:
     from dataclasses import asdict
 
-    from taskcal.analysis.elimination_table import published_kept
+    from taskcal.analysis.identifiability import published_kept
 
     model, elimination = found.model, table.eliminations["poses"]
     raw, scaled = found.maximum(), found.maximum(scaled=True) * 1e6
@@ -196,8 +195,8 @@ def _result(found: "Sensitivity", table: "EliminationTable", unreachable: float)
     }
 
 
-def _show(result: Mapping[str, Any], told_apart: "ToldApart", noise: "MeasuringNoise") -> None:
-    from taskcal.report.sensitivity import count_told_apart, tabulate_told_apart
+def _show(result: Mapping[str, Any], told_apart: "DistinguishableDirections", noise: "MeasuringNoise") -> None:
+    from taskcal.report.sensitivity import count_distinguishable, tabulate_distinguishable
 
     found = result["identifiability"]
     fate = dict.fromkeys(found["kept"], "kept") | dict.fromkeys(found["zero"], "zero")
@@ -233,11 +232,11 @@ def _show(result: Mapping[str, Any], told_apart: "ToldApart", noise: "MeasuringN
     indices = "  ".join(f"{name} {value:.3g}" for name, value in found["observability"].items())
     eliminated = f"{len(found['zero'])} without effect, {len(found['dependent'])} dependent, {len(found['kept'])} kept"
     symbols = {p["name"]: p["symbol"] or p["name"] for p in result["parameters"]}
-    weakest = tabulate_told_apart(told_apart, symbols)
+    weakest = tabulate_distinguishable(told_apart, symbols)
     show(weakest)
     facts = [
         ("rank", f"{found['rank']} of {len(result['parameters'])} ({eliminated}); gap {found['gap']:.2g}"),
-        ("determined", count_told_apart(told_apart)),
+        ("determined", count_distinguishable(told_apart)),
         ("noise", noise.describe()),
         ("condition number", f"{found['condition_number']:.3g} (kept columns, unit length)"),
         ("observability", f"{indices} (kept, in units of tolerance)"),

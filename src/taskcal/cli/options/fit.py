@@ -162,7 +162,7 @@ def _kept(model: "ErrorModel", names: list[str] | None) -> tuple[str, ...] | Non
         return ()
     if names != ["published"]:
         return None if names is None else tuple(names)
-    from taskcal.analysis.elimination_table import published_kept
+    from taskcal.analysis.identifiability import published_kept
     from taskcal.errors import TaskcalError
 
     if not model.robot.published.source:
