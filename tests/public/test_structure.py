@@ -43,7 +43,6 @@ ONE_IMPORTER = {
         "taskcal.report.fleet",
         "taskcal.report.performance",
         "taskcal.report.placement",
-        "taskcal.report.plan",
         "taskcal.report.selection",
         "taskcal.report.study",
     },

@@ -66,8 +66,8 @@ def test_the_whole_road_on_the_fanuc(chromium: Any, tmp_path: Path, data_folder:
         page.get_by_text("Joints of FANUC R-2000iC/165F").wait_for()
         page = tab.open("measurements")
         page.locator("input[type=file]").set_input_files({"name": "wrong.csv", "mimeType": "", "buffer": wrong})
-        page.get_by_role("button", name="Look for mistakes").click()
-        page.get_by_role("cell", name="A joint is counted the other way round (joint-sign)").wait_for(timeout=300_000)
+        page.get_by_role("button", name="Check data").click()
+        page.get_by_role("cell", name="Joint sign reversed (joint-sign)").wait_for(timeout=300_000)
         page.get_by_role("button", name="Mend it").click()
         page.get_by_label("File", exact=True).locator("option[selected]", has_text="wrong-mended").wait_for(
             state="attached", timeout=300_000
@@ -86,7 +86,7 @@ def test_the_whole_road_on_the_fanuc(chromium: Any, tmp_path: Path, data_folder:
         page.get_by_label("Poses to measure").press("Enter")
         page.wait_for_timeout(500)
         page.get_by_role("button", name="Plan", exact=True).click()
-        page.get_by_text("Expected error over the task").wait_for(timeout=300_000)
+        page.get_by_text("Expected 3D rms error over the task").wait_for(timeout=300_000)
         page = tab.open("identify")
         page.get_by_role("button", name="Fit", exact=True).click()
         page.get_by_text("Models side by side").wait_for(timeout=300_000)
@@ -109,19 +109,19 @@ def test_the_whole_road_on_the_fanuc(chromium: Any, tmp_path: Path, data_folder:
         page.get_by_role("button", name="Correct the program").click()
         page.get_by_role("alert").filter(has_text="UTOOL 1 is not known").wait_for(timeout=300_000)
         tab.ready()
-        page.get_by_text("Tools, parts, external axes, and what was measured of them").click()
+        page.get_by_text("Measured tools and parts, external axes").click()
         cell = {"name": "cell.toml", "mimeType": "", "buffer": CELL.encode()}
         page.locator("input[data-kind=cell]").set_input_files(cell)
         page.get_by_label("Cell file", exact=True).locator("option[selected]", has_text="cells/cell.toml").wait_for(
             state="attached"
         )
         tab.ready()
-        page.get_by_text("Tools, parts, external axes, and what was measured of them").click()
+        page.get_by_text("Measured tools and parts, external axes").click()
         page.get_by_label("Tool of the cell file").fill("gripper")
         page.get_by_label("Tool of the cell file").press("Enter")
         page.wait_for_timeout(500)
         page.get_by_role("button", name="Correct the program").click()
-        page.get_by_role("heading", name="What changed in PART.LS").wait_for(timeout=300_000)
+        page.get_by_role("heading", name="Changes in PART.LS").wait_for(timeout=300_000)
         tab.ready()
         assert "2, 2, 0" in page.inner_text("main")
         assert serious(page) == []

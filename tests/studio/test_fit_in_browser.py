@@ -66,10 +66,8 @@ def test_mistakes_are_found_and_mended_with_a_click(chromium: Any, example: tupl
     with served(tmp_path) as address, open_tab(chromium, address) as tab:
         page = tab.open("measurements")
         page.locator("input[type=file]").set_input_files({"name": "wrong.csv", "mimeType": "", "buffer": wrong})
-        page.get_by_role("button", name="Look for mistakes").click()
-        page.get_by_role("cell", name="A joint is counted the other way round (joint-sign)", exact=True).wait_for(
-            timeout=300_000
-        )
+        page.get_by_role("button", name="Check data").click()
+        page.get_by_role("cell", name="Joint sign reversed (joint-sign)", exact=True).wait_for(timeout=300_000)
         said = command_line(tmp_path, "doctor", "campaigns/wrong.csv", "--robot", ROBOT)["findings"][0]
         assert f"{said['error_before_mm']:.2f}" in text_of(page)
         assert said["fix"] in text_of(page)
@@ -93,9 +91,9 @@ def test_rows_of_a_finding_are_listed(chromium: Any, example: tuple[str, Path], 
     (tmp_path / "project.toml").write_text(f'name = "slip"\nrobot = "{ROBOT}"\ncampaign = "campaigns/slip.csv"\n')
     with served(tmp_path) as address, open_tab(chromium, address) as tab:
         page = tab.open("measurements")
-        page.get_by_role("button", name="Look for mistakes").click()
+        page.get_by_role("button", name="Check data").click()
         page.get_by_role("cell", name="row 7 (id 7, line 9)", exact=True).wait_for(timeout=300_000)
-        page.get_by_text("Dark red: rows that a finding concerns.").wait_for()
+        page.get_by_text("Dark red: rows with a finding.").wait_for()
         assert serious(page) == []
         tab.picture("concerned")
         assert tab.complaints == []
@@ -119,7 +117,7 @@ def test_a_fit_says_what_the_command_line_says_to_the_digit(tab: Tab, example: t
         "--output",
         str(folder / "c.json"),
     )
-    page.get_by_role("link", name="Look at the result").click()
+    page.get_by_role("link", name="Show the result").click()
     tab.ready()
     shown = page.locator("table").first.inner_text()
     printed = tabulate_errors("", {key: said[key] for key in ("nominal", "fitted", "held_out")})
@@ -127,10 +125,10 @@ def test_a_fit_says_what_the_command_line_says_to_the_digit(tab: Tab, example: t
     assert "Tolerance of tasks/milling.toml met" in text_of(page)
     kept = json.loads((folder / "calibrations" / "measured-geometry.result.json").read_text())
     assert {**kept, "calibration": ""} == {**said, "calibration": ""}
-    page.get_by_label("Errors drawn larger").press("End")
+    page.get_by_label("Enlargement").press("End")
     page.get_by_text("× 100000").wait_for()
-    assert page.get_by_label("Errors drawn larger").input_value() == "5"
-    page.get_by_label("Errors drawn larger").fill("3")
+    assert page.get_by_label("Enlargement").input_value() == "5"
+    page.get_by_label("Enlargement").fill("3")
     page.get_by_text("× 1000", exact=True).wait_for()
     assert serious(page) == []
     tab.picture("result")
@@ -159,7 +157,7 @@ def test_a_reload_and_a_second_tab_see_the_fit_go_on_and_cancel_ends_it_at_once(
         other.get_by_role("button", name="Cancel").click()
         _, alive = psutil.wait_procs(fitting, timeout=3.0)
         assert alive == []
-        page.get_by_text("It was cancelled; nothing was written.").wait_for()
+        page.get_by_text("Cancelled; nothing was written.").wait_for()
         assert tab.complaints == second.complaints == []
     assert list((tmp_path / "calibrations").iterdir()) == []
     assert (tmp_path / "project.toml").read_text() == choices

@@ -7,7 +7,7 @@ from starlette.requests import Request
 
 from taskcal.studio.files import giver
 from taskcal.studio.project import Project
-from taskcal.studio.studio import Studio
+from taskcal.studio.runs import Studio
 
 
 def asked(query: str = "") -> Request:

@@ -11,8 +11,8 @@ import pytest
 
 import taskcal.studio.server as server
 from taskcal.studio.project import begin_example
+from taskcal.studio.runs import Studio
 from taskcal.studio.server import ROAD
-from taskcal.studio.studio import Studio
 from tests.studio.conftest import open_tab
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]

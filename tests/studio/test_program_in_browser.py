@@ -33,7 +33,7 @@ def test_a_program_is_corrected_as_on_the_command_line_and_reported(chromium: An
         dropped = {"name": "<b>part.mod", "mimeType": "", "buffer": attacking.encode()}
         page.locator("input[type=file]").first.set_input_files(dropped)
         page.get_by_role("button", name="Correct the program").click()
-        page.get_by_role("heading", name="What changed in b-part.mod").wait_for(timeout=300_000)
+        page.get_by_role("heading", name="Changes in b-part.mod").wait_for(timeout=300_000)
         tab.ready()
         said = command_line(
             *(tmp_path, "correct", "programs/b-part.mod", "--calibration", "calibrations/c.json", "--output", "c.mod"),
@@ -48,7 +48,7 @@ def test_a_program_is_corrected_as_on_the_command_line_and_reported(chromium: An
         assert ATTACK in (tmp_path / "corrected" / "b-part.mod").read_text()
         assert page.evaluate("window.attacked") is None
         with page.expect_download() as download:
-            page.get_by_role("link", name="Keep b-part.mod").click()
+            page.get_by_role("link", name="Download b-part.mod").click()
         assert Path(download.value.path()).read_bytes() == (tmp_path / "c.mod").read_bytes()
         page.get_by_role("button", name="After", exact=True).click()
         assert serious(page) == []
@@ -56,7 +56,7 @@ def test_a_program_is_corrected_as_on_the_command_line_and_reported(chromium: An
         page.get_by_text("programs/Milling.mod", exact=True).and_(page.locator("dd")).wait_for()
         tab.ready()
         page.get_by_role("button", name="Correct the program").click()
-        page.get_by_role("heading", name="What changed in Milling.mod").wait_for(timeout=300_000)
+        page.get_by_role("heading", name="Changes in Milling.mod").wait_for(timeout=300_000)
         tab.ready()
         tab.picture("program")
         page = tab.open("report")
@@ -92,9 +92,9 @@ def test_an_external_axis_is_asked_for_and_stated_on_the_page(chromium: Any, tmp
         (axis,) = load_cell(tmp_path / "cells" / "cell.toml").axes
         assert (axis.carries, axis.turns) == ("robot", False)
         page.get_by_role("button", name="Correct the program").click()
-        page.get_by_role("heading", name="What changed in Milling.mod").wait_for(timeout=300_000)
+        page.get_by_role("heading", name="Changes in Milling.mod").wait_for(timeout=300_000)
         tab.ready()
-        assert "is away from zero" not in page.inner_text("main")
+        assert "away from zero" not in page.inner_text("main")
         assert serious(page) == []
         assert tab.complaints == []
 

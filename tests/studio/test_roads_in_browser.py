@@ -92,7 +92,7 @@ def test_the_road_on_a_ur5_by_keyboard_alone_survives_the_death_of_its_server(ch
         with page.expect_file_chooser() as chooser:
             press(page, "file", "Space")
         chooser.value.set_files(measured)
-        page.get_by_text("What was understood").wait_for()
+        page.get_by_text("Import summary").wait_for()
         page = go(tab, "task")
         press(page, "Begin with a box")
         page.get_by_text("The robot reaches").wait_for()
@@ -107,7 +107,7 @@ def test_the_road_on_a_ur5_by_keyboard_alone_survives_the_death_of_its_server(ch
         page.keyboard.press("Control+A")
         page.keyboard.type("20")
         press(page, "Plan")
-        page.get_by_text("Expected error over the task").wait_for(timeout=300_000)
+        page.get_by_text("Expected 3D rms error over the task").wait_for(timeout=300_000)
         page = go(tab, "identify")
         press(page, "Fit")
         page.get_by_text("Models side by side").wait_for(timeout=300_000)
@@ -162,7 +162,7 @@ def test_two_projects_side_by_side_do_not_disturb_each_other(chromium: Any, tmp_
         a.page.get_by_label("Edges, mm x (mm)").fill("123")
         a.page.get_by_label("Edges, mm x (mm)").press("Enter")
         assert comes_true(a.page, lambda: "123.0" in (first / "tasks" / "task.toml").read_text())
-        assert "No task is chosen yet." in b.open("task").inner_text("main")
+        assert "No task is chosen." in b.open("task").inner_text("main")
         assert "Universal Robots UR5" in a.open("robot").inner_text("main")
         assert "ABB IRB 120" in b.open("robot").inner_text("main")
         assert files_of(second) == before

@@ -33,14 +33,14 @@ def test_a_table_becomes_a_robot_in_the_convention_that_is_stated(chromium: Any,
     with served(tmp_path) as address, open_tab(chromium, address) as tab:
         page = tab.open("robot")
         drop(page, file("my table.csv", TABLE.encode()))
-        page.get_by_text("A table does not say in which").wait_for()
+        page.get_by_text("A table does not state which").wait_for()
         tab.ready()
-        page.get_by_role("button", name="Make a robot file of it").click()
+        page.get_by_role("button", name="Create the robot file").click()
         page.get_by_role("alert").filter(has_text="State the convention first.").wait_for()
         assert serious(page) == []
         tab.picture("robot-table")
         page.get_by_label("Convention", exact=True).select_option("mdh")
-        page.get_by_role("button", name="Make a robot file of it").click()
+        page.get_by_role("button", name="Create the robot file").click()
         page.get_by_text("Joints of my-table and their limits").wait_for(timeout=300_000)
         assert tab.complaints == []
     assert (tmp_path / "robots" / "my-table.csv").read_text() == TABLE

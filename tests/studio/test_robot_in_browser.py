@@ -99,7 +99,7 @@ def test_what_is_being_typed_stays_while_the_page_goes_on(tab: Tab) -> None:
 def test_another_robot_is_chosen_and_kept(chromium: Any, tmp_path: Path) -> None:
     with served(tmp_path) as address, open_tab(chromium, address) as tab:
         page = tab.open("robot")
-        assert "No robot is chosen yet." in page.inner_text("main")
+        assert "No robot is chosen." in page.inner_text("main")
         page.get_by_label("Robot", exact=True).select_option("ur5")
         page.get_by_text("Joints of Universal Robots UR5").wait_for()
         tab.open("robot")

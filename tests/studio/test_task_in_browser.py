@@ -27,7 +27,7 @@ MOST_WORK_S = 0.1
 """Of one core for an update while the box is dragged, for ten of them a second; the browser has the other core."""
 
 DRAG = """async () => {
-  const slider = document.querySelector('input[aria-label="Middle, mm x"]');
+  const slider = document.querySelector('input[aria-label="Centre, mm x"]');
   for (let i = 0; i <= 30; i++) {
     slider.value = 1600 + 2 * i;
     slider.dispatchEvent(new Event("input"));
@@ -57,7 +57,7 @@ def test_a_task_is_moved_weighed_and_planned(chromium: Any, tmp_path: Path) -> N
         begun, used = time.perf_counter(), sum(server.cpu_times()[:2])
         page.evaluate(DRAG)
         taken = time.perf_counter() - begun
-        page.get_by_label("Middle, mm x (mm)").and_(page.locator("[value='1660.0']")).wait_for()
+        page.get_by_label("Centre, mm x (mm)").and_(page.locator("[value='1660.0']")).wait_for()
         page.wait_for_timeout(1000)
         updates = int(place.get_attribute("data-updates")) - before
         work = (sum(server.cpu_times()[:2]) - used) / updates
@@ -78,13 +78,13 @@ def test_a_task_is_moved_weighed_and_planned(chromium: Any, tmp_path: Path) -> N
         tab.picture("weight")
         page = tab.open("plan")
         page.get_by_text("A station that is not in the list").click()
-        page.get_by_role("button", name="Begin with a tracker before the robot").click()
+        page.get_by_role("button", name="Start with a tracker in front of the robot").click()
         page.get_by_label("Tracker y, mm in the base").fill("-1500")
         page.get_by_label("Tracker y, mm in the base").press("Enter")
         station = tmp_path / "stations" / "station.toml"
         assert comes_true(page, lambda: tomllib.loads(station.read_text())["position_mm"][1] == -1500.0)
         page.get_by_role("button", name="Plan", exact=True).click()
-        page.get_by_role("link", name="Keep m_milling_40.mod").wait_for(timeout=120_000)
+        page.get_by_role("link", name="Download m_milling_40.mod").wait_for(timeout=120_000)
         planned = (tmp_path / "plans" / "m_milling_40.csv").read_text()
         said = command_line(
             *(tmp_path, "plan", "--robot", ROBOT, "--task", "tasks/milling.toml", "--count", "40"),

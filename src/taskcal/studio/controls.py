@@ -67,10 +67,10 @@ class ValueInput(Element, component="value_input.js"):
         return self
 
 
-MOST_COLUMNS = 9
-"""Beyond which a table is set smaller."""
+MAX_COLUMNS = 9
+"""Beyond which a table is set smaller, to fit beside the road."""
 
-LONG_CELL = 40
+MAX_CELL = 40
 """Characters beyond which a cell of words is folded."""
 
 CHOSEN: Mapping[str, str] = {
@@ -169,12 +169,12 @@ def table(caption: str, header: Sequence[str], rows: Iterable[Sequence[str]], wo
     left = set(words)
 
     def cell(tag: str, column: int, content: str) -> TextElement:
-        kind = "words long" if len(content) > LONG_CELL else "words"
+        kind = "words long" if len(content) > MAX_CELL else "words"
         return text(tag, content).classes(kind if column in left else "")
 
     with ui.element("div").classes("scroll").props("tabindex=0 role=region") as around:
         set_attribute(around, "aria-label", caption)
-        with ui.element("table").classes("plain dense" if len(header) > MOST_COLUMNS else "plain"):
+        with ui.element("table").classes("plain dense" if len(header) > MAX_COLUMNS else "plain"):
             text("caption", caption)
             with ui.element("thead"), ui.element("tr"):
                 for column, name in enumerate(header):
@@ -196,7 +196,7 @@ def tabulated(shown: Table) -> Element:
 
 
 def number(
-    label: str, value: float, on_change: Callable[[float], Any], *, low: float, high: float, step: str
+    label: str, value: float, on_change: Callable[[float], Any], low: float, high: float, *, step: str = "any"
 ) -> Element:
     """A number to type; what is not one, or out of its bounds, is not handed on.
 
@@ -218,11 +218,8 @@ def number(
                 on_change(accepted)
         field.show(f"{accepted:.10g}")
 
-    with ui.element("label").classes("row") as whole:
-        text("span", label)
-        field = ValueInput("number", label, f"{value:.10g}", min=f"{low:g}", max=f"{high:g}", step=step)
-        field.on_left(handle).classes("value")
-    return whole
+    field = ValueInput("number", label, f"{value:.10g}", min=f"{low:g}", max=f"{high:g}", step=step)
+    return _labelled(label, field.on_left(handle).classes("value"))
 
 
 def tick(label: str, value: bool, on_change: Callable[[bool], Any]) -> Element:
@@ -240,15 +237,20 @@ def tick(label: str, value: bool, on_change: Callable[[bool], Any]) -> Element:
 
 def line_of_text(label: str, value: str, on_change: Callable[[str], Any]) -> Element:
     """A line to type."""
+
+    def handle(given: str) -> None:
+        field.show(given)
+        on_change(given)
+
+    field = ValueInput("text", label, value, size="50", maxlength="2000")
+    return _labelled(label, field.on_left(handle).classes("value"))
+
+
+def _labelled(label: str, field: Element) -> Element:
+    """A field in a row behind its label."""
     with ui.element("label").classes("row") as whole:
         text("span", label)
-        field = ValueInput("text", label, value, size="50", maxlength="2000")
-
-        def handle(given: str) -> None:
-            field.show(given)
-            on_change(given)
-
-        field.on_left(handle).classes("value")
+    field.move(whole)
     return whole
 
 

@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -23,13 +24,16 @@ from taskcal.io.files import write_whole
 from taskcal.robot.robot import Robot
 from taskcal.studio.controls import ValueInput, button, choice, drop_zone, facts, message, number, text
 from taskcal.studio.project import CELL_ENDINGS, LAYOUT, STATION_ENDINGS, Project
+from taskcal.studio.steps import choose_file, show_error
 from taskcal.studio.task_box import FREE, TENTHS, THOUSANDTHS, TaskBox, ToolRoom
 from taskcal.studio.texts import Texts
 from taskcal.studio.views import UPDATES_S, BoxView, Part, RobotView, add_views
 from taskcal.virtual.station import Station, load_station
 
-FARTHEST_MM = 1e5
-"""That a positioner stands from the world's origin, to each side."""
+MAX_DISTANCE_MM = 1e5
+"""Of a positioner or a tracker from the origin, to each side: any hall is smaller."""
+
+ANGLES = ("roll", "pitch", "yaw")
 
 WAYS: Mapping[str, tuple[str, tuple[float, ...]]] = {
     f"{way} {sign}{letter}": (key, tuple(-float(k == i) if sign else float(k == i) for k in range(3)))
@@ -179,14 +183,10 @@ class AxisEditor:
         with ui.element("div").classes("row"):
             for i, letter in enumerate("xyz"):
                 number(
-                    texts("axis.at", axis=letter), place[i], lambda value, i=i: put(place, i, value),
-                    low=-FARTHEST_MM, high=FARTHEST_MM, step="any",
-                )  # fmt: skip
-            for i, name in enumerate(("roll", "pitch", "yaw")):
-                number(
-                    texts(f"task.{name}"), turn[i], lambda value, i=i: put(turn, i, value),
-                    low=-360.0, high=360.0, step="any",
-                )  # fmt: skip
+                    texts("axis.at", axis=letter), place[i], partial(put, place, i), -MAX_DISTANCE_MM, MAX_DISTANCE_MM
+                )
+            for i, name in enumerate(ANGLES):
+                number(texts(f"task.{name}"), turn[i], partial(put, turn, i), -360.0, 360.0)
 
     def _write(self, section: dict[str, Any], *, again: bool = True) -> None:
         """Put an axis into the cell file, or into a new one."""
@@ -331,8 +331,8 @@ class BoxEditor:
 # The orientations of the tool in a task: their angles, the cone in which it may tilt, and how far it may turn about
 # its axis.
 
-MOST = 6
-"""Orientations that are edited here; a task file may have more."""
+MAX_ORIENTATIONS = 6
+"""That are edited here; a task file may have more."""
 
 
 class OrientationEditor:
@@ -352,7 +352,7 @@ class OrientationEditor:
         rooms = editor.box.rooms
         for k, room in enumerate(rooms):
             self._group(k, room, removable=len(rooms) > 1)
-        if len(rooms) < MOST:
+        if len(rooms) < MAX_ORIENTATIONS:
             button(texts("task.add_orientation"), lambda: self._renew((*self._rooms, self._rooms[-1])), plain=True)
         self._tell()
 
@@ -365,27 +365,10 @@ class OrientationEditor:
         with ui.element("fieldset").classes("orientation"):
             text("legend", texts("task.orientation", number=k + 1))
             with ui.element("div").classes("row"):
-                for i, name in enumerate(("roll", "pitch", "yaw")):
-                    number(
-                        texts(f"task.{name}"), room.angles[i], lambda value, i=i: self._turn(k, i, value),
-                        low=-360.0, high=360.0, step="any",
-                    )  # fmt: skip
-                number(
-                    texts("task.cone"),
-                    room.cone,
-                    lambda value: self._change(k, cone=value),
-                    low=0,
-                    high=180,
-                    step="any",
-                )
-                number(
-                    texts("task.spin"),
-                    room.spin,
-                    lambda value: self._change(k, spin=value),
-                    low=0,
-                    high=FREE,
-                    step="any",
-                )
+                for i, name in enumerate(ANGLES):
+                    number(texts(f"task.{name}"), room.angles[i], partial(self._turn, k, i), -360.0, 360.0)
+                number(texts("task.cone"), room.cone, lambda value: self._change(k, cone=value), 0, 180)
+                number(texts("task.spin"), room.spin, lambda value: self._change(k, spin=value), 0, FREE)
                 if removable:
                     button(texts("task.remove_orientation", number=k + 1), lambda: self._remove(k), plain=True)
             told = text("p", "").classes("quiet")
@@ -419,23 +402,20 @@ class OrientationEditor:
 
 # The measuring station of a plan: chosen, dropped or begun, and where its tracker stands.
 
-AWAY = 1.5
-"""Of the robot's reach, how far before it a tracker is put that nobody has placed yet."""
+TRACKER_DISTANCE = 1.5
+"""Over the robot's reach, at which a tracker is put to begin with: out of reach, in front of the robot."""
 
 
 class StationEditor:
     """A list of the station files, a place to drop one, and numbers for where the tracker stands."""
 
-    def __init__(
-        self, project: Project, robot: Robot, texts: Texts, show_message: Callable[[TaskcalError], str]
-    ) -> None:
+    def __init__(self, project: Project, robot: Robot, texts: Texts) -> None:
         """Show it; a change is saved at once.
 
         Args:
             project: whose stations they are.
             robot: that is measured.
             texts: of the page.
-            show_message: words of what is wrong with a file.
         """
         self._project, self._texts = project, texts
         self.station: Station | None = None
@@ -444,12 +424,12 @@ class StationEditor:
         files = {path: path for path in project.files(LAYOUT.stations, STATION_ENDINGS)}
         text("h2", texts("station.title"))
         text("p", texts("station.how")).classes("quiet")
-        choice(texts("station.choose"), {"-": texts("station.none"), **files}, chosen or "-", self._take)
+        choose_file(project, texts, "station", files, none=texts("station.none"))
         if chosen:
             try:
                 self.station = load_station(project.path(chosen))
             except TaskcalError as error:
-                message(show_message(error))
+                show_error(project, error)
             else:
                 self._place(chosen, self.station)
         with ui.element("details"):
@@ -457,35 +437,30 @@ class StationEditor:
             drop_zone(texts, "station", texts("station.drop"), STATION_ENDINGS)
             button(texts("station.begin"), lambda: self._begin(robot), plain=True)
 
-    def _take(self, path: str) -> None:
-        self._project.choose(station="" if path == "-" else path)
-        ui.navigate.reload()
-
     def _begin(self, robot: Robot) -> None:
         """Begin with a tracker before the robot, and one reflector at the tool point."""
         path = self._project.put(LAYOUT.stations, "station.toml", first_station(robot).encode(), STATION_ENDINGS)
-        self._take(path)
+        self._project.choose(station=path)
+        ui.navigate.reload()
 
     def _place(self, path: str, station: Station) -> None:
         texts = self._texts
         place = station.position * 1e3
+
+        def put(axis: int, value: float) -> None:
+            place[axis] = value
+            move_tracker(self._project.path(path), place)
+
         with ui.element("div").classes("row"):
-            for axis, letter in enumerate("xyz"):
-
-                def put(value: float, axis: int = axis) -> None:
-                    place[axis] = value
-                    move_tracker(self._project.path(path), place)
-
-                number(
-                    texts("station.at", axis=letter), place[axis], put, low=-FARTHEST_MM, high=FARTHEST_MM, step="any"
-                )
+            for k, letter in enumerate("xyz"):
+                number(texts("station.at", axis=letter), place[k], partial(put, k), -MAX_DISTANCE_MM, MAX_DISTANCE_MM)
         names = ", ".join(reflector.name for reflector in station.reflectors)
         facts([(texts("station.reflectors"), names), (texts("station.keep_out"), str(len(station.keep_out)))])
 
 
 def first_station(robot: Robot) -> str:
     """A station file to begin with: a tracker before the robot, and a reflector at the tool point that is seen from everywhere."""
-    away = float(np.ceil(AWAY * robot.reach * 10.0) * 100.0)
+    away = float(np.ceil(TRACKER_DISTANCE * robot.reach * 10.0) * 100.0)
     content: dict[str, Any] = {
         "position_mm": [away, -0.5 * away, 0.25 * away],
         "reflector": [{"name": "smr1", "position_mm": [0.0, 0.0, 0.0]}],

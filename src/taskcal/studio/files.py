@@ -25,7 +25,7 @@ from taskcal.studio.project import (
     Project,
 )
 from taskcal.studio.robot_meshes import MESH_ENDINGS, MOST_BYTES, mesh_name, put_mesh, triangles_of
-from taskcal.studio.studio import Studio
+from taskcal.studio.runs import Studio
 
 # A robot that is dropped as a zip: its URDF and the meshes that it names, and nothing else of what is in there.
 

@@ -1,4 +1,4 @@
-"""A command of the command line, run in a process of its own: its progress, its result, and its end at any time."""
+"""Commands of the command line that a studio runs, each in a process of its own: progress, result, and end at any time."""
 
 import asyncio
 import json
@@ -13,14 +13,17 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-GRACE = 0.5
-"""Seconds that a cancelled command has to end by itself."""
+from taskcal.errors import TaskcalError
+from taskcal.studio.project import Project
 
-LONGEST_LINE = 1 << 26
-"""Bytes of one line that a command writes."""
+GRACE_S = 0.5
+"""Time that a cancelled command has to end by itself."""
 
-MESSAGES = 200
-"""Of one command that are kept."""
+MAX_LINE_BYTES = 1 << 26
+"""Of one line that a command writes: more than the largest result."""
+
+MAX_MESSAGES = 200
+"""Of one command that are kept; a page shows them all."""
 
 
 class Status(StrEnum):
@@ -85,7 +88,7 @@ class CommandRun:
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
-            limit=LONGEST_LINE,
+            limit=MAX_LINE_BYTES,
             **own_group,
         )
         if self._cancelled:
@@ -112,7 +115,7 @@ class CommandRun:
             return
         self._signal(kill=False)
         with suppress(TimeoutError):
-            await asyncio.wait_for(process.wait(), GRACE)
+            await asyncio.wait_for(process.wait(), GRACE_S)
         self._signal(kill=True)
 
     def _signal(self, *, kill: bool) -> None:
@@ -131,7 +134,7 @@ class CommandRun:
             step = _progress(line)
             if step is not None:
                 self.progress = step
-            elif line and len(self.messages) < MESSAGES:
+            elif line and len(self.messages) < MAX_MESSAGES:
                 self.messages.append(line)
 
 
@@ -145,3 +148,55 @@ def _progress(line: str) -> Progress | None:
         )
     except (ValueError, KeyError, TypeError):
         return None
+
+
+class Studio:
+    """A project that is being worked on, in however many tabs."""
+
+    def __init__(self, project: Project) -> None:
+        self.project = project
+        self._runs: dict[str, CommandRun] = {}
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def run_of(self, kind: str) -> CommandRun | None:
+        """The last run of a kind, whether it is still going on or not."""
+        return self._runs.get(kind)
+
+    def start(
+        self,
+        kind: str,
+        arguments: Sequence[str],
+        then: Callable[[CommandRun], Awaitable[None]] | None = None,
+    ) -> CommandRun:
+        """Run a command for a page, in the project's folder.
+
+        Args:
+            kind: what it is for.
+            arguments: of ``taskcal``.
+            then: what is done with its result.
+
+        Raises:
+            TaskcalError: one of the kind is running already, perhaps from another tab.
+        """
+        before = self._runs.get(kind)
+        if before is not None and before.status is Status.running:
+            raise TaskcalError("this is being computed already, perhaps for another tab; wait for it or cancel it")
+        run = CommandRun(arguments, self.project.folder, kind)
+        self._runs[kind] = run
+        task = asyncio.get_running_loop().create_task(_kept(run, then))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return run
+
+    async def close(self) -> None:
+        """End everything that is being computed."""
+        await asyncio.gather(*(run.cancel() for run in self._runs.values() if run.status is Status.running))
+
+
+async def _kept(run: CommandRun, then: Callable[[CommandRun], Awaitable[None]] | None) -> None:
+    """Run a command; what goes wrong around it is its end, not the server's."""
+    try:
+        await run.run(then)
+    except (OSError, TaskcalError) as error:
+        run.messages.append(f"error: {error}")
+        run.status = Status.refused

@@ -37,7 +37,7 @@ from taskcal.studio.pages import (
     weight_page,
 )
 from taskcal.studio.pages.robot_page import warm_up
-from taskcal.studio.studio import Studio
+from taskcal.studio.runs import Studio
 from taskcal.studio.texts import LANGUAGES, LIBRARY_LANGUAGE, Texts, preferred
 
 # What is let through to the studio: its own pages' requests, to its own address, of bounded size.

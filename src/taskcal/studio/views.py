@@ -34,11 +34,11 @@ LINK, JOINT, LOOP, BOX = "#6b7e91", "#8f4e00", "#007a58", "#0072B2"
 
 BACKGROUND = "#dfe5ea"
 
-SHORTEST = 1e-4
-"""Metres; shorter parts of a chain are not drawn."""
+MIN_LENGTH_M = 1e-4
+"""Shorter parts of a chain are not drawn: they would have no direction."""
 
 WIDENED = 0.8
-"""Of the distance of what is shown beside the robot."""
+"""Size of a view over the distance of what it shows beside the robot."""
 
 VIEWS: Mapping[str, tuple[float, float, float]] = {
     "oblique": (0.75, -0.75, 0.45),
@@ -87,9 +87,7 @@ class RobotView:
             ]
             self._tool = self.scene.axes_helper(0.2 * self.size)
             self._tool_letters = [self.scene.text(letter) for letter in "xyz"]
-            self.scene.axes_helper(0.4 * self.size)
-            for letter, place in zip("XYZ", 0.45 * self.size * np.eye(3), strict=True):
-                self.scene.text(letter).move(*place)
+            _add_axes(self.scene, self.size)
         self.look("oblique")
         self._place(skeleton, q)
         if meshes is not None and meshes.drawn and not meshes.missing:
@@ -139,6 +137,13 @@ class RobotView:
         return self.scene.cylinder(radius, radius, 1.0, 16).material(colour)
 
 
+def _add_axes(scene: ui.scene, size: float) -> None:
+    """Axes of the base or the tracker, with their letters."""
+    scene.axes_helper(0.4 * size)
+    for letter, place in zip("XYZ", 0.45 * size * np.eye(3), strict=True):
+        scene.text(letter).move(*place)
+
+
 def _strokes(skeleton: Skeleton) -> Float[np.ndarray, "ends 3"]:
     """Both ends of every straight part, one part behind the other."""
     return np.concatenate([np.stack([link[0, :-1], link[0, 1:]], axis=1).reshape(-1, 3) for link in skeleton.links])
@@ -149,7 +154,7 @@ def stretch_cylinder(
 ) -> None:
     """Lay a cylinder, whose own axis is y and whose length is one, from one point to another; metres, radius in its own."""
     length = float(np.linalg.norm(end - start))
-    if length < SHORTEST:
+    if length < MIN_LENGTH_M:
         bar.visible(False)
         return
     along = (end - start) / length
@@ -214,8 +219,8 @@ CONE = "#5b3a8c"
 UPDATES_S = 0.05
 """Between two places of a box that is dragged."""
 
-NARROWEST, WIDEST = np.radians([2.0, 75.0])
-"""Cones that are drawn for those that are narrower or wider."""
+MIN_CONE, MAX_CONE = np.radians([2.0, 75.0])
+"""Cones that are drawn for narrower or wider ones, which would be a line or a plane."""
 
 Part = Literal["box", "x", "y", "z"]
 """What can be dragged: the box itself, or the ball of one of its axes."""
@@ -269,7 +274,7 @@ class BoxView:
                 letter.move(*(before_face + T[:3, axis] * 0.07 * self._size))
             for cone, (R, room) in zip(self._cones, tools, strict=True):
                 length = 0.2 * self._size
-                opening = length * np.tan(np.clip(room.cone, NARROWEST, WIDEST))
+                opening = length * np.tan(np.clip(room.cone, MIN_CONE, MAX_CONE))
                 stretch_cylinder(cone, T[:3, 3] - length * R[:, 2], T[:3, 3], radius=float(opening))
 
     def _dragged(self, event: Any) -> None:
@@ -297,16 +302,16 @@ def _place(thing: Any, at: Float[np.ndarray, " 3"], *, held: bool) -> None:
 
 # Measured points in three dimensions: to be turned, shifted and zoomed, and picked to see their row.
 
-MOST_PICKED = 3000
+MAX_PICKED = 3000
 """Points among which one can be picked; of more, every click would send all that it passes."""
 
-AWAY = 1.9
-"""From where the cloud is seen, in its sizes: all of it fits."""
+VIEW_DISTANCE = 1.9
+"""From which the cloud is seen, in its sizes: all of it fits."""
 
 POINT_SHARE = 0.04
 """Of the size of the cloud, of a point's size."""
 
-CROWD = 1000
+MAX_FULL_SIZE = 1000
 """Points beyond which they are drawn smaller, as their distance from one another is."""
 
 INK = (0.0, 0.35, 0.6)
@@ -344,20 +349,18 @@ class PointView:
             background_color=BACKGROUND,
             camera=ui.scene.perspective_camera(fov=50, near=0.01 * self.size, far=100.0 * self.size),
             on_click=self._pick,
-            click_events=["click"] if len(points) <= MOST_PICKED else [],
+            click_events=["click"] if len(points) <= MAX_PICKED else [],
         ).classes("view")
         with self.scene:
             shown = linear(self._colours)
-            point_size = self.size * POINT_SHARE * min(1.0, (CROWD / len(points)) ** (1.0 / 3.0))
+            point_size = self.size * POINT_SHARE * min(1.0, (MAX_FULL_SIZE / len(points)) ** (1.0 / 3.0))
             self._cloud = self.scene.point_cloud(self._points.tolist(), shown.tolist(), point_size)
-            self.scene.axes_helper(0.4 * self.size)
-            for letter, place in zip("XYZ", 0.45 * self.size * np.eye(3), strict=True):
-                self.scene.text(letter).move(*place)
+            _add_axes(self.scene, self.size)
         self.look("oblique")
 
     def look(self, view: str) -> None:
         """See the points from one of `VIEWS`."""
-        x, y, z = (AWAY * self.size * share for share in VIEWS[view])
+        x, y, z = (VIEW_DISTANCE * self.size * share for share in VIEWS[view])
         self.scene.move_camera(x, y, z, look_at_x=0.0, look_at_y=0.0, look_at_z=0.0, duration=0.0)
 
     def draw_arrows(self, numbers: Sequence[int], arrows: Float[np.ndarray, "k 3"], scale: float) -> None:

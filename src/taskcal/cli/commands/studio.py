@@ -33,8 +33,8 @@ def command(
     from secrets import token_urlsafe
 
     from taskcal.studio.project import FolderLock, Project, begin_example
+    from taskcal.studio.runs import Studio
     from taskcal.studio.server import Address, is_loopback, listen, serve
-    from taskcal.studio.studio import Studio
 
     try:
         folder.mkdir(parents=True, exist_ok=True)

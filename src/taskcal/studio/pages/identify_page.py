@@ -1,42 +1,33 @@
 """Identification: which model, what is held out, and how far the fit is; models side by side."""
 
-import json
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from nicegui import ui
 
-from taskcal.errors import TaskcalError
-from taskcal.io.files import write_whole
 from taskcal.report.calibration import ERRORS
-from taskcal.studio.controls import button, choice, facts, line_of_text, message, number, table, text, tick
-from taskcal.studio.project import LAYOUT, RESULT, Choices, Project
-from taskcal.studio.run_panel import show_run
-from taskcal.studio.runs import CommandRun, Status
-from taskcal.studio.studio import Studio
+from taskcal.report.content import Column, Table
+from taskcal.studio.controls import button, choice, facts, line_of_text, number, tabulated, text, tick
+from taskcal.studio.project import LAYOUT, Choices, Project
+from taskcal.studio.runs import Studio
+from taskcal.studio.steps import begin, is_missing, is_running, link, read_result, result_of, show_run
 from taskcal.studio.texts import Texts
 
 MODELS = {"none": "geometry", "auto": "auto"}
-"""How the effects of a choice are called in the name of a calibration; others are listed by the user."""
+"""Names of the effects of a choice in the name of a calibration; others are listed by the user."""
 
 
 async def build(studio: Studio, texts: Texts) -> None:
     """Fill the page."""
     project = studio.project
     choices = project.choices
-    missing = [page for page, chosen in (("robot", choices.robot), ("measurements", choices.campaign)) if not chosen]
-    for page in missing:
-        text("p", texts("identify.missing"))
-        text("a", texts(f"{page}.title")).props(f"href=/{page}")
-    if missing:
+    if is_missing(project, texts, robot="robot", campaign="measurements"):
         return
     facts([(texts("robot.title"), choices.robot), (texts("measurements.title"), choices.campaign)])
     text("h2", texts("identify.model"))
     _choose(project, texts)
-    run = show_run(studio, "identify", texts)
-    if run is None or run.status is not Status.running:
+    if not is_running(show_run(studio, "identify", texts)):
         button(texts("identify.fit"), lambda: _begin(studio))
     _compare(project, texts)
 
@@ -55,19 +46,13 @@ def _choose(project: Project, texts: Texts) -> None:
         text("summary", texts("identify.more"))
         line_of_text(texts("identify.list"), own, take)
         tick(texts("identify.robust"), choices.robust, lambda value: project.choose(robust=value))
-        number(
-            texts("identify.holdout"),
-            100.0 * choices.holdout,
-            lambda value: project.choose(holdout=value / 100.0),
-            low=0.0,
-            high=90.0,
-            step="5",
-        )
-        number(texts("identify.seed"), choices.seed, lambda v: project.choose(seed=int(v)), low=0, high=1e6, step="1")
+        holdout = 100.0 * choices.holdout
+        number(texts("identify.holdout"), holdout, lambda v: project.choose(holdout=v / 100.0), 0.0, 90.0, step="5")
+        number(texts("identify.seed"), choices.seed, lambda v: project.choose(seed=int(v)), 0, 1e6, step="1")
 
 
 def arguments_of(choices: Choices) -> tuple[list[str], str]:
-    """What ``taskcal`` is called with for a fit, and the calibration that it writes."""
+    """Arguments of ``taskcal`` for a fit, and the calibration that it writes."""
     model = MODELS.get(choices.effects, "listed") + ("-robust" if choices.robust else "")
     calibration = f"{LAYOUT.calibrations}/{Path(choices.campaign).stem}-{model}.json"
     options = [f"--robot={choices.robot}", f"--output={calibration}", f"--effects={choices.effects}"]
@@ -77,57 +62,36 @@ def arguments_of(choices: Choices) -> tuple[list[str], str]:
 
 
 def _begin(studio: Studio) -> None:
-    project = studio.project
-    arguments, calibration = arguments_of(project.choices)
-
-    async def keep(run: CommandRun) -> None:
-        write_whole(project.path(result_of(calibration)), run.output)
-        project.choose(calibration=calibration)
-
-    try:
-        project.path(LAYOUT.calibrations).mkdir(exist_ok=True)
-        studio.start("identify", arguments, keep)
-    except (OSError, TaskcalError) as error:
-        message(str(error))
-        return
-    ui.navigate.reload()
+    arguments, calibration = arguments_of(studio.project.choices)
+    chosen = {"calibration": calibration}
+    begin(studio, "identify", arguments, folders=(LAYOUT.calibrations,), result=result_of(calibration), chosen=chosen)
 
 
-def result_of(calibration: str) -> str:
-    """Where what the command line said of a calibration is kept."""
-    return calibration.removesuffix(".json") + RESULT
-
-
-def read_result(project: Project, calibration: str) -> Mapping[str, Any] | None:
-    """What the command line said of a calibration; None where that is not there, as of one that was put here by hand."""
-    with suppress(OSError, ValueError, TaskcalError):
-        content = json.loads(project.path(result_of(calibration)).read_text(encoding="utf-8"))
-        if isinstance(content, dict) and {"nominal", "fitted", "held_out"} <= content.keys():
-            return content
-    return None
+def result_of_fit(project: Project, calibration: str) -> Mapping[str, Any] | None:
+    """Read what the command line printed of a calibration."""
+    return read_result(project, calibration, "nominal", "fitted", "held_out")
 
 
 def _compare(project: Project, texts: Texts) -> None:
     """The calibrations that there are, side by side."""
-    rows: list[tuple[str, ...]] = []
-    for calibration in project.calibrations():
-        result = read_result(project, calibration)
-        if result is None:
-            continue
-        means = [_error(result[key], "mean_mm") for key in ("nominal", "fitted")]
-        unseen = [_error(result["held_out"], key) for key in ("mean_mm", "max_mm")]
-        name = Path(calibration).stem
-        rows.append((name, str(result["rows"]), str(len(result["parameters"])), *means, *unseen))
+    found = {Path(path).stem: result_of_fit(project, path) for path in project.calibrations()}
+    rows = [{"name": name, **result} for name, result in found.items() if result is not None]
     if not rows:
         return
+    errors = {str(column.value): column for column in ERRORS}
+
+    def error(title: str, sample: str, key: str) -> Column:
+        return Column(texts(f"identify.{title}"), lambda row: errors[key].of(row[sample] or {}), errors[key].form)
+
+    columns = (
+        Column(texts("identify.name"), "name"),
+        Column(texts("identify.rows"), "rows", "d"),
+        Column(texts("identify.parameters"), lambda row: len(row["parameters"]), "d"),
+        error("nominal", "nominal", "mean_mm"),
+        error("fitted", "fitted", "mean_mm"),
+        error("unseen", "held_out", "mean_mm"),
+        error("largest", "held_out", "max_mm"),
+    )
     text("h2", texts("identify.side_by_side"))
-    header = [
-        texts(f"identify.{key}") for key in ("name", "rows", "parameters", "nominal", "fitted", "unseen", "largest")
-    ]
-    table(texts("identify.errors"), header, rows)
-    text("a", texts("identify.to_result")).props("href=/result").classes("act")
-
-
-def _error(summary: Mapping[str, float] | None, key: str) -> str:
-    """An error as the command line's table has it; a dash where nothing was held out."""
-    return next(column.cell(summary or {}) for column in ERRORS if column.value == key)
+    tabulated(Table.of(texts("identify.errors"), columns, rows))
+    link(texts("identify.to_result"), "/result").classes("act")

@@ -17,16 +17,15 @@ from taskcal.campaigns.performance import RepeatedPoses, pose_repeatability
 from taskcal.errors import CampaignError, TaskcalError
 from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import campaign_text
-from taskcal.report.theme import BLUE, SERIES, styled
+from taskcal.report.content import Column, Table
+from taskcal.report.theme import BLUE, SERIES, add_series, styled
 from taskcal.robot.robot import Robot
-from taskcal.studio.controls import button, choice, drop_zone, facts, line_of_text, message, table, text
-from taskcal.studio.pages.robot_page import robot_of
-from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT, Project, free_name
-from taskcal.studio.run_panel import show_run
-from taskcal.studio.runs import CommandRun, Status
-from taskcal.studio.studio import Studio
+from taskcal.studio.controls import button, choice, drop_zone, facts, line_of_text, message, table, tabulated, text
+from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT, free_name
+from taskcal.studio.runs import Status, Studio
+from taskcal.studio.steps import begin, choose_file, is_running, link, robot_of, show_error, show_run
 from taskcal.studio.texts import LIBRARY_LANGUAGE, Texts
-from taskcal.studio.views import CONCERNED, INK, MOST_PICKED, PointView, add_views, figure
+from taskcal.studio.views import CONCERNED, INK, MAX_PICKED, PointView, add_views, figure
 
 # Whether anything moved while it was measured, and how well poses repeat: figures of a campaign over its rows.
 
@@ -59,16 +58,10 @@ def draw_drift(campaign: Campaign, texts: Texts) -> go.Figure:
     drawn = go.Figure()
     for k, (name, points) in enumerate(campaign.reference_points.items()):
         away = np.linalg.norm(points - np.nanmedian(points, axis=0), axis=1) * 1e3
-        drawn.add_scatter(
-            x=np.arange(len(points)),
-            y=away,
-            mode="markers",
-            name=name,
-            marker={"color": SERIES[k % len(SERIES)], "size": 6, "symbol": k},
-        )
-    styled(drawn, height=360)
-    drawn.update_xaxes(title_text=texts("course.row"))
-    return drawn.update_yaxes(title_text=texts("course.away"), rangemode="tozero")
+        marker = {"size": 6, "symbol": k}
+        rows, colour = np.arange(len(points)), SERIES[k % len(SERIES)]
+        add_series(drawn, name, rows, away, colour, hover="%{x}: %{y:.3f} mm", marker=marker)
+    return styled(drawn, height=360, x=texts("course.row"), y=texts("course.away"), zero=True)
 
 
 def draw_repeatability(repeated: RepeatedPoses, texts: Texts) -> go.Figure:
@@ -77,17 +70,16 @@ def draw_repeatability(repeated: RepeatedPoses, texts: Texts) -> go.Figure:
     drawn.add_bar(
         x=[str(rows[0]) for rows in repeated.rows], y=repeated.repeatability * 1e3, marker={"color": BLUE}, name="RP"
     )
-    styled(drawn, height=320, legend=False, top=20)
-    drawn.update_xaxes(title_text=texts("course.row"), type="category")
-    return drawn.update_yaxes(title_text="RP (mm)")
+    styled(drawn, height=320, x=texts("course.row"), y="RP (mm)", zero=True, legend=False, top=20)
+    return drawn.update_xaxes(type="category")
 
 
-ROWS_SHOWN = 12
+MAX_FIRST_ROWS = 12
 
 OF_ROWS = ("gross-rows", "duplicate-poses", "rows-shuffled")
 """Findings whose subjects are rows, by their ids."""
 
-CONCERNED_SHOWN = 30
+MAX_CONCERNED = 30
 """Of the rows that findings concern."""
 
 
@@ -96,19 +88,14 @@ async def build(studio: Studio, texts: Texts) -> None:
     project = studio.project
     choices = project.choices
     files = {path: path for path in project.files(LAYOUT.campaigns, CAMPAIGN_ENDINGS)}
-
-    def take(path: str) -> None:
-        project.choose(campaign=path)
-        ui.navigate.reload()
-
     if files:
-        choice(texts("measurements.choose"), files, choices.campaign, take)
+        choose_file(project, texts, "campaign", files)
     drop_zone(texts, "campaign", texts("measurements.drop"), CAMPAIGN_ENDINGS)
     try:
         robot = await asyncio.to_thread(robot_of, project)
     except TaskcalError as error:
-        message(str(error))
-        text("a", texts("robot.title")).props("href=/robot")
+        show_error(project, error)
+        link(texts("robot.title"), "/robot")
         return
     if not choices.campaign:
         text("p", texts("measurements.none"))
@@ -118,7 +105,7 @@ async def build(studio: Studio, texts: Texts) -> None:
     try:
         campaign = await asyncio.to_thread(read_campaign, project.path(choices.campaign), robot)
     except TaskcalError as error:
-        message(in_project(str(error), project))
+        show_error(project, error)
         _Correction(studio, texts)
         _mistakes(studio, texts)
         return
@@ -129,11 +116,6 @@ async def build(studio: Studio, texts: Texts) -> None:
     _in_space(campaign, concerned, texts)
     if not campaign.observations:
         show_course(campaign, texts)
-
-
-def in_project(said: str, project: Project) -> str:
-    """What is said, with the project's files named as from its folder."""
-    return said.replace(f"{project.folder}/", "")
 
 
 def campaign_facts(campaign: Campaign, texts: Texts) -> list[tuple[str, str]]:
@@ -156,7 +138,7 @@ def _understood(campaign: Campaign, robot: Robot, texts: Texts) -> None:
         message(note, fine=True)
     if campaign.observations:
         return
-    first = campaign.take(slice(ROWS_SHOWN))
+    first = campaign.take(slice(MAX_FIRST_ROWS))
     header, *rows = csv.reader(campaign_text(first, robot).splitlines())
     table(texts("measurements.first_rows", count=len(rows)), header, rows)
 
@@ -196,18 +178,8 @@ def begin_rewriting(studio: Studio, command: str, ending: str, options: list[str
     before = project.choices.campaign
     taken = [Path(path).name for path in project.files(LAYOUT.campaigns)]
     after = f"{LAYOUT.campaigns}/{free_name(f'{Path(before).stem}-{ending}.csv', taken)}"
-    option = "--fix" if command == "doctor" else "--output"
-
-    async def use(_: CommandRun) -> None:
-        if project.path(after).exists() and project.choices.campaign == before:
-            project.choose(campaign=after)
-
-    try:
-        studio.start("mend" if command == "doctor" else command, [command, before, *options, option, after], use)
-    except TaskcalError as error:
-        ui.notify(str(error))
-        return
-    ui.navigate.reload()
+    option, kind = ("--fix", "mend") if command == "doctor" else ("--output", command)
+    begin(studio, kind, [command, before, *options, option, after], chosen={"campaign": after})
 
 
 def _mistakes(studio: Studio, texts: Texts) -> Sequence[Mapping[str, Any]]:
@@ -215,41 +187,26 @@ def _mistakes(studio: Studio, texts: Texts) -> Sequence[Mapping[str, Any]]:
     choices = studio.project.choices
     text("h2", texts("measurements.mistakes"))
     asked = ["doctor", choices.campaign, f"--robot={choices.robot}", "--json"]
-
-    def look() -> None:
-        try:
-            studio.start("doctor", asked)
-        except TaskcalError as error:
-            ui.notify(str(error))
-            return
-        ui.navigate.reload()
-
     mending = show_run(studio, "mend", texts)
     run = show_run(studio, "doctor", texts, about=choices.campaign)
-    if run is None or run.status is not Status.running:
-        button(texts("measurements.look"), look)
+    if not is_running(run):
+        button(texts("measurements.look"), lambda: begin(studio, "doctor", asked))
     if run is None or run.status is not Status.done or run.result is None:
         return ()
     findings: Sequence[Mapping[str, Any]] = run.result["findings"]
     if not findings:
         message(texts("measurements.sound"), fine=True)
         return ()
-    rows = [
-        (
-            f"{texts.named('doctor', finding['id'])} ({finding['id']})",
-            ", ".join(finding["subject"]),
-            *(
-                "–" if error is None else f"{error:.2f}"
-                for error in (finding["error_before_mm"], finding["error_after_mm"])
-            ),
-            f"{finding['confidence']:.0%}",
-            mend(finding, texts),
-        )
-        for finding in findings
-    ]
-    header = [texts(f"measurements.{key}") for key in ("finding", "of", "before", "after", "sure", "mends")]
-    table(texts("measurements.found"), header, rows, words=(0, 1, 5))
-    if mending is None or mending.status is not Status.running:
+    columns = (
+        Column(texts("measurements.finding"), lambda one: f"{texts.named('doctor', one['id'])} ({one['id']})"),
+        Column(texts("measurements.of"), lambda one: ", ".join(one["subject"])),
+        Column(texts("measurements.before"), "error_before_mm", ".2f"),
+        Column(texts("measurements.after"), "error_after_mm", ".2f"),
+        Column(texts("measurements.sure"), "confidence", ".0%"),
+        Column(texts("measurements.mends"), lambda one: mend(one, texts)),
+    )
+    tabulated(Table.of(texts("measurements.found"), columns, findings))
+    if not is_running(mending):
         options = [f"--robot={choices.robot}", "--json"]
         button(texts("measurements.mend"), lambda: begin_rewriting(studio, "doctor", "mended", options))
     return findings
@@ -277,7 +234,7 @@ def concerned_rows(findings: Sequence[Mapping[str, Any]], campaign: Campaign) ->
 def _list_concerned(concerned: Mapping[int, str], campaign: Campaign, robot: Robot, texts: Texts) -> None:
     if not concerned or campaign.observations:
         return
-    listed = sorted(concerned)[:CONCERNED_SHOWN]
+    listed = sorted(concerned)[:MAX_CONCERNED]
     header, *rows = csv.reader(campaign_text(campaign.take(listed), robot).splitlines())
     told = [
         (texts.named("doctor", concerned[number]), campaign.row(number), *row[1:])
@@ -306,7 +263,7 @@ def _in_space(campaign: Campaign, concerned: Mapping[int, str], texts: Texts) ->
     with ui.element("div").classes("row"):
         add_views(view.scene, view.look, texts("measurements.space_of", count=len(points)), texts)
     size = np.ptp(points, axis=0) * 1e3
-    hint = texts("measurements.pick") if len(points) <= MOST_PICKED else texts("measurements.too_many")
+    hint = texts("measurements.pick") if len(points) <= MAX_PICKED else texts("measurements.too_many")
     if concerned:
         text("p", texts("measurements.concerned_dark")).classes("quiet")
     picked = text("p", f"{size[0]:.0f} × {size[1]:.0f} × {size[2]:.0f} mm. {hint}").props("role=status")

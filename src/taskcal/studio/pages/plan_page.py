@@ -1,13 +1,10 @@
 """The plan: which poses to measure, what error to expect after it, and a program that goes there."""
 
 import asyncio
-import json
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 import numpy as np
 import plotly.graph_objects as go
@@ -15,54 +12,64 @@ from jaxtyping import Float
 from nicegui import ui
 
 from taskcal.errors import TaskcalError
-from taskcal.io.files import write_whole
-from taskcal.report.theme import BLUE, GREEN, ORANGE, styled, with_decades
+from taskcal.report.plan import MAX_OVER_BEFORE
+from taskcal.report.theme import BLUE, GREEN, ORANGE, add_series, styled, with_decades
 from taskcal.robot.robot import Robot
-from taskcal.studio.controls import button, facts, message, number, set_attribute, table, text
+from taskcal.studio.controls import button, facts, message, number, table, text
 from taskcal.studio.editors import StationEditor
-from taskcal.studio.pages.measurements_page import in_project
-from taskcal.studio.pages.robot_page import robot_of
-from taskcal.studio.project import LAYOUT, RESULT, Choices, Project
-from taskcal.studio.run_panel import show_run
-from taskcal.studio.runs import CommandRun, Status
-from taskcal.studio.studio import Studio
+from taskcal.studio.project import LAYOUT, Choices, Project
+from taskcal.studio.runs import Studio
+from taskcal.studio.steps import (
+    begin,
+    download,
+    is_missing,
+    is_running,
+    read_result,
+    result_of,
+    robot_of,
+    show_error,
+    show_run,
+)
 from taskcal.studio.texts import Texts
 from taskcal.studio.views import PosePlayer, figure
 from taskcal.tables.forms import read_csv
 from taskcal.virtual.station import Station
 
-LONGEST_STEM = 20
+MAX_STEM = 20
 """Characters of a task's name in that of its plan; names of RAPID modules have 28 at most."""
 
 
-MOST_OVER_BEFORE = 3.0
-"""Expected errors that are drawn, over that before; the first few poses do not even find the frames."""
+RESULT_KEYS = (
+    "expected_error_mm",
+    "random_expected_error_mm",
+    "grid_expected_error_mm",
+    "by_count_mm",
+    "lost",
+    "candidates",
+)
+RESULT_KEYS += ("plan", "clearance_mm")
+"""Keys that the page needs of what the command printed."""
 
 
 async def build(studio: Studio, texts: Texts) -> None:
     """Fill the page."""
     project = studio.project
     choices = project.choices
-    missing = [page for page, chosen in (("robot", choices.robot), ("task", choices.task)) if not chosen]
-    for page in missing:
-        text("p", texts("identify.missing"))
-        text("a", texts(f"{page}.title")).props(f"href=/{page}")
-    if missing:
+    if is_missing(project, texts, robot="robot", task="task"):
         return
     facts([(texts("robot.title"), choices.robot), (texts("task.title"), choices.task)])
     label = texts("plan.count")
-    number(label, choices.poses, lambda value: project.choose(poses=int(value)), low=1, high=2000, step="1")
+    number(label, choices.poses, lambda value: project.choose(poses=int(value)), 1, 2000, step="1")
     try:
         robot = await asyncio.to_thread(robot_of, project)
     except TaskcalError as error:
-        message(in_project(str(error), project))
+        show_error(project, error)
         return
-    editor = StationEditor(project, robot, texts, lambda error: in_project(str(error), project))
+    editor = StationEditor(project, robot, texts)
     text("h2", texts("plan.poses_chosen"))
-    run = show_run(studio, "plan", texts)
-    if run is None or run.status is not Status.running:
+    if not is_running(show_run(studio, "plan", texts)):
         button(texts("plan.plan"), lambda: _begin(studio))
-    result = _read_result(project, choices)
+    result = read_result(project, plan_of(choices), *RESULT_KEYS)
     if result is not None:
         _show(result, project, texts)
         await _poses(result, project, robot, editor.station, texts)
@@ -70,12 +77,12 @@ async def build(studio: Studio, texts: Texts) -> None:
 
 def plan_of(choices: Choices) -> str:
     """Where the plan of a task is kept; its program is a module of the same name, as RAPID lets it be."""
-    stem = re.sub(r"[^A-Za-z0-9]", "_", Path(choices.task).stem)[:LONGEST_STEM]
+    stem = re.sub(r"[^A-Za-z0-9]", "_", Path(choices.task).stem)[:MAX_STEM]
     return f"{LAYOUT.plans}/m_{stem}_{choices.poses}.csv"
 
 
 def arguments_of(choices: Choices) -> list[str]:
-    """What ``taskcal`` is called with for a plan."""
+    """Arguments of ``taskcal`` for a plan."""
     plan = plan_of(choices)
     beside = plan.removesuffix(".csv")
     options = [
@@ -91,38 +98,9 @@ def arguments_of(choices: Choices) -> list[str]:
 
 
 def _begin(studio: Studio) -> None:
-    project = studio.project
-    choices = project.choices
-
-    async def keep(run: CommandRun) -> None:
-        write_whole(project.path(plan_of(choices) + RESULT), run.output)
-
-    try:
-        project.path(LAYOUT.plans).mkdir(exist_ok=True)
-        studio.start("plan", arguments_of(choices), keep)
-    except (OSError, TaskcalError) as error:
-        message(str(error))
-        return
-    ui.navigate.reload()
-
-
-def _read_result(project: Project, choices: Choices) -> Mapping[str, Any] | None:
-    """What the command line said of the plan of this task and count."""
-    wanted = {
-        "expected_error_mm",
-        "random_expected_error_mm",
-        "grid_expected_error_mm",
-        "by_count_mm",
-        "lost",
-        "candidates",
-        "plan",
-        "clearance_mm",
-    }
-    with suppress(OSError, ValueError, TaskcalError):
-        content = json.loads(project.path(plan_of(choices) + RESULT).read_text(encoding="utf-8"))
-        if isinstance(content, dict) and wanted <= content.keys():
-            return content
-    return None
+    choices = studio.project.choices
+    result = result_of(plan_of(choices))
+    begin(studio, "plan", arguments_of(choices), folders=(LAYOUT.plans,), result=result)
 
 
 def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> None:
@@ -144,33 +122,20 @@ def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> None:
     with ui.element("div").classes("row"):
         for path in project.files(LAYOUT.plans, (".csv", ".mod", ".html")):
             if path in (plan, f"{beside}.mod", f"{beside}.html"):
-                link = text("a", texts("program.download", name=Path(path).name)).classes("act plain")
-                set_attribute(link, "href", f"/file/{quote(path)}?keep=1")
+                download(texts, path)
 
 
 def _draw_by_count(result: Mapping[str, Any], texts: Texts) -> go.Figure:
     """The expected error after so many poses."""
     errors, count = np.array(result["by_count_mm"], dtype=float), result["count"]
-    shown = errors <= MOST_OVER_BEFORE * result["before_mm"]
+    shown = errors <= MAX_OVER_BEFORE * result["before_mm"]
     drawn = go.Figure()
-    drawn.add_scatter(
-        x=np.arange(1, len(errors) + 1)[shown],
-        y=errors[shown],
-        mode="lines",
-        name=texts("plan.planned"),
-        line={"color": BLUE},
-    )
-    for key, name, colour, symbol in (
-        ("random_expected_error_mm", "random", ORANGE, "square"),
-        ("grid_expected_error_mm", "grid", GREEN, "triangle-up"),
-    ):
-        drawn.add_scatter(
-            x=[count], y=[result[key]], mode="markers", name=texts(f"plan.{name}"),
-            marker={"color": colour, "symbol": symbol, "size": 11},
-        )  # fmt: skip
-    styled(drawn, height=380, top=90)
-    drawn.update_xaxes(title_text=texts("plan.poses_axis"))
-    return with_decades(drawn, "mm")
+    numbers = np.arange(1, len(errors) + 1)[shown]
+    add_series(drawn, texts("plan.planned"), numbers, errors[shown], BLUE, mode="lines", hover="%{x}: %{y:.3f} mm")
+    for key, colour, symbol in (("random", ORANGE, "square"), ("grid", GREEN, "triangle-up")):
+        marker, value = {"symbol": symbol, "size": 11}, [result[f"{key}_expected_error_mm"]]
+        add_series(drawn, texts(f"plan.{key}"), [count], value, colour, hover="%{y:.3f} mm", marker=marker)
+    return with_decades(styled(drawn, height=380, x=texts("plan.poses_axis"), top=90), "mm")
 
 
 async def _poses(
@@ -184,7 +149,7 @@ async def _poses(
     try:
         q, ids = await asyncio.to_thread(read_plan, project.path(str(result["plan"])), robot)
     except TaskcalError as error:
-        message(in_project(str(error), project))
+        show_error(project, error)
         return
     known = of_poses(result, len(q))
     told = [

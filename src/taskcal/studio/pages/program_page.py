@@ -2,12 +2,9 @@
 
 import asyncio
 import difflib
-import json
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 import numpy as np
 from jaxtyping import Float
@@ -15,10 +12,8 @@ from nicegui import ui
 
 from robot_programs.reading import read_program
 from taskcal.errors import TaskcalError
-from taskcal.io.files import write_whole
 from taskcal.studio.controls import (
     button,
-    choice,
     drop_zone,
     facts,
     line_of_text,
@@ -29,19 +24,27 @@ from taskcal.studio.controls import (
     tick,
 )
 from taskcal.studio.editors import AxisEditor, asked_axes
-from taskcal.studio.pages.robot_page import robot_of
-from taskcal.studio.project import CELL_ENDINGS, LAYOUT, PROGRAM_ENDINGS, RESULT, Choices, Project
-from taskcal.studio.run_panel import show_run
-from taskcal.studio.runs import CommandRun, Status
-from taskcal.studio.studio import Studio
+from taskcal.studio.project import CELL_ENDINGS, LAYOUT, PROGRAM_ENDINGS, Choices, Project
+from taskcal.studio.runs import Studio
+from taskcal.studio.steps import (
+    begin,
+    choose_calibration,
+    choose_file,
+    download,
+    is_running,
+    read_result,
+    result_of,
+    robot_of,
+    show_run,
+)
 from taskcal.studio.task_box import read_together
 from taskcal.studio.texts import Texts
 from taskcal.studio.views import PointView, add_views
 
-LONGEST_COMPARED = 20_000
-"""Lines; a comparison takes a time that grows with their square at worst."""
+MAX_COMPARED_LINES = 20_000
+"""Of a file; a comparison takes a time that grows with their square at worst."""
 
-MOST_LINES = 400
+MAX_LINES = 400
 """Of a comparison that are shown; the corrected file has them all."""
 
 LOW, HIGH = np.array([0.2, 0.5, 0.8]), np.array([0.45, 0.1, 0.0])
@@ -51,32 +54,24 @@ LOW, HIGH = np.array([0.2, 0.5, 0.8]), np.array([0.45, 0.1, 0.0])
 async def build(studio: Studio, texts: Texts) -> None:
     """Fill the page."""
     project = studio.project
-    files = {path: path for path in project.files(LAYOUT.programs, PROGRAM_ENDINGS)}
-
-    def take(**chosen: str) -> None:
-        project.choose(**chosen)
-        ui.navigate.reload()
-
     choices = project.choices
+    files = {path: path for path in project.files(LAYOUT.programs, PROGRAM_ENDINGS)}
     if files:
-        choice(texts("program.choose"), files, choices.program, lambda path: take(program=path))
+        choose_file(project, texts, "program", files)
     drop_zone(texts, "program", texts("program.drop"), PROGRAM_ENDINGS, several=True)
     if not choices.program:
         text("p", texts("program.none"))
         return
-    found = {path: Path(path).stem for path in project.calibrations()}
-    if not found:
-        text("p", texts("result.none"))
-        text("a", texts("identify.title")).props("href=/identify")
+    chosen = choose_calibration(project, texts)
+    if not project.calibrations():
         return
-    choice(texts("result.choose"), found, choices.calibration, lambda path: take(calibration=path))
-    result = _read_result(project, choices.program)
+    result = read_result(project, _written(choices.program), "written", "targets", "refused", "expected")
     reasons = [] if result is None else [item.get("reason", "") for item in result["refused"]]
     _around(project, texts, asked_axes(reasons))
     facts([(texts("program.read"), ", ".join(read_together(project, choices.program)))])
     text("h2", texts("program.correction"))
     run = show_run(studio, "correct", texts, about=choices.program)
-    if choices.calibration in found and (run is None or run.status is not Status.running):
+    if chosen and not is_running(run):
         button(texts("program.correct"), lambda: _begin(studio))
     if result is not None:
         await _show(result, project, texts)
@@ -87,14 +82,11 @@ def _around(project: Project, texts: Texts, asked: Sequence[int]) -> None:
     choices = project.choices
     cells = {path: path for path in project.files(LAYOUT.cells, CELL_ENDINGS)}
 
-    def take(value: str) -> None:
-        project.choose(cell="" if value == "-" else value)
-
     with ui.element("details") as around:
         set_attribute(around, "open", bool(asked))
         text("summary", texts("program.around"))
         text("p", texts("program.around_how")).classes("quiet")
-        choice(texts("program.cell"), {"-": texts("program.no_cell"), **cells}, choices.cell or "-", take)
+        choose_file(project, texts, "cell", cells, none=texts("program.no_cell"))
         drop_zone(texts, "cell", texts("program.drop_cell"), CELL_ENDINGS)
         line_of_text(texts("program.tool"), choices.tool, lambda value: project.choose(tool=value))
         line_of_text(texts("program.part"), choices.part, lambda value: project.choose(part=value))
@@ -104,7 +96,7 @@ def _around(project: Project, texts: Texts, asked: Sequence[int]) -> None:
 
 
 def arguments_of(project: Project, choices: Choices) -> list[str]:
-    """What ``taskcal`` is called with for a correction."""
+    """Arguments of ``taskcal`` for a correction."""
     report = f"{LAYOUT.reports}/{Path(choices.program).stem}-correction.html"
     options = ["--calibration", choices.calibration, "--output", LAYOUT.corrected, "--report", report]
     for option, value in (("--cell", choices.cell), ("--tool", choices.tool), ("--part", choices.part)):
@@ -115,32 +107,13 @@ def arguments_of(project: Project, choices: Choices) -> list[str]:
 
 def _begin(studio: Studio) -> None:
     project = studio.project
-    choices = project.choices
-
-    async def keep(run: CommandRun) -> None:
-        write_whole(project.path(_result_of(choices.program)), run.output)
-
-    try:
-        for folder in (LAYOUT.corrected, LAYOUT.reports):
-            project.path(folder).mkdir(exist_ok=True)
-        studio.start("correct", arguments_of(project, choices), keep)
-    except (OSError, TaskcalError) as error:
-        message(str(error))
-        return
-    ui.navigate.reload()
+    arguments = arguments_of(project, project.choices)
+    result = result_of(_written(project.choices.program))
+    begin(studio, "correct", arguments, folders=(LAYOUT.corrected, LAYOUT.reports), result=result)
 
 
-def _result_of(program: str) -> str:
-    return f"{LAYOUT.corrected}/{Path(program).name}{RESULT}"
-
-
-def _read_result(project: Project, program: str) -> Mapping[str, Any] | None:
-    """What the command line said of the program's last correction."""
-    with suppress(OSError, ValueError, TaskcalError):
-        content = json.loads(project.path(_result_of(program)).read_text(encoding="utf-8"))
-        if isinstance(content, dict) and {"written", "targets", "refused", "expected"} <= content.keys():
-            return content
-    return None
+def _written(program: str) -> str:
+    return f"{LAYOUT.corrected}/{Path(program).name}"
 
 
 async def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> None:
@@ -163,9 +136,7 @@ async def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> No
         return
     with ui.element("div").classes("row"):
         for path in (*result["written"], *([result["report"]] if result["report"] else [])):
-            keep = "?keep=1" if path.endswith(".html") else ""
-            link = text("a", texts("program.download", name=Path(path).name)).classes("act plain")
-            set_attribute(link, "href", f"/file/{quote(path)}{keep}")
+            download(texts, path)
     placed = await asyncio.to_thread(_place, result, project)
     if placed is not None:
         _along(*placed, texts)
@@ -220,7 +191,7 @@ def _changes(project: Project, corrected: str) -> list[str]:
     if not before.is_file() or not after.is_file():
         return []
     old, new = (path.read_bytes().decode("utf-8", "replace").splitlines() for path in (before, after))
-    if max(len(old), len(new)) > LONGEST_COMPARED:
+    if max(len(old), len(new)) > MAX_COMPARED_LINES:
         return []
     return list(difflib.unified_diff(old, new, f"{LAYOUT.programs}/{before.name}", corrected, n=1, lineterm=""))
 
@@ -229,7 +200,7 @@ def _compare(name: str, lines: list[str], texts: Texts) -> None:
     if not lines:
         return
     text("h2", texts("program.changes", name=name))
-    shown = text("pre", "\n".join(lines[:MOST_LINES])).classes("command listing").props("tabindex=0 role=region")
+    shown = text("pre", "\n".join(lines[:MAX_LINES])).classes("command listing").props("tabindex=0 role=region")
     set_attribute(shown, "aria-label", texts("program.changes", name=name))
-    if len(lines) > MOST_LINES:
-        text("p", texts("program.more_lines", count=len(lines) - MOST_LINES)).classes("quiet")
+    if len(lines) > MAX_LINES:
+        text("p", texts("program.more_lines", count=len(lines) - MAX_LINES)).classes("quiet")

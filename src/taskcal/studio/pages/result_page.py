@@ -3,7 +3,6 @@
 import asyncio
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,17 +20,18 @@ from taskcal.report.calibration import (
     tabulate_outliers,
     tabulate_parameters,
 )
-from taskcal.studio.controls import ValueInput, choice, facts, message, table, tabulated, text
-from taskcal.studio.pages.identify_page import read_result
-from taskcal.studio.pages.measurements_page import in_project
+from taskcal.report.content import Column, Table, millimetres
+from taskcal.studio.controls import ValueInput, facts, message, tabulated, text
+from taskcal.studio.pages.identify_page import result_of_fit
 from taskcal.studio.project import Project
-from taskcal.studio.studio import Studio
+from taskcal.studio.runs import Studio
+from taskcal.studio.steps import choose_calibration, show_error
 from taskcal.studio.texts import Texts
 from taskcal.studio.views import PointView, add_views, figure
 from taskcal.task.task import load_task
 
-WORST = 20
-"""Rows that are listed."""
+MAX_ROWS = 20
+"""Largest residuals that are listed."""
 
 STRETCH_S = 0.1
 """Between two lengths of the lines."""
@@ -42,7 +42,7 @@ STRETCH_STEP = 0.25
 LONGEST_ARROW = 0.25
 """Of the size of the cloud, of the longest line to begin with."""
 
-MOST_ARROWS = 400
+MAX_ARROWS = 400
 """Residuals that are drawn as lines, the largest; of the others the points alone."""
 
 
@@ -50,25 +50,14 @@ async def build(studio: Studio, texts: Texts) -> None:
     """Fill the page."""
     project = studio.project
     choices = project.choices
-    found = {path: Path(path).stem for path in project.calibrations()}
-    if not found:
-        text("p", texts("result.none"))
-        text("a", texts("identify.title")).props("href=/identify")
-        return
-
-    def take(path: str) -> None:
-        project.choose(calibration=path)
-        ui.navigate.reload()
-
-    choice(texts("result.choose"), found, choices.calibration, take)
-    if choices.calibration not in found:
+    if not choose_calibration(project, texts):
         return
     try:
         calibration = await asyncio.to_thread(load_calibration, project.path(choices.calibration))
     except TaskcalError as error:
-        message(in_project(str(error), project))
+        show_error(project, error)
         return
-    result = read_result(project, choices.calibration)
+    result = result_of_fit(project, choices.calibration)
     if result is None:
         message(texts("result.no_errors"), fine=True)
     else:
@@ -110,7 +99,7 @@ def _tolerance(result: Mapping[str, Any], project: Project, texts: Texts) -> Non
     try:
         tolerance = load_task(project.path(task)).accuracy
     except TaskcalError as error:
-        message(in_project(str(error), project))
+        show_error(project, error)
         return
     if tolerance is None:
         return
@@ -123,16 +112,19 @@ def _tolerance(result: Mapping[str, Any], project: Project, texts: Texts) -> Non
 
 
 def _by_row(calibration: Calibration, texts: Texts) -> None:
-    residuals = calibration.residuals[:, :, :3] * 1e3
+    """The largest residuals."""
+    residuals = calibration.residuals[:, :, :3]
     sizes = np.linalg.norm(residuals, axis=2)
-    order = np.argsort(-np.nan_to_num(sizes, nan=-1.0), axis=None)[: min(WORST, int(np.isfinite(sizes).sum()))]
-    rows: list[tuple[str, ...]] = []
-    for row, target in zip(*np.unravel_index(order, sizes.shape), strict=True):
-        numbers = [f"{value:+.4f}" for value in residuals[row, target]]
-        rows.append((calibration.ids[row], calibration.targets[target], *numbers, f"{sizes[row, target]:.4f}"))
+    order = np.argsort(-np.nan_to_num(sizes, nan=-1.0), axis=None)[: min(MAX_ROWS, int(np.isfinite(sizes).sum()))]
+    rows = list(zip(*np.unravel_index(order, sizes.shape), strict=True))
+    columns = (
+        Column(texts("result.row"), lambda at: calibration.ids[at[0]]),
+        Column(texts("result.target"), lambda at: calibration.targets[at[1]]),
+        *(millimetres(f"{axis} mm", lambda at, k=k: residuals[at][k], "+.4f") for k, axis in enumerate("xyz")),
+        millimetres(texts("result.size"), lambda at: sizes[at], ".4f"),
+    )
     text("h2", texts("result.left"))
-    header = [texts("result.row"), texts("result.target"), "x mm", "y mm", "z mm", texts("result.size")]
-    table(texts("result.worst", count=len(rows)), header, rows, words=(0, 1))
+    tabulated(Table.of(texts("result.worst", count=len(rows)), columns, rows))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -162,7 +154,7 @@ def _in_space(found: _Left, calibration: Calibration, texts: Texts) -> None:
     """Residuals as lines from where the robot was predicted to be."""
     rows, targets, points, left = found.rows, found.targets, found.points, found.residuals
     sizes = np.linalg.norm(left, axis=1)
-    largest = np.argsort(-sizes)[:MOST_ARROWS]
+    largest = np.argsort(-sizes)[:MAX_ARROWS]
 
     text("h2", texts("result.space"))
 

@@ -13,16 +13,16 @@ from nicegui import ui
 
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
+from taskcal.report.content import Column, Table
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.robot import Robot
-from taskcal.studio.controls import ValueInput, button, choice, drop_zone, facts, message, table, text
+from taskcal.robot.robot import Robot, RobotJoint
+from taskcal.studio.controls import ValueInput, button, choice, drop_zone, facts, message, tabulated, text
 from taskcal.studio.files import ROBOT_DROPS
 from taskcal.studio.project import LAYOUT, ROBOT_ENDINGS, TABLE_ENDINGS, Project, free_name
 from taskcal.studio.robot_meshes import RobotMeshes, meshes_of
-from taskcal.studio.run_panel import show_run
-from taskcal.studio.runs import CommandRun, Status
-from taskcal.studio.studio import Studio
+from taskcal.studio.runs import Studio
+from taskcal.studio.steps import begin, is_running, robot_of, show_run
 from taskcal.studio.texts import Texts
 from taskcal.studio.views import RobotView, add_views
 
@@ -32,8 +32,8 @@ from taskcal.studio.views import RobotView, add_views
 CONVENTIONS = ("dh", "mdh")
 UNITS = ("mm,deg", "mm,rad", "m,deg", "m,rad")
 
-LINES, LONGEST = 40, 4000
-"""Of the table that are shown, and characters."""
+MAX_LINES, MAX_CHARACTERS = 40, 4000
+"""Of the table that are shown."""
 
 
 class RobotTable:
@@ -51,15 +51,14 @@ class RobotTable:
         self._convention = self._units = ""
         text("h2", texts("robot.table"))
         text("p", texts("robot.table_how"))
-        content = studio.project.path(table).read_bytes()[:LONGEST].decode("utf-8", "replace")
-        listing = text("pre", "\n".join(content.splitlines()[:LINES])).classes("command listing")
+        content = studio.project.path(table).read_bytes()[:MAX_CHARACTERS].decode("utf-8", "replace")
+        listing = text("pre", "\n".join(content.splitlines()[:MAX_LINES])).classes("command listing")
         listing.props("tabindex=0 role=region").props["aria-label"] = texts("robot.table")
         conventions = {name: texts(f"robot.convention_{name}") for name in CONVENTIONS}
         choice(texts("robot.convention"), conventions, "", lambda name: setattr(self, "_convention", name))
         units = {"": texts("measurements.told")} | {name: name for name in UNITS}
         choice(texts("robot.units"), units, "", lambda name: setattr(self, "_units", name))
-        run = show_run(studio, "robot", texts, about=table)
-        if run is None or run.status is not Status.running:
+        if not is_running(show_run(studio, "robot", texts, about=table)):
             button(texts("robot.make"), self._make)
         self._said = ui.element("div")
 
@@ -85,39 +84,17 @@ class RobotTable:
                 made,
                 "--json",
             ]
-
-            async def take(run: CommandRun) -> None:
-                if project.path(made).is_file():
-                    project.choose(robot=made)
-
-            try:
-                self._studio.start("robot", arguments, take)
-            except TaskcalError as error:
-                message(str(error))
-                return
-        ui.navigate.reload()
+            begin(self._studio, "robot", arguments, chosen={"robot": made})
 
 
 UPDATES_S = 0.04
 """Between two positions of a slider that is dragged."""
 
-MISSING = 3
-"""Meshes of which it is said why they are not drawn."""
+MAX_MISSING = 3
+"""Missing meshes whose reasons are listed."""
 
-WIDEST = np.pi
-"""Radians to either side of zero that a slider offers of a joint without limits; half as many metres of a sliding one."""
-
-
-def robot_of(project: Project) -> Robot:
-    """The project's robot.
-
-    Raises:
-        TaskcalError: it has none yet, or its file describes none.
-    """
-    named = project.choices.robot
-    if not named:
-        raise TaskcalError("choose a robot first")
-    return load_robot(project.path(named) if "/" in named else named)
+UNLIMITED_RAD = np.pi
+"""To either side of zero that a slider offers of a joint without limits; half as many metres of a sliding one."""
 
 
 async def build(studio: Studio, texts: Texts) -> None:
@@ -132,7 +109,7 @@ async def build(studio: Studio, texts: Texts) -> None:
         ui.navigate.reload()
 
     with ui.element("div").classes("row"):
-        choice(texts("robot.choose"), own | titles, named, take, group="robot")
+        choice(texts("choose.robot"), own | titles, named, take, group="robot")
     with ui.element("details"):
         text("summary", texts("robot.own"))
         drop_zone(texts, "robot", texts("robot.drop"), ROBOT_DROPS, several=True)
@@ -179,7 +156,7 @@ def _show(robot: Robot, model: ErrorModel, texts: Texts, meshes: RobotMeshes | N
             with ui.element("div").classes("row"):
                 add_views(view.scene, view.look, texts("robot.drawing_of", robot=robot.title), texts)
             text("p", texts("robot.axes")).classes("quiet")
-            for missing in () if meshes is None else meshes.missing[:MISSING]:
+            for missing in () if meshes is None else meshes.missing[:MAX_MISSING]:
                 text("p", missing).classes("quiet")
         with ui.element("div"):
             text("h2", texts("robot.jog"))
@@ -189,7 +166,7 @@ def _show(robot: Robot, model: ErrorModel, texts: Texts, meshes: RobotMeshes | N
 
 def slider_ranges(robot: Robot) -> Float[np.ndarray, "joints 2"]:
     """Where sliders begin and end: the limits, or so far to either side where a joint has none."""
-    half = np.where(robot.prismatic, 0.5 * WIDEST, WIDEST)
+    half = np.where(robot.prismatic, 0.5 * UNLIMITED_RAD, UNLIMITED_RAD)
     limits = robot.limits
     return np.column_stack(
         [np.where(np.isfinite(limits[:, k]), limits[:, k], sign * half) for k, sign in ((0, -1.0), (1, 1.0))]
@@ -264,17 +241,27 @@ def tool_place(model: ErrorModel, q: Float[np.ndarray, " joints"]) -> Mapping[st
 
 
 def _describe(robot: Robot, model: ErrorModel, texts: Texts) -> None:
-    rows: list[tuple[str, ...]] = []
-    for joint in robot.joints:
-        slides = joint.kind == "prismatic"
-        scale, unit = (1e3, "mm") if slides else (180.0 / np.pi, "°")
-        low, high = (f"{limit * scale:.6g} {unit}" if np.isfinite(limit) else "–" for limit in joint.limits)
-        rows.append((joint.name, texts("robot.slides" if slides else "robot.turns"), low, high))
+    columns = (
+        Column(texts("robot.joint"), "name"),
+        Column(
+            texts("robot.kind"), lambda joint: texts("robot.slides" if joint.kind == "prismatic" else "robot.turns")
+        ),
+        *(
+            Column(texts(f"robot.{end}"), lambda joint, k=k: _limit(joint, k), "s")
+            for k, end in enumerate(("lowest", "highest"))
+        ),
+    )
     text("h2", texts("robot.joints"))
-    header = [texts(f"robot.{key}") for key in ("joint", "kind", "lowest", "highest")]
-    table(texts("robot.joints_of", robot=robot.title), header, rows, words=(0, 1))
+    tabulated(Table.of(texts("robot.joints_of", robot=robot.title), columns, robot.joints))
     told = [(texts("robot.parameters"), str(len(model)))]
     told += [(texts("robot.loop"), texts("robot.yes" if robot.four_bar else "robot.no"))]
     told += [(texts("robot.source"), line) for line in robot.source]
     told += [(texts("robot.published"), robot.published.source)] if robot.published.source else []
     facts(told)
+
+
+def _limit(joint: RobotJoint, end: int) -> str | None:
+    """The lower or upper limit of a joint."""
+    scale, unit = (1e3, "mm") if joint.kind == "prismatic" else (180.0 / np.pi, "°")
+    limit = joint.limits[end]
+    return f"{limit * scale:.6g} {unit}" if np.isfinite(limit) else None

@@ -11,12 +11,12 @@ from robot_programs.reading import read_program
 from taskcal.errors import TaskcalError
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
-from taskcal.studio.controls import button, choice, drop_zone, facts, message, text
+from taskcal.studio.controls import button, drop_zone, facts, message, text
 from taskcal.studio.editors import BoxEditor, OrientationEditor
-from taskcal.studio.pages.measurements_page import in_project
-from taskcal.studio.pages.robot_page import robot_of, slider_ranges
+from taskcal.studio.pages.robot_page import slider_ranges
 from taskcal.studio.project import LAYOUT, PROGRAM_ENDINGS, TASK_ENDINGS, Project, free_name
-from taskcal.studio.studio import Studio
+from taskcal.studio.runs import Studio
+from taskcal.studio.steps import choose_file, robot_of, show_error
 from taskcal.studio.task_box import (
     TaskBox,
     box_of,
@@ -40,13 +40,8 @@ async def build(studio: Studio, texts: Texts) -> None:
     project = studio.project
     choices = project.choices
     files = {path: path for path in project.files(LAYOUT.tasks, TASK_ENDINGS)}
-
-    def take(path: str) -> None:
-        project.choose(task=path)
-        ui.navigate.reload()
-
     if files:
-        choice(texts("task.choose"), files, choices.task, take)
+        choose_file(project, texts, "task", files)
     drop_zone(texts, "task", texts("task.drop"), TASK_ENDINGS)
     try:
         robot = await asyncio.to_thread(robot_of, project)
@@ -58,7 +53,7 @@ async def build(studio: Studio, texts: Texts) -> None:
             return
         task = await asyncio.to_thread(load_task, project.path(choices.task))
     except TaskcalError as error:
-        message(in_project(str(error), project))
+        show_error(project, error)
         return
     tolerance = "–" if task.accuracy is None else f"{task.accuracy * 1e3:g} mm"
     facts([(texts("task.name"), task.name), (texts("task.tolerance"), tolerance)])
@@ -118,7 +113,7 @@ def _take_program(project: Project, model: ErrorModel, path: str, said: ui.eleme
         project.choose(task=project.put(LAYOUT.tasks, f"{name}.toml", task.encode(), TASK_ENDINGS))
     except TaskcalError as error:
         with said:
-            message(in_project(str(error), project))
+            show_error(project, error)
         return
     ui.navigate.reload()
 

@@ -12,12 +12,11 @@ from taskcal.analysis.identifiability import identifiability
 from taskcal.analysis.sensitivity import sensitivity
 from taskcal.errors import TaskcalError
 from taskcal.robot.error_model import ErrorModel
-from taskcal.studio.controls import command_line, facts, message, table, text
+from taskcal.studio.controls import command_line, facts, message, table
 from taskcal.studio.editors import BoxEditor
-from taskcal.studio.pages.measurements_page import in_project
-from taskcal.studio.pages.robot_page import robot_of
 from taskcal.studio.pages.task_page import posture
-from taskcal.studio.studio import Studio
+from taskcal.studio.runs import Studio
+from taskcal.studio.steps import is_missing, robot_of, show_error
 from taskcal.studio.task_box import TaskBox, box_of, save_box
 from taskcal.studio.texts import Texts
 from taskcal.task.task import Task, load_task, reach_task
@@ -28,8 +27,8 @@ POSES = 30
 NANOMETRES = 9
 """Decimals of metres by which parameters are ordered: those that differ by rounding alone stay in the model's order."""
 
-SHOWN = 12
-"""Parameters that are listed, the most influential."""
+MAX_PARAMETERS = 12
+"""Most influential parameters that are listed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +61,7 @@ def weigh(model: ErrorModel, task: Task) -> Weight:
             f"{largest[i] * 1e3:.4f}",
             f"{rms[i] * 1e3:.4f}",
         )
-        for i in np.argsort(-np.round(largest, NANOMETRES), kind="stable")[:SHOWN]
+        for i in np.argsort(-np.round(largest, NANOMETRES), kind="stable")[:MAX_PARAMETERS]
     )
     apart = identifiability(model, poses.q).rank
     return Weight(rows=rows, rank=apart, parameters=len(model), reached=1.0 - float(poses.unreachable.mean()))
@@ -72,15 +71,13 @@ async def build(studio: Studio, texts: Texts) -> None:
     """Fill the page."""
     project = studio.project
     choices = project.choices
-    if not choices.task:
-        text("p", texts("weight.missing"))
-        text("a", texts("task.title")).props("href=/task")
+    if is_missing(project, texts, task="task"):
         return
     try:
         robot = await asyncio.to_thread(robot_of, project)
         task = await asyncio.to_thread(load_task, project.path(choices.task))
     except TaskcalError as error:
-        message(in_project(str(error), project))
+        show_error(project, error)
         return
     shown = _Shown(ErrorModel(robot), texts)
     box = box_of(task)
