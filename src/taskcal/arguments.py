@@ -87,5 +87,5 @@ Item = TypeVar("Item")
 
 
 def repeated(items: Iterable[Item]) -> list[Item]:
-    """Those that are there twice and more, each once, in the order in which they come first."""
+    """Items that occur twice or more, each once, in order of first occurrence."""
     return [item for item, times in Counter(items).items() if times > 1]

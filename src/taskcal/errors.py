@@ -26,7 +26,7 @@ class RobotError(TaskcalError):
 
 
 def advise(name: str, known: Iterable[str]) -> str:
-    """What a name that is not among the known ones may be meant for: the nearest of them, or all."""
+    """Suggestion for an unknown name: the nearest known ones, or all."""
     known = list(known)
     near = get_close_matches(name[:SHOWN_CHARACTERS], known, n=3, cutoff=0.5)
     if near:

@@ -65,7 +65,7 @@ def load_plugins(
 
 
 def state_faults(group: str) -> str:
-    """What is wrong with packages that add to a group, as a hint beside a name that is not found; empty where nothing is."""
+    """Faults of packages that add to a group, as a hint for a name that is not found; empty without faults."""
     return f"({'; '.join(_FAULTS[group])})" if group in _FAULTS else ""
 
 

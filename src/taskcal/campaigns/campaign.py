@@ -25,7 +25,7 @@ _QUANTITIES = {
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Campaign:
-    """What was measured, one row per robot pose."""
+    """Measurements, one row per robot pose."""
 
     ids: tuple[str, ...]
     """Name of every row."""
@@ -92,12 +92,12 @@ class Campaign:
 
     @property
     def kinds(self) -> tuple[type[Observation], ...]:
-        """Of observation of each target; none where a tracker measured all."""
+        """Kinds of observation of each target; none if a tracker measured all."""
         return tuple(map(type, self.observations))
 
     @property
     def _kinds(self) -> str:
-        """What was measured, in the plural."""
+        """Measured quantity, in the plural."""
         if self.observations:
             return " and ".join(f"{key}s" for key in dict.fromkeys(one.key for one in self.observations))
         return "points" if self.rotations is None else "poses"
@@ -121,7 +121,7 @@ class Campaign:
 
     @cached_property
     def valid(self) -> Bool[np.ndarray, "n targets"]:
-        """Where a target was seen."""
+        """Mask of the targets that were seen."""
         return ~np.isnan(self.points[..., 0])
 
     def refuse_kinds(self, what: str) -> None:
@@ -143,12 +143,12 @@ class Campaign:
 
     @property
     def move(self) -> Float[np.ndarray, "n joints"] | None:
-        """How far each joint's drive turned on the way to the row, as `Conditions` has it."""
+        """Travel of each joint's drive on the way to the row, as in `Conditions`."""
         return self.conditions.move
 
     @property
     def temperature(self) -> Float[np.ndarray, " n"] | None:
-        """Of the robot, °C, as `Conditions` has it."""
+        """Temperature of the robot, °C, as in `Conditions`."""
         return self.conditions.temperature
 
     @property
@@ -231,7 +231,7 @@ class Campaign:
         return out
 
     def read(self, target: int) -> Measured:
-        """What was read of a target."""
+        """Measurements of one target."""
         return Measured(self.points[:, target], self.rotations)
 
     def take(self, rows: Sequence[int] | Int[np.ndarray, " k"] | Bool[np.ndarray, " n"] | slice) -> "Campaign":
@@ -389,7 +389,7 @@ def _rotations(campaigns: Sequence[Campaign]) -> Float[np.ndarray, "n 3 3"] | No
 
 
 def _conditions(campaigns: Sequence[Campaign]) -> Conditions:
-    """What all of them tell."""
+    """Conditions that every campaign states."""
     told: dict[str, np.ndarray] = {}
     for quantity in fields(Conditions):
         values = [getattr(one.conditions, quantity.name) for one in campaigns]

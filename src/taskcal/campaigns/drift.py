@@ -376,7 +376,7 @@ def _misplaced(campaign: Campaign, motion: ReferenceMotion) -> tuple[str, ...]:
 
 
 def _transforms(motion: ReferenceMotion, courses: list[LocalLevel]) -> Float[np.ndarray, "n 4 4"]:
-    """From the common frame to the reference points in each row: a turn about their centre, and its translation."""
+    """Transform from the common frame to the reference points in each row: a rotation about their centre, and a translation."""
     values = np.stack([course.mean for course in courses], axis=1)
     shift = values[:, :3] @ motion.axes.T
     R = se3.exp(values[:, 3:] @ motion.axes.T) if motion.rigid else np.broadcast_to(np.eye(3), (len(values), 3, 3))

@@ -20,7 +20,7 @@ from taskcal.tables.table import POSITION, QUATERNION, Table
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PosePerformance:
-    """How a commanded pose was attained, over cycles in one direction of approach."""
+    """Performance at one commanded pose, over cycles in one direction of approach."""
 
     barycentre: Float[np.ndarray, " 3"]
     """Mean of the attained positions, metres."""
@@ -37,7 +37,7 @@ class PosePerformance:
 
     @property
     def cycles(self) -> int:
-        """How often the pose was measured."""
+        """Number of cycles."""
         return len(self.distances)
 
     @property
@@ -56,7 +56,7 @@ class PosePerformance:
         return None if self.angles is None or self.cycles < 2 else 3.0 * self.angles.std(axis=0, ddof=1)
 
     def summary(self) -> dict[str, float | int]:
-        """What is known of it, in millimetres and degrees."""
+        """The figures in millimetres and degrees."""
         out: dict[str, float | int] = {"cycles": self.cycles}
         if self.accuracy is not None and self.offset is not None:
             out["AP_p_mm"] = self.accuracy * 1e3
@@ -70,7 +70,7 @@ class PosePerformance:
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DirectionVariation:
-    """How far the mean poses lie apart that one command gives from several directions of approach (7.2.3)."""
+    """Multi-directional pose accuracy variation of one command (7.2.3)."""
 
     position: float
     """Largest distance between two barycentres (vAP_p), metres."""
@@ -390,7 +390,7 @@ def _check_same_command(
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DistancePerformance:
-    """How the distance between two commanded positions was attained."""
+    """Performance of the distance between two commanded positions."""
 
     attained: Float[np.ndarray, " cycles"]
     """Attained distance D of each cycle, metres."""
@@ -401,7 +401,7 @@ class DistancePerformance:
 
     @property
     def cycles(self) -> int:
-        """How often both positions were measured."""
+        """Number of cycles in which both positions were measured."""
         return len(self.attained)
 
     @property
@@ -425,7 +425,7 @@ class DistancePerformance:
         return 3.0 * self.components.std(axis=0, ddof=1) if self.cycles > 1 else None
 
     def summary(self) -> dict[str, float | int]:
-        """What is known of it, in millimetres."""
+        """The figures in millimetres."""
         out: dict[str, float | int] = {"cycles": self.cycles, "AD_p_mm": self.accuracy * 1e3}
         out |= {f"AD_{axis}_mm": float(value) * 1e3 for axis, value in zip("xyz", self.offset, strict=True)}
         if self.repeatability is not None and self.axis_repeatability is not None:
@@ -566,7 +566,7 @@ _ROUNDING = 1e-9
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PathPerformance:
-    """How a commanded path was attained, in planes normal to it at its points."""
+    """Performance along a commanded path, in planes normal to it at its points."""
 
     sections: Int[np.ndarray, " sections"]
     """Which points of the commanded path were evaluated: those whose normal plane every pass crosses."""
@@ -583,7 +583,7 @@ class PathPerformance:
 
     @property
     def cycles(self) -> int:
-        """How many passes there are."""
+        """Number of passes."""
         return len(self.offsets)
 
     @property
@@ -632,7 +632,7 @@ class PathPerformance:
         return float(np.sqrt(np.mean(self.deviations**2)))
 
     def summary(self) -> dict[str, float | int]:
-        """What is known of it, in millimetres and degrees."""
+        """The figures in millimetres and degrees."""
         out: dict[str, float | int] = {"cycles": self.cycles, "sections": len(self.sections)}
         out["AT_p_mm"] = self.accuracy * 1e3
         out |= in_degrees("AT", self.orientation_accuracy)

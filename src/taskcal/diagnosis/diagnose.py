@@ -53,7 +53,7 @@ a measured point."""
 
 @looked_for("poses", "small-workspace", "few-orientations")
 def find_narrowness(case: Case, error: float) -> list[Finding]:
-    """What the poses lack, the worst first; an error as given is told with it, metres."""
+    """Findings on the spread of the poses, the worst first, with the error as given, metres."""
     T = case.usable()[1]
     if len(T) < 2:
         return []
@@ -179,7 +179,7 @@ def _names(case: Case, rows: np.ndarray) -> tuple[str, ...]:
 
 
 def _error_at(case: Case, rng: np.random.Generator | None) -> float:
-    """Of the quick fit as given, or the median of rows that are paired by lot, metres."""
+    """Error of the quick fit as given, or the median error of rows paired at random, metres."""
     rows = spread_rows(len(case.campaign), 60)
     T, campaign = case.poses(rows), case.campaign.take(rows)
     orders = [np.arange(len(rows))] if rng is None else [rng.permutation(len(rows)) for _ in range(15)]
@@ -202,7 +202,7 @@ _QUICK = frozenset({"socket"})
 
 
 def scope_of(campaign: Campaign) -> str:
-    """What the doctor can say of a campaign without a tracker; nothing of one that a tracker measured."""
+    """Scope of the diagnosis of a campaign without a tracker, in words; empty for one that a tracker measured."""
     kinds = dict.fromkeys(one.key for one in campaign.observations if not one.in_tracker)
     if not kinds:
         return ""
@@ -327,7 +327,7 @@ NOT_MENDED_BY_A_FILE = ("drift", "station-moved")
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Diagnosis:
-    """What was found, and the campaign without it."""
+    """Findings, and the campaign without the mistakes."""
 
     findings: tuple[Finding, ...]
     """The best first; empty for a sound campaign."""
@@ -448,7 +448,7 @@ def _moved(found: list[Explanation], given: Explanation, before: float) -> Diagn
 
 
 def _diagnose_observed(case: Case, scope: str, progress: Progress) -> Diagnosis:
-    """By the joints, and the robot where that is quick."""
+    """Diagnose by the mistakes of joints, and of the robot if that is quick."""
     found = explain_observed(case, progress)
     best, given = found[0], next(e for e in found if not e.mistakes)
     reach = best.case.model.robot.reach
@@ -482,7 +482,7 @@ def _chosen(found: list[Explanation], given: Explanation) -> tuple[Explanation, 
 
 
 def _rank_without(finding: Finding, mended: Campaign, case: Case) -> float:
-    """As `Explanation.rank` of what went wrong in the course.
+    """Rank, as of an `Explanation`, of a slip, move, drift or fault of rows.
 
     Rows that are left out are not explained, and which row belongs to which has to be said for each of them.
     """

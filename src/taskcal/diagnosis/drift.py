@@ -75,7 +75,7 @@ class CourseMistake(ABC):
     move: float
     """How far it moved the points, metres."""
     gain: float
-    """Of twice the logarithm of the likelihood, less what the columns cost."""
+    """Gain of twice the logarithm of the likelihood, less the price of the columns."""
     believed: bool
     """Whether it is beyond doubt."""
     before: float
@@ -96,7 +96,7 @@ class CourseMistake(ABC):
 
     @abstractmethod
     def mend(self, campaign: Campaign, fit: LinearFit) -> tuple[tuple[str, ...], str, Campaign]:
-        """What is concerned, one line that mends it, and the campaign without it."""
+        """Subject, a fix in one line, and the campaign without the mistake."""
 
     @classmethod
     def is_abrupt(cls, fit: LinearFit, weight: np.ndarray, columns: Float[np.ndarray, "m 3 b"], value: float) -> bool:
@@ -134,7 +134,7 @@ class Slip(CourseMistake):
 
     @classmethod
     def find(cls, fit: LinearFit, weight: np.ndarray, count: int) -> "Slip | None":
-        """As `CourseMistake.find`."""
+        """Find the most likely one (`CourseMistake.find`)."""
         choices = [(t,) for t in range(count)] + ([tuple(range(count))] if count > 1 else [])
         best: tuple[float, tuple[int, ...], int] | None = None
         for targets in choices:
@@ -196,7 +196,7 @@ class StationMove(CourseMistake):
 
     @classmethod
     def find(cls, fit: LinearFit, weight: np.ndarray, count: int) -> "StationMove | None":
-        """As `CourseMistake.find`."""
+        """Find the most likely one (`CourseMistake.find`)."""
         frame = frame_columns(fit.places)
 
         def columns(row: int) -> Float[np.ndarray, "m 3 6"]:
@@ -236,7 +236,7 @@ class SlowDrift(CourseMistake):
 
     @classmethod
     def find(cls, fit: LinearFit, weight: np.ndarray, count: int) -> "SlowDrift":
-        """As `CourseMistake.find`."""
+        """Find the most likely one (`CourseMistake.find`)."""
         time, numbers, before = _time(fit), _numbers(weight), fit.objective(weight)
         curved = _smooth(fit)
         even = curved[:, :, :6]
@@ -279,7 +279,7 @@ def find_course_mistake(fit: LinearFit, weight: Float[np.ndarray, " m"], count: 
 
 
 def gain(fit: LinearFit, before: float, after: float, columns: int, numbers: float) -> float:
-    """Of twice the logarithm of the likelihood, less what the columns cost."""
+    """Gain of twice the logarithm of the likelihood, less the price of the columns."""
     freedom = max(numbers - fit.columns.shape[2] / 2.0, 6.0)
     return float(freedom * np.log(max(before, 1e-12) / max(after, 1e-12)) - columns * np.log(numbers))
 

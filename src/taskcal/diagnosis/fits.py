@@ -64,7 +64,7 @@ class LinearFit:
 
     @property
     def median(self) -> float:
-        """Of the distances, metres."""
+        """Median distance, metres."""
         return float(np.median(self.distance))
 
     def objective(self, weight: Float[np.ndarray, " m"], added: Float[np.ndarray, "m 3 b"] | None = None) -> float:
@@ -121,7 +121,7 @@ def fit_linearly(case: Case, rows: Int[np.ndarray, " k"]) -> LinearFit | None:
 
 
 def frame_columns(places: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3 6"]:
-    """How points move with the frame they are given in: its translation and rotation."""
+    """Derivatives of points by translation and rotation of their frame."""
     out = np.zeros((len(places), 3, 6))
     out[:, :, :3] = np.eye(3)
     for axis in range(3):
@@ -153,7 +153,7 @@ def registered_trimmed(campaign: Campaign, T: Float[np.ndarray, "n 4 4"]) -> Reg
 
 
 def target_poses(registration: Registration, T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n targets 4 4"]:
-    """Where a registration has every target at some poses of the tool."""
+    """Predicted pose of every target at some poses of the tool."""
     return (registration.T_tracker_base @ T)[:, None] @ registration.T_tool_target
 
 
@@ -268,7 +268,7 @@ def _typical(distance: np.ndarray, seen: np.ndarray) -> Float[np.ndarray, " h"]:
 
 
 def _rotation(T: np.ndarray, y: np.ndarray, weight: np.ndarray) -> Float[np.ndarray, "h 3 3"]:
-    """From base to tracker: nearest to the inverse of the unconstrained matrix."""
+    """Rotation from base to tracker, nearest to the inverse of the unconstrained matrix."""
     h, n, count = weight.shape
     centre = (weight[..., None] * y).sum(axis=(1, 2)) / np.maximum(weight.sum(axis=(1, 2)), 1.0)[:, None]
     centred = np.where(weight[..., None] > 0, y - centre[:, None, None], 0.0)
@@ -289,7 +289,7 @@ def _rotation(T: np.ndarray, y: np.ndarray, weight: np.ndarray) -> Float[np.ndar
 def _distances(
     Z: np.ndarray, T: np.ndarray, y: np.ndarray, weight: np.ndarray, rotations: np.ndarray | None, lever: float
 ) -> Float[np.ndarray, "h n targets"]:
-    """Of every point, from where translation and offsets that fit the weighted ones best have it, metres."""
+    """Distance of every point from its prediction with the best translation and offsets, metres."""
     h, n, count = weight.shape
     A = np.zeros((h, n, count, 3, 3 + 3 * count))
     A[..., :3] = np.eye(3)

@@ -42,7 +42,7 @@ class Case:
     def usable(
         self, rows: Int[np.ndarray, " k"] | None = None
     ) -> tuple[Int[np.ndarray, " u"], Float[np.ndarray, "u 4 4"]]:
-        """Those of some rows, or of all, that were measured and at which a closed loop closes, and their nominal poses."""
+        """Measured rows at which a closed loop closes, of some or all, and their nominal poses."""
         rows = np.arange(len(self.campaign)) if rows is None else rows
         T = self.poses(rows)
         usable = np.isfinite(T[:, 0, 3]) & self.campaign.seen[rows]
@@ -169,7 +169,7 @@ class Finding:
     """One line that mends it."""
 
     def as_json(self) -> dict[str, Any]:
-        """As ``taskcal doctor --json`` gives it."""
+        """The entry that ``taskcal doctor --json`` prints."""
         return {
             "id": self.id,
             "subject": list(self.subject),

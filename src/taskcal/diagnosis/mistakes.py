@@ -225,7 +225,7 @@ def _other_units(names: tuple[str, ...], ratio: Float[np.ndarray, " targets"]) -
 
 
 def _expected_scatter(case: Case) -> float | None:
-    """Of the nominal tool point, the joints in the unit that their size asks for, metres; None where it hardly moves."""
+    """Scatter of the nominal tool point, joints in their likely unit, metres; None if it hardly moves."""
     for hypothesis in unit_mistakes(case):
         case = hypothesis.undo(case)
     scatter = _scatter(case.poses(np.arange(len(case.campaign)))[:, :3, 3])
@@ -411,7 +411,7 @@ def shift_fix(by: int) -> str:
 
 
 def common_shift(source: Int[np.ndarray, " n"]) -> int | None:
-    """By how many rows nearly all measurements that stand in a wrong row are off; None if they are off by different numbers."""
+    """Number of rows by which nearly all displaced measurements are shifted; None if the numbers differ."""
     offset = source - np.arange(len(source))
     values, counts = np.unique(offset[offset != 0], return_counts=True)
     if not len(values) or counts.max() < MIN_ALIKE_SHARE * counts.sum() or counts.max() < MIN_SHIFTED_ROWS:

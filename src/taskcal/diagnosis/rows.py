@@ -270,7 +270,7 @@ def far_rows(fit: LinearFit, rows: int) -> Bool[np.ndarray, " n"]:
 
 @looked_for("rows", "duplicate-poses", "gross-rows", "rows-shuffled")
 def find_row_fault(case: Case, fit: LinearFit) -> RowFault | None:
-    """What is wrong with the rows that are far off, if they are few."""
+    """Fault of the rows with large residuals, if these are few."""
     campaign = case.campaign
     far = far_rows(fit, len(campaign))
     same = _duplicates(campaign, fit)

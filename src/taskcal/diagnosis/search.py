@@ -108,7 +108,7 @@ def undone(case: Case, mistakes: Iterable[Hypothesis]) -> Case:
 
 
 def limits_charge(case: Case) -> float:
-    """What rows outside the joint limits cost, of the logarithm of the error."""
+    """Charge for rows outside the joint limits, natural logarithm of the error."""
     outside = 1.0 - float(case.robot.inside_limits(case.campaign.q, slack=LIMITS_SLACK).mean())
     return LIMITS_CHARGE * min(1.0, outside / LIMITS_SHARE)
 
@@ -129,7 +129,7 @@ def is_sound(explanation: Explanation) -> bool:
 
 
 def explain_in_pairs(case: Case, progress: Progress = silent) -> list[Explanation]:
-    """As `explain_singly`, with two mistakes at a time, and with three where two are too few."""
+    """Explanations by two mistakes at a time, and by three where two are too few, the best first."""
     found = _compared(case, _tried(case, (), progress, pairs=True), progress)
     if len(found[0].mistakes) == MAX_MISTAKES - 1 and not is_sound(found[0]):
         two = [e for e in found[:3] if len(e.mistakes) == MAX_MISTAKES - 1]
@@ -192,7 +192,7 @@ def _rank(error: float, mistakes: Combination) -> float:
 
 
 def _errors(case: Case, combinations: Sequence[Combination]) -> Float[np.ndarray, " h"]:
-    """By the quick fit, for joints undone in several ways; of many ways the poor ones by a first round alone."""
+    """Errors by the quick fit for several combinations of joint mistakes; poor ones among many by a first round alone."""
     if len(combinations) <= 2 * MAX_ROBUST_FITS:
         return _quick_errors(case, combinations)
     out = _quick_errors(case, combinations, rounds=1)
@@ -242,7 +242,7 @@ def _compared(case: Case, combinations: Iterable[Combination], progress: Progres
 
 
 def _unusual(case: Case) -> float:
-    """What the robot's mounting, the targets' places and the joints' middle positions cost."""
+    """Charge for unusual mounting, target offsets and joint positions."""
     rows, T = case.usable(spread_rows(len(case.campaign), MAX_HELD_OUT_ROWS))
     registration = registered_trimmed(case.campaign.take(rows), T)
     if registration is None:

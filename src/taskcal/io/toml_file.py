@@ -21,7 +21,7 @@ SHOWN_MISTAKES = 40
 
 
 class Mistake(NamedTuple):
-    """What a reader of the message needs to mend it."""
+    """Place and remedy of one mistake."""
 
     line: int | None
     """Counted from 1; None where the parser does not say."""
@@ -29,7 +29,7 @@ class Mistake(NamedTuple):
 
 
 class _Stop(NamedTuple):
-    """Where the parser stopped."""
+    """Place at which the parser stopped."""
 
     before: str
     """Of the line."""
@@ -301,7 +301,7 @@ def _keys(schema: type[BaseModel], place: Sequence[str | int]) -> tuple[str, ...
 
 
 def _homes(schema: type[BaseModel], key: str, within: tuple[str, ...] = ()) -> list[str]:
-    """Where a schema has a key of this name, as the headers of sections."""
+    """Headers of the sections in which a schema has a key of this name."""
     found = ["the first lines"] if not within and key in schema.model_fields else []
     for name, field in schema.model_fields.items():
         header = _header(".".join((*within, name)), field.annotation)
@@ -312,7 +312,7 @@ def _homes(schema: type[BaseModel], key: str, within: tuple[str, ...] = ()) -> l
 
 
 def _header(place: str, annotation: Any) -> str:
-    """As it is written for one section, for one of several, or for one with a name of its own."""
+    """Header of one section, of one of several, or of one with a name of its own."""
     kinds = {get_origin(kind) for kind in (annotation, *get_args(annotation))}
     if kinds & {tuple, list}:
         return f"[[{place}]]"

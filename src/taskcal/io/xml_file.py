@@ -28,7 +28,7 @@ class Element:
     children: list["Element"] = field(default_factory=list["Element"])
 
     def all(self, tag: str) -> Iterator["Element"]:
-        """Its own children of a name."""
+        """Children of the element with a name."""
         return (child for child in self.children if child.tag == tag)
 
     def first(self, tag: str) -> "Element | None":

@@ -95,7 +95,7 @@ def campaign_in_chunks(path: str | Path, robot: Robot) -> Generator[ChunkedCampa
 
 
 def _stamp(path: Path) -> tuple[int, int, int] | None:
-    """What tells whether a file is the one that it was; None where it cannot be asked, of which its reader says why."""
+    """Inode, size and time of a file, which change with it; None where it cannot be asked, and its reader says why."""
     try:
         status = os.stat(path)
     except (OSError, ValueError):

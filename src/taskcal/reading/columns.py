@@ -96,7 +96,7 @@ Kind = Literal[
 
 @dataclass(frozen=True, kw_only=True)
 class Meaning:
-    """What one column holds."""
+    """Meaning of one column."""
 
     kind: Kind
     index: int = 0
@@ -193,7 +193,7 @@ _MOVE = re.compile(r"(?P<joint>.+) move")
 def meanings(
     names: Sequence[str], units: Sequence[str], joints: Sequence[str], parts: Sequence[int] = ()
 ) -> list[Meaning | None]:
-    """What each column means; None for those that mean nothing here.
+    """Meaning of each column; None for columns without one here.
 
     Args:
         names: of the columns.
@@ -272,7 +272,7 @@ def _without_calculated(known: list[Meaning | None], texts: Sequence[str]) -> li
 
 
 def _measured_rank(text: str) -> int | None:
-    """How surely a position or a quaternion was measured, by the words of its name.
+    """Rank of a position or a quaternion by the words of its name: measured before reported before calculated.
 
     Returns:
         0 for what only a controller says, 1 for what it says or a goal, 2 for what it reports or was measured beside goals, 3 for
@@ -386,7 +386,7 @@ def _angles(texts: Sequence[str], joint_at: dict[int, int]) -> dict[int, tuple[s
 
 
 def _meaning(text: str, unit: str | None, name: str, own: dict[str, int], count: int) -> Meaning | None:
-    """Of a column that is no joint, no angle and no numbered part of a quaternion."""
+    """Meaning of a column other than joints, angles and numbered parts of a quaternion."""
     if match := _APPROACH.fullmatch(text):
         return _of_joint("approach", match["joint"], unit, own, count)
     if match := _MOVE.fullmatch(text):
@@ -445,7 +445,7 @@ def _measured(text: str, unit: str | None, name: str) -> Meaning | None:
 def _of_joint(
     kind: Literal["approach", "move"], text: str, unit: str | None, own: dict[str, int], count: int
 ) -> Meaning | None:
-    """What is said of a joint beside its position."""
+    """Meaning of a column on the approach or the last move of a joint."""
     match = _JOINT.fullmatch(text)
     index = own.get(text, int(match["number"]) - 1 if match else -1)
     return Meaning(kind=kind, index=index, unit=unit) if 0 <= index < count else None

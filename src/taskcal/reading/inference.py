@@ -455,7 +455,7 @@ def _number_of(name: str) -> str:
 
 
 def _agreement(joints: Readings, points: Readings, robot: Robot) -> str:
-    """What is said of rows paired by order that the nominal robot misses by far; empty where it does not."""
+    """Note on rows paired by order that the nominal robot misses by far; empty otherwise."""
     if len(points.points) != 1 or points.targets_by_row is not None or len(joints) < WINDOW:
         return ""
     (measured,) = points.points.values()
@@ -500,7 +500,7 @@ def _by_geometry(joints: Readings, points: Readings, robot: Robot) -> tuple[np.n
 
 
 def _windows(joints: int, points: int) -> list[tuple[int, int]]:
-    """Where to begin in each file, small shifts first."""
+    """First rows of the windows in each file, small shifts first."""
     shifts = sorted(range(-MAX_SHIFT, MAX_SHIFT + 1), key=abs)
     starts = np.unique(np.linspace(0, max(0, joints - WINDOW), MAX_WINDOWS).astype(int)).tolist()
     return [

@@ -23,7 +23,7 @@ from taskcal.tables.forms import TableForm
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOptions:
-    """What a user states of a file of measurements that the file does not say; nothing by default."""
+    """Statements of the user on what a file of measurements leaves open; nothing by default."""
 
     form: TableForm = field(default_factory=TableForm)
     """Of the table."""
@@ -114,7 +114,7 @@ def read_measurements(path: str | Path, robot: Robot, options: ReadOptions | Non
 
 
 def _of_file(path: str | Path, robot: Robot, form: TableForm, angles: AngleForm | None) -> Readings:
-    """What one file says, in its own words."""
+    """Readings of one file, in the units that it states."""
     readings = read_readings(path, robot, form, angles)
     if not _states_units(readings):
         from taskcal.reading.inference import with_stated_units
@@ -135,7 +135,7 @@ def _averaged(readings: Readings, robot: Robot) -> Readings:
 
 
 def _likely_metres(readings: Readings, robot: Robot) -> float:
-    """What one unit of positions is by their scatter, where none is stated; of a millimetre where it cannot be told."""
+    """Likely size of one unit of the positions, metres, by their scatter if none is stated; else a millimetre."""
     if readings.length_unit_stated or not readings.points:
         return LENGTHS["mm"]
     from taskcal.reading.inference import infer_length
@@ -254,7 +254,7 @@ def _refuse_controllers(readings: Readings, robot: Robot, campaign: Campaign) ->
 
 
 def _observed(readings: Readings, targets: Sequence[str] | None) -> list[Read]:
-    """What was observed without a tracker, of all or of those that are asked for."""
+    """Observations without a tracker, of all targets or of those that are asked for."""
     if readings.observed is None:
         return []
     found = [one for kind in kinds() if (one := kind.read(readings.observed)) is not None]
@@ -263,7 +263,7 @@ def _observed(readings: Readings, targets: Sequence[str] | None) -> list[Read]:
 
 
 def _rotations(readings: Readings, observed: Sequence[Read]) -> Float[np.ndarray, "n 3 3"] | None:
-    """Of the only target that is measured with one.
+    """Rotations of the only target that has them.
 
     Raises:
         FileError: there are several.
@@ -278,13 +278,13 @@ def _rotations(readings: Readings, observed: Sequence[Read]) -> Float[np.ndarray
 
 
 def _other_sheets(readings: Readings) -> str:
-    """What is said of a workbook whose other sheets may hold what is lacking."""
+    """Hint at the other sheets of a workbook, which may hold what is lacking."""
     note = next((note for note in readings.notes if note.startswith("sheet '")), None)
     return "" if note is None else f" ({note}; name one as in {readings.path.name}#SHEET)"
 
 
 def _left(readings: Readings) -> str:
-    """What is said of columns that were left out where what was measured is lacking."""
+    """Hint at the columns that were left out, where measurements are lacking."""
     note = next((note for note in readings.notes if re.match("columns? left out", note)), None)
     return "" if note is None else f"; {note}"
 
@@ -332,7 +332,7 @@ _COUNT = re.compile(r"[0-9]{1,15}")
 
 
 def recorded_conditions(readings: Readings, robot: Robot, q: np.ndarray) -> Conditions:
-    """How each row was reached: by columns, or else by the order of the rows."""
+    """Approach and move of each row, from columns or else from the order of the rows."""
     if readings.approach is None and readings.move is None:
         return conditions_in_order(robot, q, _follows(readings.ids))
     approach = readings.approach

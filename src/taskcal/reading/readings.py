@@ -143,7 +143,7 @@ def read_joints(table: Table, robot: Robot) -> Float[np.ndarray, "rows joints"] 
 
 
 def no_joint(robot: Robot, j: int) -> str:
-    """What is said of a table without a column for a joint."""
+    """Message on a table without a column for a joint."""
     units, joint = _units(robot.prismatic[j]), robot.joint_names[j]
     return (
         f"has no column for joint {joint} of {robot.name}; it needs one for each of "
@@ -156,7 +156,7 @@ def _units(slides: bool) -> tuple[str, str]:
 
 
 def _together(table: Table, columns: Sequence[str], **how: Any) -> Float[np.ndarray, "rows columns"]:
-    """As `Table.side_by_side`, with the faults of all columns in one error."""
+    """Numbers of several columns, with the faults of all of them in one error."""
     faults = Faults()
     values = np.full((len(table), len(columns)), np.nan)
     for k, column in enumerate(columns):
@@ -334,7 +334,7 @@ def _turned(cells: Float[np.ndarray, "rows 3"], what: str, unit: str) -> Float[n
 
 
 def _stated(first: Meaning, form: AngleForm | None) -> tuple[str, str]:
-    """What angles mean and their unit, by the user's word, or by their name where they are a rotation vector."""
+    """Meaning and unit of angles as the user states them, or of a rotation vector by its name."""
     if form is None:
         return "rotation-vector", first.unit or "rad"
     if form in ("abc", "wpr"):
@@ -396,7 +396,7 @@ def with_positions(table: Table) -> Table:
 
 
 def _directed(texts: Sequence[str]) -> dict[str, dict[str, int]]:
-    """By target, the column of each part of a direction."""
+    """Column of each part of a direction, by target."""
     by_target: dict[str, dict[str, int]] = {}
     for k, text in enumerate(texts):
         for kind, names in _DIRECTION_NAMES.items():
@@ -674,7 +674,7 @@ def _positions(table: Table, columns: Sequence[str], unit: str | None) -> np.nda
 def _uncertainty(
     measured: MeasuredTable, units: set[str | None], largest: float
 ) -> tuple[dict[str, Float[np.ndarray, " rows"]], frozenset[str]]:
-    """By target, and which are in metres; of three axes the root mean square.
+    """Standard uncertainty by target, of three axes the root mean square, and the targets for which it is in metres.
 
     Without a unit of its own it is as the positions are, if these are in millimetres.
     """
@@ -806,7 +806,7 @@ def _without_numbering(table: Table) -> Table:
 
 
 def _words_and_numbers(table: Table) -> tuple[int, int]:
-    """How many columns of words come first, counts between them included, and how many of numbers follow them.
+    """Number of leading columns of words, with counts between them, and of the columns of numbers that follow.
 
     A first column with a word in it is one of words, any other where most of its cells are.
     """
@@ -903,7 +903,7 @@ def _size(block: Float[np.ndarray, "rows 3"]) -> float:
 
 
 def _correlation(first: Float[np.ndarray, " pairs"], second: Float[np.ndarray, " pairs"]) -> float:
-    """Of distances; 0 of too few."""
+    """Correlation of distances; 0 for too few."""
     if len(first) < 6 or first.std() == 0.0 or second.std() == 0.0:
         return 0.0
     return float(np.corrcoef(first, second)[0, 1])
@@ -1152,7 +1152,7 @@ def _groups(measured: MeasuredTable) -> tuple[str, ...] | None:
 
 
 def _ids(measured: MeasuredTable) -> tuple[str, ...] | None:
-    """From the surest column of names that names every row differently, or else from the surest that is there.
+    """Names of the rows, from the surest column that names every row differently, or else from the surest.
 
     Raises:
         FileError: a row has no name.

@@ -289,7 +289,7 @@ def side_by_side(readings: Readings, metres: float = 1e-3) -> Readings:
 
 
 def _pose_name(readings: Readings, row: int) -> str:
-    """How an error names the pose of a row, and its target."""
+    """Pose and target of a row, for an error."""
     targets = readings.targets_by_row or ()
     return f"{readings.ids[row] if readings.ids else int(readings.lines[row])}, target {targets[row]}"
 

@@ -33,7 +33,7 @@ def write_campaign(path: str | Path, campaign: Campaign, robot: Robot) -> None:
 
 
 def campaign_text(campaign: Campaign, robot: Robot) -> str:
-    """What `write_campaign` writes."""
+    """Text of the file that `write_campaign` writes."""
     header, columns = _joint_columns(campaign.q, robot)
     for t, name in enumerate(campaign.targets):
         prefix = "" if name == "tool" else f"{name}_"
@@ -82,7 +82,7 @@ def as_parquet(text: str) -> bytes:
 
 
 def readings_text(readings: Readings, robot: Robot) -> str:
-    """What was read of a file that holds joints only, or points only, as plain CSV: millimetres and degrees, lost beams empty.
+    """Readings of joints only, or points only, as plain CSV: millimetres and degrees, lost beams empty.
 
     Args:
         readings: in radians and metres.
@@ -122,7 +122,7 @@ def write_joints(path: str | Path, q: Float[np.ndarray, "n joints"], robot: Robo
 
 
 def joints_text(q: Float[np.ndarray, "n joints"], robot: Robot, more: Mapping[str, Sequence[str]] | None = None) -> str:
-    """What `write_joints` writes, with more columns behind the joints."""
+    """Text of the file that `write_joints` writes, with more columns after the joints."""
     header, columns = _joint_columns(q, robot)
     own = more or {}
     return _table(["id", *header, *own], [[str(i) for i in range(len(q))], *columns, *map(list, own.values())])

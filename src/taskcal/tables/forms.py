@@ -120,7 +120,7 @@ and memory however short they are."""
 
 @dataclass(frozen=True, kw_only=True)
 class TableForm:
-    """What a user may state of a table that the file does not say; nothing by default."""
+    """Statements of the user on what a table leaves open; nothing by default."""
 
     columns: tuple[str, ...] | None = None
     """Names of the columns, for a file that has none, or others."""
@@ -213,13 +213,13 @@ _OWN = frozenset(_FORMS)
 
 
 def forms() -> tuple[FileForm, ...]:
-    """Those of other packages, which were installed for their files, then Taskcal's own."""
+    """Forms of other packages, which were installed for their files, then Taskcal's own."""
     load_plugins(GROUP, FileForm, _FORMS)
     return tuple(sorted(_FORMS.values(), key=lambda form: form.name in _OWN))
 
 
 def table_suffixes() -> tuple[str, ...]:
-    """How files of tables end, in small letters."""
+    """Endings of the names of files that hold tables, in small letters."""
     return tuple(dict.fromkeys(suffix for form in forms() for suffix in form.suffixes))
 
 
@@ -445,7 +445,7 @@ def lay_out(sheet: Sheet, names: Sequence[str] | None = None) -> Table:
 
 
 def _numbers_above(sheet: Sheet, before: int) -> tuple[str, ...]:
-    """What is said of rows of numbers before the names of the columns: another table, or settings."""
+    """Note on rows of numbers above the names of the columns: another table, or settings."""
     lines = [sheet.lines[row] for row in range(before) if len(sheet.rows[row]) > 2 and _is_numbers(sheet.rows[row])]
     if not lines:
         return ()
@@ -456,7 +456,7 @@ def _numbers_above(sheet: Sheet, before: int) -> tuple[str, ...]:
 
 
 def _first_row_of_numbers(rows: Sequence[tuple[str, ...]]) -> tuple[int, int | None]:
-    """How many cells most rows of numbers have, and the first of these; None where no row is of numbers."""
+    """Width of most rows of numbers, and the first of these; None without rows of numbers."""
     widths = Counter[int]()
     first: dict[int, int] = {}
     for number, row in enumerate(rows):
@@ -603,7 +603,7 @@ def _names_anew(before: Sequence[str], row: Sequence[str], after: Sequence[str])
 
 
 def _filled(row: Sequence[str]) -> int:
-    """How many cells a row has up to its last filled one."""
+    """Number of cells of a row up to its last filled one."""
     return next((k for k in range(len(row), 0, -1) if row[k - 1]), 0)
 
 
@@ -615,7 +615,7 @@ def _fitted(row: Row, width: int, separator: str) -> Row:
 
 
 def _no_table(sheet: Sheet, width: int, sound: int) -> FileError:
-    """What is said of text that happens to have some lines of numbers."""
+    """Error for text that happens to have some lines of numbers."""
     lines = [" ".join(row) for row in sheet.rows[:10]]
     at = next((k for k, line in enumerate(lines) if _LABEL.match(line)), None)
     kind, line = ("text", lines[0]) if at is None else ("labelled text", lines[at])

@@ -332,7 +332,7 @@ class Table:
 
 
 def _trouble(text: str, remedy: str, largest: float) -> str:
-    """What is wrong with a cell that is no number within a bound."""
+    """Fault of a cell that is no number within a bound, in words."""
     if not text:
         return f"the cell is empty; {remedy}"
     if NUMBER.fullmatch(text):
@@ -382,7 +382,7 @@ _WORD = re.compile(r"\S+")
 
 
 def too_wide(path: Path, line: int) -> FileError:
-    """What is said of a line that no table has."""
+    """Error for a line with more columns than a table has."""
     return FileError(path, f"has more than {MAX_COLUMNS} columns; is it a table?", line=int(line))
 
 

@@ -98,7 +98,7 @@ _AT_ONCE = 1 << 16
 
 
 def lines_of(text: str) -> Iterator[str]:
-    """What stands between the line feeds of a text."""
+    """Lines of a text, without their line feeds."""
     for part in parts_of(text):
         yield from part.removesuffix("\n").split("\n")
     if text.endswith("\n") or not text:
@@ -255,7 +255,7 @@ def parse_delimited(path: Path, text: str, decimal: DecimalMark | None = None) -
 
 
 def _commented(comments: Sequence[tuple[int, str]], separator: str, width: int, first: int) -> tuple[str, ...]:
-    """What is said of rows of numbers behind a comment mark, as people leave them out."""
+    """Note on rows of numbers after a comment mark, as people leave them out."""
     lines = [
         number + first
         for number, comment in comments
@@ -287,7 +287,7 @@ def with_decimal_points(sheet: Sheet, decimal: DecimalMark | None = None) -> She
 
 
 def separator_of(lines: Iterable[str]) -> str:
-    """What parts the cells: what gives most lines the same count of cells, and most cells numbers."""
+    """Separator of the cells: the one that gives most lines the same count of cells, and most cells numbers."""
     plain = (line for line in lines if line.strip() and not _COMMENT.match(line))
     sample = [*islice(plain, _SAMPLED), *deque(plain, _SAMPLED)]
     for separator in _SELDOM_ELSE:
@@ -303,7 +303,7 @@ def separator_of(lines: Iterable[str]) -> str:
 
 
 def _fit(lines: Sequence[str], separator: str) -> tuple[float, int]:
-    """How well a separator parts lines: share of cells that are numbers in lines of the usual count; then the count."""
+    """Score of a separator: share of cells that are numbers in lines of the usual count; then the count."""
     rows = [split_line(line, separator) for line in lines]
     counts = Counter(len(row) for row in rows if len(row) > 1)
     if not counts:
@@ -407,7 +407,7 @@ def is_footer(row: Sequence[str]) -> bool:
 
 
 def footer_note(lines: Iterable[int], rows: Sequence[Sequence[str]]) -> str:
-    """What is said of rows that are left out, by the first text in each."""
+    """First texts and lines of rows that are left out, for a note."""
     firsts = [next(filter(None, row)) for row in rows]
     listed = ", ".join(f"{shown(text, 40)} (line {line})" for text, line in list(zip(firsts, lines, strict=True))[:5])
     return f"{listed}{' …' if len(rows) > 5 else ''}"
@@ -505,7 +505,7 @@ def _section_words(text: str) -> set[str]:
 
 
 def _titled(line: str) -> re.Match[str] | None:
-    """What a line says as a name of those below; None where it cannot be one."""
+    """Match of a line that names the section below it; None if it cannot."""
     if len(line) > _LONGEST_TITLE or len(_PAIR.findall(line)) >= MIN_LABELS:
         return None
     return _SECTION.match(line)
