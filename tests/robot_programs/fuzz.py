@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_programs.core.program import Program, Waypoint
+from robot_programs.core.program import Move, Program, Waypoint
 from robot_programs.core.source import Source
 from taskcal.errors import TaskcalError
 from taskcal.robot.robot import Robot
@@ -32,11 +32,24 @@ class Language:
     read: Callable[[tuple[Source, ...]], Program]
     waypoints: Callable[[np.random.Generator, Program], Mapping[int, tuple[Waypoint, ...]]]
     """New waypoints for some of its motions."""
+    posture: Callable[[Program, int], np.ndarray | None] = lambda program, number: np.zeros(6)
+    """Joint positions of the configuration that a motion states, radians; None where its own end is written in another way."""
     robot: Robot
 
 
 LANGUAGES = tuple(sorted(path.parent.name for path in Path(__file__).parent.glob("*/fuzzing.py")))
 """Each has a module ``fuzzing`` in its folder with its `LANGUAGE`."""
+
+
+def unchanged(language: Language, program: Program) -> dict[int, tuple[Waypoint, ...]]:
+    """The own ends of the motions that are written as they are."""
+    postures = {number: language.posture(program, number) for number in range(len(program.moves))}
+    return {number: (_own(program.moves[number], q),) for number, q in postures.items() if q is not None}
+
+
+def _own(move: Move, q: np.ndarray) -> Waypoint:
+    via = None if move.via is None else Waypoint(kind=move.kind, q=q, T=move.via.T)
+    return Waypoint(kind=move.kind, q=q if move.end.q is None else move.end.q, T=move.end.T, via=via)
 
 
 def mutated(rng: np.random.Generator, data: bytes, marks: bytes = b"[](){}\\;:=\"'!,<>%$&*/+-. \n\r\t09eE") -> bytes:
@@ -73,15 +86,18 @@ def check_case(language: Language, seed: int) -> str:
     sources = list(language.generate(rng))
     hit = int(rng.integers(len(sources)))
     sources[hit] = Source.of(sources[hit].path, mutated(rng, sources[hit].encode()))
-    begin = time.process_time()
+    begin, program, refusal = time.process_time(), None, ""
     try:
         program = language.read(tuple(sources))
-    except TaskcalError:
-        return "refused"
+    except TaskcalError as error:
+        refusal = str(error)
     finally:
         assert time.process_time() - begin < LONGEST, "reading takes too long"
-    unchanged = program.rewrite(language.robot, {})
-    assert [s.encode() for s in unchanged] == [s.encode() for s in sources], "bytes change without a reason"
+    if program is None:
+        assert any(str(source.path) in refusal for source in sources), "the message names no file"
+        return "refused"
+    same = program.rewrite(language.robot, {})
+    assert [s.encode() for s in same] == [s.encode() for s in sources], "bytes change without a reason"
     waypoints = language.waypoints(rng, program)
     try:
         after = program.rewrite(language.robot, waypoints)

@@ -35,7 +35,8 @@ def test_the_forearm_in_line_with_the_lower_arm_is_the_border():
     np.testing.assert_allclose(bends[:, 1], [0.1, 0.0, -0.1], atol=1e-9)
 
 
-def test_an_arm_with_a_parallel_rod_or_another_number_of_joints_has_none():
+def test_arm_bends_need_six_joints_and_no_parallel_rod():
+    """An arm with a parallel rod or another number of joints has none."""
     assert arm_bends(load_robot("abb-irb6660-205-1.9"), np.zeros((1, 6))) is None
     assert arm_bends(load_robot("franka-panda"), np.zeros((1, 7))) is None
     assert arm_bends(load_robot("ur5"), np.zeros((1, 6))) is None

@@ -50,7 +50,8 @@ def contents(path: Path) -> dict[str, bytes]:
         return {name: packed.read(name) for name in packed.namelist()}
 
 
-def test_the_program_in_it_is_read_and_what_is_missing_is_said_once(made):
+def test_backup_is_read_and_missing_names_are_listed_once(made):
+    """The program in it is read and what is missing is said once."""
     program = read_program(made)
     assert [move.end.name for move in program.moves] == ["p1"]
     assert program.T_world_base[2, 3] == 0.5
@@ -59,7 +60,8 @@ def test_the_program_in_it_is_read_and_what_is_missing_is_said_once(made):
     assert str(program.diagnostics[0]) == f"{place}:13: the files miss 1 names: tMiss (2)"
 
 
-def test_it_is_written_again_with_the_program_changed_and_all_else_as_it_was(made):
+def test_backup_is_written_with_only_the_program_changed(made):
+    """It is written again with the program changed and all else as it was."""
     found, sources = open_backup(made)
     edited = [
         Source(path=s.path, text=s.text.replace("fine", "z1"), encoding=s.encoding) if "Part" in s.path.name else s
@@ -110,7 +112,8 @@ def test_a_failure_on_the_way_leaves_nothing(made, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["./RAPID/Part.mod", "RAPID\\Part.mod"])
-def test_a_program_is_corrected_under_whatever_name_a_packer_gave_it(name, tmp_path):
+def test_backup_keeps_the_names_that_a_packer_gave(name, tmp_path):
+    """A program is corrected under whatever name a packer gave it."""
     path, out = tmp_path / "b.zip", tmp_path / "out.zip"
     with zipfile.ZipFile(path, "w") as packed:
         packed.writestr("./", b"")

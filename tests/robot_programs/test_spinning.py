@@ -35,7 +35,8 @@ def circle(n: int) -> str:
 
 
 @pytest.mark.slow
-def test_every_run_of_motions_can_be_followed_by_the_robots_joints():
+def test_spins_let_the_joints_follow_every_run():
+    """Every run of motions can be followed by the robots joints."""
     given = program(circle(40) + "CIRCLE/0,0,0,0,0,1,5\nGOTO/0,0,100\n" + circle(5))
     spun = with_spins(given, ROBOT)
     assert (spun.sources, spun.diagnostics) == (given.sources, given.diagnostics)
@@ -65,7 +66,8 @@ def test_spins_come_as_near_to_those_wanted_as_the_axes_allow():
 
 
 @pytest.mark.slow
-def test_arcs_get_spins_too_and_a_path_out_of_reach_is_named_by_its_line():
+def test_spins_of_arcs_and_refusal_out_of_reach():
+    """Arcs get spins too and a path out of reach is named by its line."""
     text = "GOTO/50,0,0\nINDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,50),ON,(LINE/0,0,0,0,50,0)\n"
     arc = with_spins(program(text), ROBOT).moves[1]
     np.testing.assert_allclose(arc.via.T[:3, :3], arc.end.T[:3, :3], atol=1e-12)

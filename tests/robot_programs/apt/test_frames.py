@@ -16,7 +16,8 @@ def csys(R: np.ndarray, p: np.ndarray):
 
 
 @given(generators)
-def test_twelve_numbers_are_a_pose_row_by_row_and_a_mirror_is_none(rng):
+def test_frame_of_twelve_numbers_is_a_pose_by_rows(rng):
+    """Twelve numbers are a pose row by row and a mirror is none."""
     R, p = se3.exp(rng.normal(size=3)), rng.normal(size=3) * 100.0
     np.testing.assert_allclose(stated_frame(csys(R, p)), np.c_[R, p], atol=1e-6)
     assert stated_frame(csys(R * [1.0, 1.0, -1.0], p)) is None
@@ -24,7 +25,8 @@ def test_twelve_numbers_are_a_pose_row_by_row_and_a_mirror_is_none(rng):
 
 
 @given(generators)
-def test_the_first_frame_is_the_part_s_and_another_one_is_uncertain_until_the_first_returns(rng):
+def test_frames_other_than_the_first_are_uncertain(rng):
+    """The first frame is the part's and another one is uncertain until the first returns."""
     frames = StatedFrames()
     first, other = (csys(se3.exp(rng.normal(size=3)), rng.normal(size=3)) for _ in range(2))
     assert frames.read_csys(first, 3) is None
@@ -35,7 +37,8 @@ def test_the_first_frame_is_the_part_s_and_another_one_is_uncertain_until_the_fi
 
 
 @given(generators)
-def test_in_the_world_s_coordinates_a_turned_frame_is_certain_where_the_tool_axis_is_its_own(rng):
+def test_turned_frame_is_certain_if_the_tool_axis_agrees(rng):
+    """In the world's coordinates a turned frame is certain where the tool axis is its own."""
     tilted = se3.exp(np.array([rng.uniform(0.5, 2.5), 0.0, 0.0]))
     frames = StatedFrames()
     (world,) = parse("TRNTYP/WORLD,0,0,0")

@@ -1,5 +1,6 @@
 """Statements of APT: every word where it stands, whatever lines, blanks and comments lie between."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -32,3 +33,39 @@ def test_comments_and_lines_of_text_hold_no_words():
 def test_the_number_of_a_card_is_no_part_of_its_statement():
     (statement,) = parse("GOTO/1.0,2.0,3.0".ljust(72) + "PT    12\n")
     assert statement.numbers == (1.0, 2.0, 3.0)
+
+
+# Numbers of a path.
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [("1", 1.0), ("-.5", -0.5), ("+2.5E3", 2500.0), ("1E99", None), ("1.5.", None), ("MM", None), (".", None)],
+)
+def test_numbers_are_those_of_a_path(text, number):
+    (statement,) = parse(f"GOTO/{text}")
+    assert statement.tokens[2].number == number
+
+
+# What stands behind the slash of a statement.
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=6))
+def test_arguments_between_commas_are_numbers_where_all_are(values: list[float]) -> None:
+    (statement,) = parse("GOTO/" + ",".join(map(repr, values)))
+    assert statement.numbers == tuple(values)
+    (statement,) = parse("GOTO/" + ",".join([*map(repr, values), "on"]))
+    assert statement.numbers is None
+    assert statement.words[-1] == "ON"
+
+
+@pytest.mark.parametrize("text", ["GOTO/1,,2", "GOTO/1,2,", "GOTO/(P1),2", "GOTO=1,2", "GOTO/"])
+def test_arguments_that_are_not_so_simple_are_none(text: str) -> None:
+    (statement,) = parse(text)
+    assert not statement.words
+    assert statement.arguments is None
+
+
+def test_a_word_alone_has_no_arguments() -> None:
+    (statement,) = parse("RAPID")
+    assert statement.arguments == ()

@@ -73,7 +73,7 @@ def test_a_circle_that_is_not_certain_stays_as_it_is(circle, end, why):
     assert why in program.diagnostics[0].text
 
 
-def test_the_sense_of_a_circle_is_the_one_that_continues_the_line_before_it():
+def test_circle_sense_continues_the_line_before():
     """SOLIDWORKS CAM's six numbers turn by the right hand, NX's eleven against it."""
     for axis, rest in (("0,0,1", ""), ("0,0,-1", ",5,0.06,0.5,10,0")):
         program = read(f"GOTO/0,0,0\nGOTO/20,0,0\nCIRCLE/20,5,0,{axis}{rest}\nGOTO/25,5,0\n")
@@ -89,7 +89,8 @@ def test_a_full_circle_is_two_halves():
     np.testing.assert_allclose(program.moves[2].via.T[:3, 3], [0.015, 0.005, 0], atol=1e-12)
 
 
-def test_the_points_of_a_cycle_are_read_and_what_it_does_there_is_not():
+def test_cycle_points_are_read_without_their_action():
+    """The points of a cycle are read and what it does there is not."""
     text = "GOTO/0,0,50\nCYCLE/INIT\nCYCLE/DRILL,FEDTO,10\nGOTO/0,0,0\nGOTO/20,0,0\nCYCLE/OFF\nGOTO/20,0,50\n"
     program = read(text)
     assert [move.kind for move in program.moves] == ["linear", "joint", "joint", "linear"]
@@ -142,7 +143,8 @@ UNCERTAIN = {
 
 
 @pytest.mark.parametrize("text", UNCERTAIN)
-def test_what_moves_coordinates_leaves_motions_as_they_are_until_it_is_cleared(text):
+def test_moved_coordinates_leave_motions_until_cleared(text):
+    """What moves coordinates leaves motions as they are until it is cleared."""
     program = read(text.format("GOTO/1,2,3\nGODLTA/1,0,0\n") + "GOTO/4,5,6\n")
     expected = f"{UNCERTAIN[text]}; the motion stays as it is"
     lasts = "{}" in text[-4:]
@@ -189,7 +191,8 @@ GOTO/78.,22.,-12.,1.,0,0
 """
 
 
-def test_points_of_a_turned_setup_stay_in_the_first_frame_where_their_tool_axis_shows_it():
+def test_turned_setup_stays_in_the_first_frame_by_tool_axis():
+    """Points of a turned setup stay in the first frame where their tool axis shows it."""
     program = read(TURNED_SETUP)
     assert not program.diagnostics
     assert [move.follows for move in program.moves] == [None, None, 1]
@@ -197,7 +200,8 @@ def test_points_of_a_turned_setup_stay_in_the_first_frame_where_their_tool_axis_
     np.testing.assert_allclose(axes(program)[1:], [[1, 0, 0]] * 2, atol=1e-15)
 
 
-def test_points_of_a_turned_setup_are_read_again_when_they_were_corrected():
+def test_turned_setup_is_read_again_after_correction():
+    """Points of a turned setup are read again when they were corrected."""
     program = read(TURNED_SETUP)
     waypoints = {n: (moved(m, np.full(3, 1e-3), np.array([0.01, 0.0, 0.01])),) for n, m in enumerate(program.moves)}
     again = read(program.rewrite(ROBOT, waypoints)[0].encode())
@@ -214,7 +218,8 @@ def test_points_of_a_turned_setup_are_read_again_when_they_were_corrected():
         TURNED_SETUP.replace(",1.,0,0\n", "\n"),
     ],
 )
-def test_points_of_a_moved_frame_are_refused_where_their_frame_cannot_be_told(text):
+def test_moved_frame_is_refused_if_it_is_ambiguous(text):
+    """Points of a moved frame are refused where their frame cannot be told."""
     program = read(text)
     assert len(program.moves) == 1
     assert len(program.diagnostics) == 2

@@ -103,7 +103,8 @@ def test_trigger_sets_base_at_a_time_that_is_unknown():
 
 
 @pytest.mark.parametrize("dat", ["", "DECL REAL X=900.0"])
-def test_followed_analog_signal_is_unknown_until_assigned_after_off(dat):
+def test_analog_signal_is_unknown_until_assigned_after_off(dat):
+    """Followed analog signal is unknown until assigned after off."""
     declared = "" if dat else "DECL REAL X\n"
     body = f"{FRAMES}X=900\nANIN ON X=1.0*SENSOR+0.5\nX=900\n{AT_X}ANIN OFF SENSOR\n{AT_X}X=900\n{AT_X}"
     (first,) = texts(read(declared + body, dat=dat))[:1]

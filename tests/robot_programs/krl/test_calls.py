@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from robot_programs.krl.read import read_krl
+from tests.robot_programs.krl.samples import source
 from tests.robot_programs.krl.small_programs import FRAMES, POSE, read, texts
 
 SETTINGS = """\
@@ -42,13 +44,15 @@ def test_motions_are_followed_into_routines_and_out_of_them():
     assert last == 1
 
 
-def test_a_point_that_counts_from_the_motion_before_counts_across_calls():
+def test_relative_point_counts_across_calls():
+    """A point that counts from the motion before counts across calls."""
     program = read(f"{FRAMES}LIN {POSE}\nUP( )\nLIN {{Z 850}}", more="DEF UP( )\nLIN_REL {Z 100}\nEND\n")
     assert [round(float(move.end.T[2, 3]), 9) for move in program.moves] == [0.8, 0.85, 0.9]
     assert [move.follows for move in program.moves] == [None, 2, 0]
 
 
-def test_a_text_stands_for_a_motion_of_each_call_that_gives_it_something_else():
+def test_call_with_other_arguments_is_another_motion():
+    """A text stands for a motion of each call that gives it something else."""
     routine = "DEF TO(P :IN)\nDECL E6POS P\nLIN P\nEND\n"
     points = f"DECL E6POS XP1={POSE}\nDECL E6POS XP2={HIGH}"
     program = read(f"{FRAMES}TO(XP1)\nTO(XP1)", dat=points, more=routine)
@@ -98,3 +102,28 @@ def test_functions_in_expressions_count_as_calls():
     program = read(f"{FRAMES}BOOL OK\nLIN {POSE}\nOK=NOT LIFT( )\nLIN {POSE}", more=function)
     assert len(program.moves) == 1
     assert any("LIFT sets it" in text for text in texts(program))
+
+
+# Routines and those that call them.
+
+
+def test_frames_pass_from_a_caller_to_what_it_calls():
+    more = f"DEF SUB( )\nLIN {POSE}\nEND\n"
+    program = read(f"{FRAMES}SUB( )\nLIN {POSE}", more=more)
+    assert [(m.routine, m.follows) for m in program.moves] == [("PART", 1), ("SUB", None)]
+    program = read(f"SUB( )\n{FRAMES}SUB( )", more=more)
+    assert not program.moves
+    assert "$TOOL is not set before it" in texts(program)[0]
+    program = read(f"{FRAMES}SUB( )\nLIN {POSE}", more="DEF SUB( )\n$BASE=BASE_DATA[1]\nEND\n")
+    assert [m.part.name for m in program.moves] == ["BASE_DATA[1]"]
+    program = read(f"{FRAMES}LIN {POSE}\nSUB( )", more=f"DEF SUB( )\nLIN {POSE}\nSUB( )\nEND\n")
+    assert "SUB is called where that is not followed" in texts(program)[0]
+
+
+def test_routines_of_one_name_in_two_files_count_as_one():
+    one, two = (
+        source(f"{name}.src", f"DEF {name}( )\n{FRAMES}SUB( )\nLIN {POSE}\nEND\nDEF SUB( )\n{line}\nEND\n")
+        for name, line in (("one", "HALT"), ("two", "$BASE=$NULLFRAME"))
+    )
+    assert [m.routine for m in read_krl([one]).moves] == ["ONE"]
+    assert not read_krl([one, two]).moves

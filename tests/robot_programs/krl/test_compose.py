@@ -29,7 +29,8 @@ def move(kind: str, *, T=None, q=None, via=None, stops: bool = True, speed=None,
 
 
 @given(generators)
-def test_a_measuring_program_reads_as_the_joint_positions_it_was_given(rng):
+def test_composed_program_reads_as_its_joint_positions(rng):
+    """A measuring program reads as the joint positions it was given."""
     q = rng.uniform(KR16.limits[:, 0], KR16.limits[:, 1], (5, 6))
     notes = [f"pose {i}\nnext" for i in range(5)]
     source = compose_krl(

@@ -133,7 +133,7 @@ def test_a_structure_is_whole_or_says_nothing_of_a_kind():
 
 
 @given(generators)
-def test_a_frame_and_what_inv_pos_makes_of_it_are_each_other_s_inverse(rng):
+def test_inv_pos_gives_the_inverse_frame(rng):
     """Homogeneous transformations, with R = Rz(A) Ry(B) Rx(C)."""
     values = dict(zip("XYZABC", [*rng.uniform(-2000, 2000, 3), *rng.uniform(-180, 180, 3)], strict=True))
     frame = structure("FRAME", values)

@@ -45,7 +45,8 @@ def heights(body: str, dat: str = POINTS, more: str = "") -> list[float]:
         (f"P={POSE}\nGOTO OVER\nP.Z=0\nOVER:\nLIN P", [800]),
     ],
 )
-def test_motions_go_where_the_lines_before_lead(body, wanted):
+def test_motions_go_where_the_flow_leads(body, wanted):
+    """Motions go where the lines before lead."""
     assert heights(body) == wanted  # what is never taken is read, too
 
 
@@ -71,7 +72,8 @@ def test_motions_go_where_the_lines_before_lead(body, wanted):
         "I=1\nIF $IN[1] THEN\nI=2\nENDLOOP\nENDIF\nLIN Q[I]",
     ],
 )
-def test_what_is_known_on_some_ways_only_is_left(body):
+def test_motion_known_on_some_ways_only_is_left(body):
+    """What is known on some ways only is left."""
     program = read(
         DECLARED + FRAMES + body, dat=f"{POINTS}\nDECL BOOL UP=TRUE\nDECL INT COUNT=2"
     )  # set by hand as well
@@ -79,7 +81,8 @@ def test_what_is_known_on_some_ways_only_is_left(body):
     assert any("LIN stays as it is: " in text for text in texts(program))
 
 
-def test_a_copy_of_a_number_that_may_be_set_by_hand_decides_nothing_either():
+def test_copy_of_a_data_list_number_decides_nothing():
+    """A copy of a number that may be set by hand decides nothing either."""
     dat = f"{POINTS}\nDECL INT COUNT=2"
     given = "DEF GO(N :IN)\nINT N\nIF N==2 THEN\nLIN Q[2]\nELSE\nLIN Q[1]\nENDIF\nEND\n"
     returned = "DEFFCT INT MANY( )\nRETURN COUNT\nENDFCT\n"
@@ -113,12 +116,13 @@ def test_a_loop_begins_where_its_turn_before_ended():
     assert order[0] == 0
 
 
-def test_what_an_undecided_loop_does_the_same_in_each_turn_still_holds():
+def test_undecided_loop_keeps_what_each_turn_sets_alike():
+    """What an undecided loop does the same in each turn still holds."""
     body = f"{FRAMES}LOOP\n$BASE=BASE_DATA[1]\nLIN {POSE}\n$BASE=$NULLFRAME\nLIN {POSE}\nENDLOOP"
     assert [move.part.name for move in read(body).moves] == ["BASE_DATA[1]", "$NULLFRAME"]
 
 
-def test_motions_to_which_nothing_leads_are_read_with_what_is_set_before_them_there():
+def test_unreached_motions_are_read_with_their_own_settings():
     """Palletizing programs teach their points behind a GOTO to the end."""
     body = f"{FRAMES}GOTO FINAL\nBAS(#TOOL,1)\nBAS(#BASE,2)\n$IPO_MODE=#BASE\nPTP {POSE}\nFINAL:\nPTP {POSE}"
     assert [(move.tool.name, move.part.name) for move in read(body).moves] == [
@@ -153,7 +157,8 @@ def test_what_a_function_returns_counts():
     assert "$ANIN[1] is known only at run time" in texts(program)[0]
 
 
-def test_behind_an_interrupt_that_resumes_a_call_may_have_been_left():
+def test_resuming_interrupt_may_leave_a_call():
+    """Behind an interrupt that resumes a call may have been left."""
     search = f"DEF SEARCH( )\nLIN {HIGH}\n$BASE=BASE_DATA[1]\nEND\nDEF FOUND( )\nBRAKE\nRESUME\nEND\n"
     body = f"INTERRUPT DECL 5 WHEN $IN[1] DO FOUND( )\n{FRAMES}SEARCH( )\nLIN {POSE}"
     program = read(body, more=search)
@@ -162,7 +167,8 @@ def test_behind_an_interrupt_that_resumes_a_call_may_have_been_left():
     assert len(read(body, more=search.replace("RESUME", "HALT")).moves) == 2
 
 
-def test_a_computed_index_that_is_known_changes_that_element_alone():
+def test_known_index_changes_one_element():
+    """A computed index that is known changes that element alone."""
     body = "INT N\nN=10\nTOOL_DATA[N]={X 0,Y 0,Z 50,A 0,B 0,C 0}\nBAS(#TOOL,1)\n$BASE=$NULLFRAME\nLIN " + POSE
     (move,) = read(body).moves
     assert move.tool.name == "TOOL_DATA[1]"
@@ -177,7 +183,8 @@ def test_a_motion_known_in_some_calls_only_is_left():
     np.testing.assert_equal(len(texts(program)), 1)
 
 
-def test_where_the_robot_is_counts_where_the_motion_before_says_it():
+def test_robot_position_is_known_after_a_known_motion():
+    """Where the robot is counts where the motion before says it."""
     body = f"LIN {HIGH}\nP=$POS_ACT\nP.Z=P.Z-50\nLIN P\nP=$POS_ACT:{{X 0,Y 0,Z 10,A 0,B 0,C 0}}\nLIN P\nPTP $POS_ACT"
     assert heights(body) == [900, 850, 850]
     program = read(f"{DECLARED}{FRAMES}P=$POS_ACT\nP.Z=P.Z-50\nLIN P")
@@ -186,7 +193,8 @@ def test_where_the_robot_is_counts_where_the_motion_before_says_it():
     assert len(program.moves) == 1
 
 
-def test_what_counts_from_the_place_of_the_robot_is_written_whole_where_that_moves():
+def test_point_from_the_robot_position_is_written_whole():
+    """What counts from the place of the robot is written whole where that moves."""
     program = read(f"{DECLARED}{FRAMES}LIN {HIGH}\nP=$POS_ACT\nP.Z=P.Z-50\nLIN P")
     T = program.moves[0].end.T.copy()
     T[2, 3] += 1e-3

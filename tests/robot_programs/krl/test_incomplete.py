@@ -82,7 +82,7 @@ def test_the_points_of_a_spline_are_read_and_it_stays_whole():
 
 
 @pytest.mark.parametrize("keyword", ["CIRC_REL", "SCIRC_REL"])
-def test_both_points_of_an_arc_by_distances_count_from_where_it_begins(keyword):
+def test_relative_arc_counts_both_points_from_its_start(keyword):
     """KUKA.PLC mxAutomation (Beckhoff TF5120, KRC_MoveCircRelative): both positions are relative to where the motion starts."""
     program = read(f"{FRAMES}LIN {POSE}\n{keyword} {{X 20,Y 20}},{{Y 40,Z -1}} C_DIS")
     assert not texts(program)

@@ -75,7 +75,8 @@ def test_what_else_moves_a_base_is_named(line, reason):
     ("kind", "controller", "index", "carried"),
     [("#EASYS", 1, 2, True), ("#EFSYS", 1, 2, True), ("#NONE", 0, 2, False), ("#ROBOT", 1, 2, False), ("#EASYS", 1, 0, False)],
 )  # fmt: skip
-def test_the_base_of_an_inline_form_is_on_what_the_controller_says(kind, controller, index, carried):
+def test_inline_form_base_is_on_its_mechanism(kind, controller, index, carried):
+    """The base of an inline form is on what the controller says."""
     (move,) = read(INLINE, config=config(kind, controller, index)).moves
     assert bool(move.carrier) == carried
     assert move.part.name == "BASE_DATA[2]"
@@ -84,7 +85,8 @@ def test_the_base_of_an_inline_form_is_on_what_the_controller_says(kind, control
 @pytest.mark.parametrize(
     ("kind", "controller", "index"), [("#ROBOT", 2, 2), ("#CONVEYOR", 1, 2), ("#EASYS", 2, 2), ("#EASYS", 1, 3)]
 )
-def test_a_base_on_what_the_program_does_not_tell_is_not_taken_to_stand_still(kind, controller, index):
+def test_base_on_an_unknown_carrier_is_not_fixed(kind, controller, index):
+    """A base on what the program does not tell is not taken to stand still."""
     program = read(INLINE, config=config(kind, controller, index))
     assert not program.moves
     assert "BASE_DATA[2]" in texts(program)[-1]

@@ -152,3 +152,39 @@ def test_an_index_that_is_computed_is_kept():
     (part,) = line.operands[0].parts
     assert isinstance(part, Reference)
     assert (part.name, [len(words) for words in part.index]) == ("P[I+1,2]", [3, 1])
+
+
+# Words of KRL: each stands where it says, line by line.
+
+
+pieces = st.sampled_from(
+    ["PTP", "$TOOL", "XP1", "#BASE", "10", "1.5E-3", "==", "{", ",", '"a;b"', ";x", " ", "\n", "\r\n", ":"]
+)
+
+
+@given(st.lists(pieces, max_size=20).map("".join) | st.text(max_size=40))
+def test_words_and_blanks_make_up_the_text(text):
+    """Words stand where they say and only blanks and comments lie between."""
+    start = 0
+    words = iter([word for line in lines_of_words(text) for word in line])
+    word = next(words, None)
+    for line in text.split("\n"):
+        end, rest, position = start + len(line), "", start
+        while word is not None and word.start < end:
+            assert text[word.start : word.end] == word.text
+            rest += text[position : word.start]
+            position = word.end
+            word = next(words, None)
+        rest += text[position:end]
+        if not line.startswith("&"):
+            assert not rest.split(";")[0].strip(" \t\r\f\v\xa0\ufeff")
+        start = end + 1
+    assert word is None
+
+
+def test_kinds_of_words_and_lines_without_any():
+    lines = list(lines_of_words('&ACCESS RVP\n; a comment\nBAS(#VEL_PTP,10.5) ; "c"\n\nmsg = "a;b"\n'))
+    assert [[(word.kind, word.upper) for word in line] for line in lines] == [
+        [("name", "BAS"), ("symbol", "("), ("enum", "#VEL_PTP"), ("symbol", ","), ("number", "10.5"), ("symbol", ")")],
+        [("name", "MSG"), ("symbol", "="), ("string", '"A;B"')],
+    ]

@@ -5,8 +5,10 @@ import re
 import numpy as np
 import pytest
 
+from robot_programs.krl.read import read_krl
 from tests.robot_programs.krl.rewriting import ROBOT, nearby
-from tests.robot_programs.krl.small_programs import FRAMES, POSE, read
+from tests.robot_programs.krl.samples import CONFIG_DAT, source
+from tests.robot_programs.krl.small_programs import FRAMES, POSE, read, texts
 
 
 @pytest.mark.parametrize(
@@ -44,7 +46,8 @@ from tests.robot_programs.krl.small_programs import FRAMES, POSE, read
         (f"$TOOL=$NULLFRAME\n$BASE=$NULLFRAME\n$IPO_MODE=MODE\nLIN {POSE}", r"\$IPO_MODE\) is not stated"),
     ],
 )
-def test_motions_that_the_text_does_not_tell_are_left_with_a_reason(body, reason):
+def test_unresolved_motions_are_left_with_a_reason(body, reason):
+    """Motions that the text does not tell are left with a reason."""
     program = read(body)
     assert not program.moves
     (diagnostic,) = program.diagnostics
@@ -84,3 +87,42 @@ def test_zero_frame_is_a_point():
     point, distance = read(f"{FRAMES}LIN $NULLFRAME\nLIN_REL $NULLFRAME").moves
     np.testing.assert_array_equal(point.end.T, np.eye(4))
     np.testing.assert_array_equal(distance.end.T, np.eye(4))
+
+
+# Points that data lists state.
+
+
+@pytest.mark.parametrize(
+    "change", ["XP1.X=5", "XP1=XP2", "MEASURE(XP1)", "N=MEASURE(1,XP1)", "XP1={X 1,Y 0,Z 0,A 0,B 0,C 0}"]
+)
+def test_points_that_the_program_changes_are_no_constants(change):
+    program = read(f"{FRAMES}LIN XP1\n{change}", dat=f"DECL E6POS XP1={POSE}\nDECL E6POS XP2={POSE}")
+    assert not program.moves
+    assert "XP1 is changed by the program, at part.src:5" in texts(program)[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "stays"), [("BASE_DATA[2].X=5", True), ("BASE_DATA[1].X=5", False), ("BASE_DATA[N]=F", False)]
+)
+def test_elements_of_an_array_change_one_by_one(change, stays):
+    program = read(f"$TOOL=$NULLFRAME\n$BASE=BASE_DATA[1]\nLIN {POSE}\n{change}")
+    assert len(program.moves) == stays
+
+
+def test_data_are_found_locally_before_the_system():
+    """Own points come before those of the system and local ones before both."""
+    shared = CONFIG_DAT.replace("ENDDAT", "DECL E6POS XP1={X 1,Y 0,Z 0,A 0,B 0,C 0}\nENDDAT")
+    (move,) = read(f"{FRAMES}LIN XP1", dat="DECL E6POS XP1={X 2,Y 0,Z 0,A 0,B 0,C 0}", config=shared).moves
+    assert move.end.T is not None
+    assert move.end.T[0, 3] == pytest.approx(0.002)
+    (move,) = read(f"{FRAMES}LIN XP1", config=shared).moves
+    assert move.end.T is not None
+    assert move.end.T[0, 3] == pytest.approx(0.001)
+    assert not read(f"DECL E6POS XP1\n{FRAMES}LIN XP1", config=shared).moves
+
+
+def test_points_of_another_program_are_its_own():
+    other = source("other.dat", f"DEFDAT OTHER\nDECL E6POS XP1={POSE}\nDECL GLOBAL E6POS XP2={POSE}\nENDDAT\n")
+    src = source("part.src", f"DEF PART( )\n{FRAMES}LIN XP1\nLIN XP2\nEND\n")
+    program = read_krl([src, other])
+    assert [m.end.name for m in program.moves] == ["XP2"]

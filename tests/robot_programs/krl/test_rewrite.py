@@ -55,30 +55,8 @@ def line(program: KrlProgram, waypoints: dict[int, tuple[Waypoint, ...]], number
 
 
 @given(generators)
-def test_rewriting_nothing_or_motions_that_stay_gives_every_byte_back(rng):
-    sources = generate(rng).sources
-    program = read_krl(sources)
-    stays = {i: (here(move),) for i, move in enumerate(program.moves) if states_no_more(program, i)}
-    for waypoints in ({}, stays):
-        for before, after in zip(sources, program.rewrite(KR16, waypoints), strict=True):
-            assert after.encode() == before.encode()
-
-
-def here(move: Move) -> Waypoint:
-    if move.end.T is None:
-        return Waypoint(kind=move.kind, q=move.end.q, T=None)
-    via = None if move.via is None else Waypoint(kind=move.kind, q=Q, T=move.via.T)
-    return Waypoint(kind=move.kind, q=Q, T=move.end.T, via=via)
-
-
-def states_no_more(program: KrlProgram, number: int) -> bool:
-    """Its points have no added frame, which would be contained in a copy, and no status, which follows the joints."""
-    written = program.sites[number].written
-    return all(len(w.aggregates) == 1 and w.aggregates[0].field("S") is None for w in written)
-
-
-@given(generators)
-def test_rewritten_programs_read_as_what_was_wanted_and_the_rest_as_before(rng):
+def test_rewrite_is_read_back_and_keeps_the_rest(rng):
+    """Rewritten programs read as what was wanted and the rest as before."""
     sources = generate(rng).sources
     program = read_krl(sources)
     waypoints = nearby_waypoints(rng, program, most=3)
@@ -169,7 +147,8 @@ def test_a_point_of_two_motions_becomes_two_where_they_disagree():
     assert sources[1].text.count("E6POS") == 2
 
 
-def test_a_point_of_two_motions_keeps_its_numbers_for_the_one_that_stays():
+def test_rewrite_copies_a_point_that_another_motion_needs():
+    """A point of two motions keeps its numbers for the one that stays."""
     program = body(f"{FRAMES}LIN XP1\nLIN {POSE}\nLIN XP1", f"DECL E6POS XP1={POSE}")
     for changed, stays in ((0, 2), (2, 0)):
         for way in ({changed: (to(0.901),)}, {changed: (to(0.901),), stays: (to(0.9),)}):

@@ -54,7 +54,8 @@ def test_what_would_move_others_is_left_and_says_why(lines, why):
         program.rewrite(KR16, waypoints)
 
 
-def test_a_text_is_rewritten_where_all_of_its_motions_need_the_same():
+def test_shared_text_is_rewritten_if_all_motions_agree():
+    """A text is rewritten where all of its motions need the same."""
     program = read(f"{DECLARED}{FRAMES}FOR I=1 TO 2\nBAS(#VEL_CP,I)\nLIN {POSE}\nENDFOR")
     waypoints = moved(program, 1e-3, 1e-3)
     assert not program.unwritable(KR16, waypoints, 0.0)
@@ -63,7 +64,8 @@ def test_a_text_is_rewritten_where_all_of_its_motions_need_the_same():
     assert [m.speed for m in again.moves] == [1.0, 2.0]
 
 
-def test_a_motion_of_several_is_not_divided_and_keeps_those_that_count_from_others():
+def test_shared_text_is_not_divided():
+    """A motion of several is not divided and keeps those that count from others."""
     program = read(f"{DECLARED}{FRAMES}FOR I=1 TO 2\nLIN Q[I]\nLIN_REL {{Z 5}}\nENDFOR", dat=POINTS)
     waypoints = moved(program, 1e-3)
     assert "counts from where it ends" in program.unwritable(KR16, waypoints, 0.0)[0]
@@ -72,7 +74,8 @@ def test_a_motion_of_several_is_not_divided_and_keeps_those_that_count_from_othe
     assert "cannot become other ones" in program.unwritable(KR16, {0: path * 2}, 0.0)[0]
 
 
-def test_a_text_of_its_own_goes_with_the_elements_that_others_share():
+def test_own_text_follows_shared_elements():
+    """A text of its own goes with the elements that others share."""
     body = f"{DECLARED}{FRAMES}LIN Q[2]\nFOR I=1 TO 3\nLIN Q[I]\nENDFOR"
     program = read(body, dat=POINTS)
     waypoints = moved(program, 2e-3, 1e-3, 2e-3, 3e-3)

@@ -61,7 +61,8 @@ def test_overhead_is_behind_axis_1(rng):
 
 
 @given(generators)
-def test_the_elbow_bit_is_axis_3_against_the_angle_where_it_is_straight(rng):
+def test_status_elbow_bit_is_the_side_of_a_straight_arm(rng):
+    """The elbow bit is axis 3 against the angle where it is straight."""
     q = postures(rng, 20)
     S = np.array([Status(S=0, T=None).of(KR16, row).S for row in q])
     np.testing.assert_array_equal(S & 2 == 2, np.sin(q[:, 2] + np.arctan2(35.0, 670.0)) >= 0)
@@ -109,7 +110,8 @@ def test_what_is_not_stated_is_not_asked():
 
 
 @pytest.mark.parametrize("name", ["ur10", "barrett-wam"])
-def test_without_a_wrist_of_three_axes_through_one_point_status_stays(name):
+def test_status_stays_without_a_spherical_wrist(name):
+    """Without a wrist of three axes through one point status stays."""
     robot = load_robot(name)
     q = np.full(len(robot.joints), -0.3)
     assert Status(S=5, T=0).of(robot, q) == Status(S=5, T=0b111111)

@@ -72,7 +72,8 @@ def test_constants_are_followed(body, written_out):
         ("LIN XP1\nXP1.Z=900", "XP1 is changed by the program"),
     ],
 )  # fmt: skip
-def test_what_is_computed_at_run_time_is_not_taken_for_a_constant(body, reason):
+def test_values_of_the_run_time_are_no_constants(body, reason):
+    """What is computed at run time is not taken for a constant."""
     program = read(DECLARED + FRAMES + body, dat=POINTS)
     assert not program.moves
     assert any(reason in text for text in texts(program))
@@ -109,7 +110,8 @@ def test_a_computed_point_is_written_into_the_motion():
     np.testing.assert_allclose(program.reread(after).moves[0].end.T, T, atol=1e-8)
 
 
-def test_a_tool_that_another_program_changes_is_taken_as_the_data_list_has_it():
+def test_tool_set_elsewhere_is_that_of_the_data_list():
+    """A tool that another program changes is taken as the data list has it."""
     lines = f"BAS(#TOOL,1)\n$BASE=$NULLFRAME\nLIN {POSE}"
     other = "DEF RESET( )\nINT I\nFOR I=1 TO 16\nTOOL_DATA[I]=$NULLFRAME\nENDFOR\nEND\n"
     program = read(lines, more=other)
@@ -139,7 +141,7 @@ def test_what_initmov_sets_is_read_from_the_file_that_says_it(sets, tool):
     assert not read_krl([part, config]).moves
 
 
-def test_a_name_that_a_routine_declares_for_itself_hides_the_data_list_there_alone():
+def test_own_name_hides_the_data_list_in_its_routine_only():
     """KUKA System Software, validity of variables: a local one hides one of the same name of the data list, where it is valid."""
     above = "DEFFCT FRAME ABOVE(XP1:IN)\nDECL FRAME XP1\nXP1.Z=XP1.Z+50\nRETURN XP1\nENDFCT\n"
     own = "DEF OWN()\nDECL E6POS XP1\nLIN XP1\nEND\nDEF GIVEN(XP1 :OUT)\nXP1={X 0}\nEND\n"
@@ -153,7 +155,8 @@ ABOVE = "DEFFCT E6POS ABOVE(P:IN,D:IN)\nDECL E6POS P\nDECL REAL D\nP.Z=P.Z+D\nRE
 NEXT = "DEFFCT E6POS NEXT( )\nN=N+1\nRETURN Q[1]\nENDFCT\n"
 
 
-def test_a_point_that_a_function_computes_is_written_into_the_motion():
+def test_point_of_a_function_is_written_into_the_motion():
+    """A point that a function computes is written into the motion."""
     from taskcal.robot.catalogue import load_robot
 
     program = read(f"{FRAMES}LIN XP1\nLIN ABOVE(XP1,50.0) C_DIS", dat=POINTS, more=ABOVE)
@@ -174,7 +177,8 @@ def test_what_a_function_in_a_motion_changes_is_not_lost():
     assert any("LIN stays as it is: its point comes from NEXT, which does more" in text for text in texts(program))
 
 
-def test_what_a_function_changes_that_is_a_part_of_a_point_is_not_known():
+def test_point_changed_by_a_function_is_unknown():
+    """What a function changes that is a part of a point is not known."""
     program = read(f"{FRAMES}N=1\nLIN NEXT( ):XP1\nLIN Q[N]", dat=f"{POINTS}\nINT N=0", more=NEXT)
     assert not program.moves
 

@@ -18,9 +18,20 @@ def _waypoints(rng: np.random.Generator, program: Program) -> dict[int, tuple[Wa
     return {i: path for i, path in waypoints.items() if i not in cannot}
 
 
+def _posture(program: Program, number: int) -> np.ndarray | None:
+    move = program.moves[number]
+    if move.end.q is not None:
+        return move.end.q
+    c = move.end.posture
+    if move.via is not None and move.via.posture != c:
+        return None
+    return np.array([c.cf1, 0.0, 0.0, c.cf4, 0.0, c.cf6]) * np.pi / 2 + 0.1
+
+
 LANGUAGE = Language(
     generate=lambda rng: generate(rng).sources,
     read=read_rapid,
     waypoints=_waypoints,
+    posture=_posture,
     robot=ROBOT,
 )

@@ -55,12 +55,14 @@ def test_what_is_given_in_some_calls_only_is_said():
     assert reasons(read) == ["part.mod:16: MoveL stays as it is in some calls: 'p' is a parameter of the routine 'go'"]
 
 
-def test_no_motion_is_put_into_a_routine_of_which_some_calls_are_not_understood():
+def test_routine_with_unknown_calls_is_not_divided():
+    """No motion is put into a routine of which some calls are not understood."""
     read = program("go p1;\ngo CRobT();")
     assert [(move.texts_motions, move.divisible) for move in read.moves] == [(2, False)]
 
 
-def test_its_own_target_stays_where_some_call_gives_an_unknown_tool():
+def test_own_target_stays_if_a_call_has_an_unknown_tool():
+    """Its own target stays where some call gives an unknown tool."""
     routine = "PROC go(PERS tooldata t)\nMoveL p1,v5,fine,t;\nENDPROC\n"
     read = program("go tool0;\ngo tUnknown;", routine)
     assert not read.moves

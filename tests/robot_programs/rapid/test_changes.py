@@ -1,7 +1,8 @@
 import pytest
 
 from robot_programs.rapid.read import read_rapid
-from tests.robot_programs.rapid.samples import POINTS, module
+from tests.robot_programs.rapid.diagnosed import reasons
+from tests.robot_programs.rapid.samples import POINTS, module, source
 
 DATA = (
     POINTS.splitlines()[0].replace("CONST", "VAR")
@@ -28,7 +29,8 @@ MOTION = "MoveL p1,v5,fine,tM\\WObj:=wM;\n"
         "CASE p1:",
     ],
 )  # fmt: skip
-def test_motions_and_questions_that_are_not_understood_change_nothing(odd):
+def test_unparsed_motions_and_questions_change_nothing(odd):
+    """Motions and questions that are not understood change nothing."""
     routine = "\nENDPROC\nPROC keep(INOUT robtarget a, num b)\nWaitTime b;"
     program = read_rapid([module(f"{MOTION}{odd}{routine}", DATA)])
     assert [move.end.name for move in program.moves] == ["p1"]
@@ -76,3 +78,17 @@ def test_the_problem_of_a_text_is_told_where_it_matters():
         f"part.mod:6: MoveL stays as it is: the text around it is not understood ({trouble})",
         "part.mod:7: a comma or a semicolon is missing before 'p1'",
     ]
+
+
+# Where a program may change its data.
+
+
+def test_arguments_stay_unless_the_routine_changes_them():
+    """What a routine is given does not change its data unless the routine does so."""
+    routine = "PROC go(PERS tooldata t, INOUT robtarget a, INOUT robtarget b) b:=a; ENDPROC\n"
+    declarations = "VAR" + POINTS.splitlines()[0][5:] + "VAR" + POINTS.splitlines()[1][5:]
+    main = "PROC main()\ngo tool0,p1,p2;\nMoveL p1,v5,fine,tool0;\nMoveL p2,v5,fine,tool0;\nENDPROC\n"
+    text = f"MODULE m {declarations}\n{main}{routine}ENDMODULE"
+    program = read_rapid([source(text)])
+    assert [move.end.name for move in program.moves] == ["p1"]
+    assert any("'p2' is assigned to in part.mod:3" in text for text in reasons(program))

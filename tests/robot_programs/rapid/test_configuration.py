@@ -88,7 +88,8 @@ def test_a_parallel_rod_has_no_use_for_cfx():
     assert not Configuration(cf1=0, cf4=1, cf6=0, cfx=7).agrees(IRB6660, q[None])[0]
 
 
-def test_a_robot_without_the_usual_wrist_is_told_by_its_quadrants_alone():
+def test_configuration_without_usual_wrist_is_its_quadrants():
+    """A robot without the usual wrist is told by its quadrants alone."""
     ur5 = load_robot("ur5")
     q = np.radians([10.0, -80, 60, -100, -40, 50])
     assert of(ur5, np.degrees(q)) == (0, -2, 0, 0)

@@ -1,6 +1,8 @@
 import pytest
 
+from robot_programs.rapid.names import Symbol
 from robot_programs.rapid.read import read_rapid
+from robot_programs.rapid.values import AbstractValue, State, identical
 from tests.robot_programs.rapid.samples import POINTS, module, source
 
 
@@ -53,7 +55,8 @@ def test_a_routine_begins_anywhere():
     assert [found.routine for found in program.moves] == ["main", "other", "other"]
 
 
-def test_a_routine_of_the_program_that_is_named_like_a_motion_is_a_call():
+def test_routine_named_like_a_motion_is_a_call():
+    """A routine of the program that is named like a motion is a call."""
     body = f"{move(1)}MoveHome;{move(2)}\nENDPROC\nPROC MoveHome()\n{move(3)}"
     program = read_rapid([module(body, POINTS)])
     assert [found.follows for found in program.moves] == [None, 2, 0]
@@ -66,7 +69,8 @@ def test_motions_follow_each_other_through_calls():
     assert [found.follows for found in program.moves] == [None, 0, 1]
 
 
-def test_behind_a_call_that_returns_from_several_places_nobody_knows_where_the_robot_is():
+def test_position_is_unknown_after_several_returns():
+    """Behind a call that returns from several places nobody knows where the robot is."""
     body = f"go;{move(1)}\nENDPROC\nPROC go()\n{move(2)}\nIF diAny=1 RETURN;\n{move(3)}"
     program = read_rapid([module(body, POINTS)])
     assert [found.follows for found in program.moves] == [None, None, 1]
@@ -131,7 +135,8 @@ def test_what_may_have_been_changed_on_some_way_is_not_known(body):
     assert any("assigned to" in str(diagnostic) for diagnostic in program.diagnostics)
 
 
-def test_a_variable_of_the_module_holds_its_declared_value_only_if_main_leaves_it_so():
+def test_module_variable_keeps_its_value_only_if_main_does():
+    """A variable of the module holds its declared value only if main leaves it so."""
     variable = "VAR" + POINTS.splitlines()[0][5:].replace("p1", "q") + "\n"
     stays = read_rapid(
         [
@@ -151,7 +156,8 @@ def test_what_a_trap_changes_is_never_known():
     assert not program.moves
 
 
-def test_a_tool_that_is_assigned_goes_by_the_name_of_the_one_it_is():
+def test_assigned_tool_has_the_name_of_its_source():
+    """A tool that is assigned goes by the name of the one it is."""
     data = "[TRUE,[[0,0,%d],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n"
     tool = f"PERS tooldata tA:={data % 100}PERS tooldata tNow:={data % 0}"
     (found,) = read_rapid([module("tNow:=tA;MoveL p1,v5,fine,tNow;", POINTS + tool)]).moves
@@ -167,7 +173,8 @@ def test_a_tool_that_is_assigned_goes_by_the_name_of_the_one_it_is():
         "FOR i FROM 1 TO nParts DO q:=Offs(q,i,0,0); ENDFOR",
     ],
 )
-def test_nothing_is_decided_by_persistent_data_that_an_operator_may_set(body):
+def test_persistent_data_decide_nothing(body):
+    """Nothing is decided by persistent data that an operator may set."""
     first = POINTS.splitlines()[0].split(":=")[1]
     own = f"VAR robtarget q:={first}\nPERS bool bSide:=FALSE;PERS num nParts:=3;VAR bool b;\n"
     choose = "\nENDPROC\nPROC choose(bool which)\nIF which THEN q:=p2; ELSE q:=p1; ENDIF"
@@ -179,7 +186,37 @@ def test_nothing_is_decided_by_persistent_data_that_an_operator_may_set(body):
     assert len(decided.moves) == ("nParts" not in body)
 
 
-def test_a_local_routine_of_another_module_is_not_the_one_that_is_called():
+def test_local_routine_of_another_module_is_not_called():
+    """A local routine of another module is not the one that is called."""
     other = source("MODULE Other\nLOCAL PROC go(robtarget p)\nMoveL p,v5,fine,tool0;\nENDPROC\nENDMODULE", "other.mod")
     program = read_rapid([module("go p1;", POINTS), other])
     assert not program.moves
+
+
+# What holds behind several ways through a program.
+
+
+A, B = Symbol(name="a", type="num"), Symbol(name="b", type="num")
+
+
+def test_joined_state_holds_what_all_ways_agree_on():
+    """Of several ways only data with one value, and a motion that was the last on all of them, are known behind."""
+    one = State(last=1, variables={A: AbstractValue(value=1.0), B: AbstractValue(value=2.0)})
+    other = State(last=2, variables={A: AbstractValue(value=1.0), B: AbstractValue(value=3.0)})
+    both = one.joined([other], "")
+    assert both.last is None
+    assert [(symbol, known.value) for symbol, known in both.variables.items()] == [(A, 1.0)]
+    assert one.joined([one], "").last == 1
+
+
+def test_joined_state_names_data_only_if_all_ways_do():
+    """A name of what was assigned is kept where all ways assign it."""
+    p, q = (State(variables={A: AbstractValue(value=1.0, name=name)}) for name in ("p", "q"))
+    assert p.joined([q], "").variables[A].name == ""
+    assert p.joined([p], "").variables[A].name == "p"
+
+
+def test_identical_values_are_of_one_type():
+    """A truth is not a number."""
+    assert identical((1.0, ("a",)), (1.0, ("a",)))
+    assert not identical((True,), (1.0,))

@@ -36,7 +36,8 @@ def test_poses_multiply_as_their_matrices_do(rng):
 
 
 @given(generators)
-def test_angles_about_z_the_new_y_and_the_new_x_make_an_orientation(rng):
+def test_orient_zyx_turns_about_z_then_y_then_x(rng):
+    """Angles about z the new y and the new x make an orientation."""
     z, y, x = (float(v) for v in rng.uniform(-360, 360, 3))
     w, i, j, k = COMPUTED["orientzyx"]([z, y, x], {})
     np.testing.assert_allclose(
@@ -46,7 +47,7 @@ def test_angles_about_z_the_new_y_and_the_new_x_make_an_orientation(rng):
     )
 
 
-def test_a_routine_that_turns_what_it_is_given_is_followed_into_its_calls():
+def test_turning_routine_is_followed_into_its_calls():
     """As pick and place programs have it."""
     text = (
         "MODULE M\nCONST robtarget a:=[[100,0,60],[0,1,0,0],[-1,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n"

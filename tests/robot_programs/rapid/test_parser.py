@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from robot_programs.rapid.parse import parse
 from robot_programs.rapid.read import read_rapid
-from robot_programs.rapid.syntax import tokenize
+from robot_programs.rapid.syntax import Branches, Instruction, Loop, number, tokenize
 from tests.laws.robots import generators
 from tests.robot_programs.rapid.generator import generate
 from tests.robot_programs.rapid.samples import module
@@ -51,3 +51,70 @@ def test_the_time_to_read_grows_with_the_length(piece):
 
     shortest = np.min([seconds(1000) for _ in range(2)])
     assert np.min([seconds(8000) for _ in range(2)]) < 30 * max(shortest, 4e-3)
+
+
+# Statements as a tree.
+
+
+def test_the_tree_of_a_routine():
+    text = (
+        "MODULE m(SYSMODULE)\n"
+        "RECORD pair num a; robtarget b; ENDRECORD\n"
+        "LOCAL CONST num n{2,2}:=[[1,2],[3,4]];\n"
+        "FUNC num f(num x \\num y|switch z, INOUT robtarget p{*}) RETURN x; ENDFUNC\n"
+        "PROC main() VAR bool b:=TRUE; IF b THEN ELSEIF NOT b THEN Stop; ELSE Stop; ENDIF\n"
+        "WHILE TRUE DO Stop; ENDWHILE FOR i FROM 1 TO 2 DO Stop; ENDFOR TEST 1 CASE 1: Stop; ENDTEST\n"
+        "UNDO Stop; ERROR(ERR_A,10) TRYNEXT; ENDPROC\n"
+        "TRAP t Stop; ENDTRAP\n"
+        "ENDMODULE"
+    )
+    (module,), problems = parse(text)
+    assert not problems
+    assert [record.components for record in module.records] == [(("a", "num"), ("b", "robtarget"))]
+    assert [declaration.name.text for declaration in module.declarations] == ["n"]
+    function, main, trap = module.routines
+    assert [(p.name.text, p.optional, p.changed) for p in function.parameters] == [
+        ("x", False, False), ("y", True, False), ("z", False, False), ("p", False, True),
+    ]  # fmt: skip
+    assert [type(statement) for statement in main.body] == [Branches, Loop, Loop, Branches]
+    assert [len(handler) for handler in main.handlers] == [1, 1]
+    assert isinstance(trap.body[0], Instruction)
+
+
+# Words of RAPID: each stands where it says, and nothing but blanks, comments and the header lies between them.
+
+
+pieces = st.sampled_from(
+    ["MoveL", "p1", "10", "0x1F", "1.5E-3", ":=", "<=", "[", ",", '"a ""b"" !c"', "!x\n", " ", "\n", "\\"]
+)
+
+
+@given(st.lists(pieces, max_size=20).map("".join) | st.text(max_size=40))
+def test_words_and_blanks_make_up_the_text(text):
+    """Words stand where they say and only blanks and comments lie between."""
+    *tokens, end = tokenize(text)
+    assert (end.kind, end.start) == ("end", len(text))
+    position = 0
+    for token in (*tokens, end):
+        between = text[position : token.start]
+        if not between.lstrip("\ufeff \t\r\n").startswith("%%%"):
+            left = "".join(line.split("!")[0] for line in between.splitlines())
+            assert not left.replace("\ufeff", "").strip()
+        assert text[token.start : token.end] == token.text
+        position = token.end
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("12", 12.0), (".5", 0.5), ("1e3", 1e3), ("0xFf", 255.0), ("0b101", 5.0), ("0o17", 15.0)]
+)
+def test_numbers_have_their_value_in_every_base(text, value):
+    token, _ = tokenize(text)
+    assert token.kind == "number"
+    assert number(token) == value
+
+
+def test_letter_case_counts_in_strings_only():
+    """Letter case counts in strings only and a header has no words."""
+    name, text, _ = tokenize('%%%\n VERSION:1\n%%%\nMoveL "Abc"')
+    assert (name.text, name.key) == ("MoveL", "movel")
+    assert (text.kind, text.key) == ("text", '"Abc"')

@@ -110,7 +110,8 @@ def test_a_program_displacement_is_why_motions_to_poses_stay(shift, odd):
     ("option", "turns"),
     [("\\Wrist", True), ("\\LockAxis4", True), ("\\LOCKAXIS4", True), ("\\Off", False), ("", False)],
 )
-def test_a_wrist_that_follows_its_own_axes_is_pointed_out_at_each_line(option, turns):
+def test_wrist_interpolation_is_diagnosed_at_each_line(option, turns):
+    """A wrist that follows its own axes is pointed out at each line."""
     body = f"MoveL p1,v5,fine,tool0;\nSingArea{option};\nMoveL p2,v5,fine,tool0;\nSingArea\\Off;\nSingArea {option};"
     program = read_rapid([module(body, POINTS)])
     assert [move.follows for move in program.moves] == [None, 0]

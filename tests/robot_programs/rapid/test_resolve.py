@@ -5,7 +5,7 @@ import pytest
 
 from robot_programs.rapid.read import read_rapid
 from tests.robot_programs.rapid.diagnosed import NINE, reasons
-from tests.robot_programs.rapid.samples import POINTS, module
+from tests.robot_programs.rapid.samples import POINTS, module, source
 
 
 @pytest.mark.parametrize(
@@ -76,3 +76,28 @@ def test_external_axes_are_read_where_there_are_some():
     np.testing.assert_equal(program.moves[0].external, [100.0, np.nan, -3.5, np.nan, np.nan, np.nan])
     assert np.isnan(program.moves[1].external).all()
     assert not program.diagnostics
+
+
+# Which declaration a name stands for.
+
+
+def test_each_module_has_its_own_local_data():
+    one = source(
+        f"MODULE a\nLOCAL {POINTS.splitlines()[0]}\nPROC pa()\nMoveL p1,v5,fine,tool0;\nENDPROC\nENDMODULE", "a.mod"
+    )
+    two = source(
+        f"MODULE b\nLOCAL {POINTS.splitlines()[1].replace('p2', 'p1')}\nPROC pb()\nMoveL p1,v5,fine,tool0;\nENDPROC\nENDMODULE",
+        "b.mod",
+    )
+    three = source("MODULE c\nPROC pc()\nMoveL p1,v5,fine,tool0;\nENDPROC\nENDMODULE", "c.mod")
+    program = read_rapid([one, two, three])
+    assert [move.end.T[0, 3] for move in program.moves] == pytest.approx([0.01, 0.02])
+    assert reasons(program) == [
+        "c.mod:3: MoveL stays as it is: 'p1' is not declared in the files; pass the module that declares it"
+    ]
+
+
+def test_names_declared_twice_are_refused():
+    """Names of one scope that are declared twice are not guessed."""
+    program = read_rapid([module("MoveL p1,v5,fine,tool0;", POINTS + POINTS)])
+    assert "'p1' is declared 2 times" in reasons(program)[0]

@@ -39,34 +39,8 @@ def test_a_program_is_read_as_it_is_meant(rng):
 
 
 @given(generators)
-def test_without_changes_every_byte_stays(rng):
-    made = generate(rng)
-    program = read_rapid(made.sources)
-    assert [s.encode() for s in program.rewrite(ROBOT, {})] == [s.encode() for s in made.sources]
-    same = {
-        i: (Waypoint(kind=move.kind, q=_posture(move), T=move.end.T, via=_via(move)),)
-        for i, move in enumerate(program.moves)
-        if _posture(move) is not None
-    }
-    assert [s.encode() for s in program.rewrite(ROBOT, same)] == [s.encode() for s in made.sources]
-
-
-def _posture(move) -> np.ndarray | None:
-    """Joint positions of the configuration that a motion states, where all its points state the same."""
-    if move.end.q is not None:
-        return move.end.q
-    c = move.end.posture
-    if move.via is not None and move.via.posture != c:
-        return None
-    return np.array([c.cf1, 0.0, 0.0, c.cf4, 0.0, c.cf6]) * np.pi / 2 + 0.1
-
-
-def _via(move) -> Waypoint | None:
-    return None if move.via is None else Waypoint(kind="circular", q=_posture(move), T=move.via.T)
-
-
-@given(generators)
-def test_motions_that_are_rewritten_are_read_again_and_the_others_stay(rng):
+def test_rewrite_is_read_back_and_keeps_the_rest(rng):
+    """Motions that are rewritten are read again and the others stay."""
     made = generate(rng)
     program = read_rapid(made.sources)
     waypoints = nearby_waypoints(rng, program, most=1)
@@ -80,7 +54,8 @@ def test_further_points_come_in_order_before_the_end(rng):
     check_rewriting(program, nearby_waypoints(rng, program, most=3), ROBOT)
 
 
-def test_only_numbers_change_where_every_target_has_its_own_motion():
+def test_rewrite_of_unshared_targets_changes_only_numbers():
+    """Only numbers change where every target has its own motion."""
     body = "\n".join(f"  MoveL p{k} ,\tv100, fine,tool0 ; ! {k}" for k in range(1, 10))
     before = module(body, POINTS)
     after = rewritten(before, *range(9), mm=(1, 2, 3))
@@ -92,7 +67,8 @@ def test_only_numbers_change_where_every_target_has_its_own_motion():
     ]
 
 
-def test_a_target_that_another_motion_needs_as_it_is_gets_a_clone_behind_it():
+def test_rewrite_clones_a_target_that_another_motion_needs():
+    """A target that another motion needs as it is gets a clone behind it."""
     before = module("MoveL p1,v100,fine,tool0;\nMoveL p1,v100,fine,tool0\\WObj:=wobj0;", POINTS)
     after = rewritten(before, 1)
     assert lines_that_differ(before.text, after) == [
@@ -123,7 +99,8 @@ def test_a_target_that_is_read_elsewhere_stays(other):
     assert "MoveL p1_2,v100" in after
 
 
-def test_targets_under_offs_and_reltool_are_replaced_by_targets_of_their_own():
+def test_rewrite_replaces_shifted_targets_by_own_ones():
+    """Targets under offs and reltool are replaced by targets of their own."""
     body = "MoveL Offs(p1,0,0,50),v100,fine,tool0;\nMoveL RelTool(p1,0,0,-50),v100,fine,tool0;\nMoveL p1,v100,z1,tool0;"
     before = module(body, POINTS)
     after = rewritten(before, 0, 1)
@@ -135,7 +112,8 @@ def test_targets_under_offs_and_reltool_are_replaced_by_targets_of_their_own():
     ]
 
 
-def test_elements_of_arrays_are_edited_in_place_and_those_read_by_index_are_cloned():
+def test_rewrite_edits_elements_and_clones_indexed_ones():
+    """Elements of arrays are edited in place and those read by index are cloned."""
     three = ",\n".join(f"[[{k},0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]]" for k in (1, 2, 3))
     declaration = f"PERS robtarget way{{3}}:=[{three}];"
     own = rewritten(module("MoveL way{2},v100,fine,tool0;", declaration), 0)
@@ -174,7 +152,8 @@ def test_local_data_of_a_routine_are_cloned_where_they_are():
     assert read_rapid([source(after)]).moves[1].end.T[0, 3] == pytest.approx(0.011)
 
 
-def test_further_points_stop_nowhere_and_take_the_arguments_of_the_motion():
+def test_inserted_motions_fly_by_with_the_same_arguments():
+    """Further points stop nowhere and take the arguments of the motion."""
     body = (
         "  MoveL\\Conc,p1,v100\\V:=30,z5\\Z:=3,tool0\\WObj:=wobj0; ! down\n"
         "\tMoveJ p2,v100,z20\\Inpos:=inpos20,tool0;\n"
@@ -230,7 +209,8 @@ def test_an_arc_becomes_lines_or_stays_an_arc():
     np.testing.assert_allclose(third.via.T, arc.via.T, atol=1e-9)
 
 
-def test_no_routine_of_the_programs_own_is_called_in_place_of_a_motion():
+def test_rewrite_never_calls_a_routine_named_like_a_motion():
+    """No routine of the programs own is called in place of a motion."""
     own = '  MoveAbsJ [[0,10,20,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;\nENDPROC\nPROC MoveL()\n  TPWrite "mine";'
     program = read_rapid([module(own, POINTS)])
     pose = np.eye(4)

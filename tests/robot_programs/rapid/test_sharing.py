@@ -36,14 +36,16 @@ def test_what_each_call_gives_is_written_in_its_declaration():
     assert "_2" not in text
 
 
-def test_what_calls_with_other_tools_need_gets_a_copy_where_the_call_is():
+def test_calls_with_other_tools_get_a_copy_of_the_target():
+    """What calls with other tools need gets a copy where the call is."""
     moved, cannot, text = rewritten("go p1,tool0;\ngo p1,tA;", GO, 1.0, 2.0)
     np.testing.assert_allclose(moved, [1, 2], atol=1e-6)
     assert not cannot
     assert "go p1_2,tA;" in text
 
 
-def test_one_call_that_stands_for_motions_with_different_needs_is_refused_with_their_places():
+def test_call_with_conflicting_motions_is_refused_with_places():
+    """One call that stands for motions with different needs is refused with their places."""
     routine = "PROC go(robtarget p,PERS tooldata t)\nMoveL p,v5,fine,t;\nMoveL p,v5,fine,tool0;\nENDPROC\n"
     moved, cannot, _ = rewritten("go p1,tA;", routine, 1.0, 2.0)
     np.testing.assert_array_equal(moved, [0, 0])
@@ -51,7 +53,8 @@ def test_one_call_that_stands_for_motions_with_different_needs_is_refused_with_t
     assert "in common with part.mod:16, part.mod:13, part.mod:17, which need other numbers" in cannot[0]
 
 
-def test_a_text_of_the_routine_that_stands_for_motions_with_different_needs_is_refused():
+def test_routine_text_with_conflicting_motions_is_refused():
+    """A text of the routine that stands for motions with different needs is refused."""
     routine = "PROC go(PERS tooldata t)\nMoveL p1,v5,fine,t;\nENDPROC\n"
     moved, cannot, _ = rewritten("go tool0;\ngo tA;", routine, 1.0, 2.0)
     np.testing.assert_array_equal(moved, [0, 0])
@@ -68,7 +71,8 @@ def test_one_of_them_alone_is_not_changed():
     assert cannot.keys() == {0}
 
 
-def test_what_the_routine_reads_for_something_else_is_not_changed():
+def test_argument_read_for_something_else_is_not_changed():
+    """What the routine reads for something else is not changed."""
     routine = 'PROC go(robtarget p,PERS tooldata t)\nMoveL p,v5,fine,t;\nTPWrite ""\\Num:=p.trans.x;\nENDPROC\n'
     moved, cannot, _ = rewritten("go p1,tool0;\ngo p2,tool0;", routine, 1.0, 2.0)
     np.testing.assert_array_equal(moved, [0, 0])
@@ -76,13 +80,15 @@ def test_what_the_routine_reads_for_something_else_is_not_changed():
 
 
 @pytest.mark.parametrize(("approach", "refused"), [(1.01, set()), (1.03, {0, 2})])
-def test_an_approach_goes_with_its_target_if_that_brings_it_to_where_it_should_be(approach, refused):
+def test_approach_follows_its_target_within_the_tolerance(approach, refused):
+    """An approach goes with its target if that brings it to where it should be."""
     moved, cannot, _ = rewritten("go p1,tool0;\ngo p2,tool0;", PICK, approach, 1.0, 1.0, 1.0)
     assert cannot.keys() == refused
     np.testing.assert_allclose(moved, [0 if i in refused else 1 for i in range(4)], atol=1e-6)
 
 
-def test_the_elements_of_an_array_in_a_loop_are_written_one_by_one():
+def test_elements_of_a_loop_are_written_one_by_one():
+    """The elements of an array in a loop are written one by one."""
     elements = ",".join(line.split(":=")[1].rstrip(";") for line in POINTS.splitlines()[:3])
     loop = "FOR i FROM 1 TO Dim(a,1) DO MoveL a{i},v5,fine,tool0; ENDFOR"
     moved, cannot, text = rewritten(loop, "", 1.0, 2.0, 3.0, declared=f"CONST robtarget a{{3}}:=[{elements}];\n")

@@ -8,7 +8,8 @@ from tests.robot_programs.rapid.diagnosed import pose
 from tests.robot_programs.rapid.samples import module
 
 
-def test_offs_goes_along_the_work_object_and_reltool_along_the_tool():
+def test_offs_shifts_by_work_object_and_reltool_by_tool():
+    """Offs goes along the work object and reltool along the tool."""
     declarations = (
         "CONST robtarget p:=[[10,20,30],[0.5,0.5,0.5,0.5],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];CONST num h:=7;"
     )

@@ -31,9 +31,8 @@ def read(tmp_path, text):
         (expressions, "MAX_ARGUMENTS", "PROC p()\nF " + "1,\n" * 30 + "1;\n", 23, "20 arguments in one call"),
     ],
 )
-def test_more_of_something_than_any_program_has_is_refused_by_name(
-    module, bound, text, line, said, tmp_path, monkeypatch
-):
+def test_oversized_programs_are_refused_by_name(module, bound, text, line, said, tmp_path, monkeypatch):
+    """More of something than any program has is refused by name."""
     whole = f"MODULE M\n{text}\nENDMODULE\n"
     monkeypatch.setattr(module, bound, 20)
     with pytest.raises(FileError) as refused:
@@ -56,7 +55,8 @@ def test_a_small_module_of_the_same_is_read_or_refused(name, write, tmp_path):
 
 
 @pytest.mark.parametrize("blanks", ["", " ", "\n", "\t \r\n"])
-def test_a_list_of_numbers_holds_what_each_of_them_says_where_it_stands(blanks):
+def test_list_of_numbers_holds_each_with_its_place(blanks):
+    """A list of numbers holds what each of them says where it stands."""
     numbers = ["0", "-0", "+.5", "- 1.5E-3", "12.", "9E+09"]
     text = (
         "MODULE M\nCONST num a{6}:=[" + ",".join(f"{blanks}{number}{blanks}" for number in numbers) + "];\nENDMODULE\n"

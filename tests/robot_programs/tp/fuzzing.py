@@ -1,13 +1,25 @@
 """TP for `tests.robot_programs.fuzz`."""
 
-from robot_programs.tp.read import read_tp
+import numpy as np
+
+from robot_programs.tp.read import TpProgram, read_tp
 from tests.robot_programs.fuzz import Language
 from tests.robot_programs.tp.generator import generate, nearby_waypoints
 from tests.robot_programs.tp.samples import R2000
+
+
+def _posture(program: TpProgram, number: int) -> np.ndarray | None:
+    """None of a register, which becomes a position, and where an arc's first point is stated by joints."""
+    move, written = program.moves[number], program.sites[number].written
+    if written[-1].register or written[0].states_joints:
+        return None
+    return getattr(move.end.posture, "q", np.radians([0, 10, -20, 0, -60, 0]))
+
 
 LANGUAGE = Language(
     generate=generate,
     read=lambda sources: read_tp(sources, robot=R2000),
     waypoints=lambda rng, program: nearby_waypoints(rng, program, most=3),
+    posture=_posture,
     robot=R2000,
 )

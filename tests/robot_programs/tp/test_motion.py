@@ -84,6 +84,7 @@ def test_a_computed_position_has_no_number():
     ("ending", "distance"),
     [("FINE", 0.0), ("CNT0", 0.0), ("CD 25", 0.025), ("CNT50", None), ("CNT R[2]", None), ("CR50", None)],
 )
-def test_the_size_of_a_corner_is_known_where_it_is_stated_as_a_distance(ending, distance):
+def test_corner_size_is_known_as_a_distance(ending, distance):
+    """The size of a corner is known where it is stated as a distance."""
     motion = parse_motion(f"L P[1] 500mm/sec {ending} ;", 0)
     assert (None if motion.zone is None else motion.zone.distance) == distance

@@ -50,7 +50,8 @@ def test_a_number_that_runs_into_something_else_is_not_read(number):
         group.pose()
 
 
-def test_axes_of_further_groups_follow_the_extended_ones_of_the_robot():
+def test_external_axes_of_groups_follow_extended_ones():
+    """Axes of further groups follow the extended ones of the robot."""
     inside = (
         pose(1, 2, 3).rstrip()
         + ",\n\tE1=   900.000  mm\n   GP2:\n\tUF : 0, UT : 1,\n\tJ1=    45.000 deg,\tJ2=   -10.000 deg\n"

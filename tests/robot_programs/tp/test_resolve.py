@@ -107,7 +107,8 @@ def _has(text: str, pattern: str) -> bool:
 @pytest.mark.parametrize(
     "between", ["  LBL[1]", "  CALL OTHER", "  JMP LBL[2]", "  ENDIF", "  OPEN HAND 1", "L P[99] 10mm/sec FINE"]
 )
-def test_the_start_is_not_known_behind_a_branch_a_call_or_a_motion_that_is_not(between):
+def test_start_is_unknown_after_branches_and_calls(between):
+    """The start is not known behind a branch a call or a motion that is not."""
     program = read(*SET, "L P[2] 10mm/sec FINE", between, "L P[3] 10mm/sec FINE")
     assert [move.follows for move in program.moves] == [None, None]
 

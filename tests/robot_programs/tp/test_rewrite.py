@@ -24,21 +24,8 @@ def to(move, shift_mm, kind=None):
 
 @settings(max_examples=40)
 @given(generators)
-def test_nothing_changes_where_nothing_is_to_change(rng):
-    sources = generate(rng)
-    program = read_tp(sources, robot=R2000)
-    for waypoints in ({}, {n: (moved(m, np.zeros(3), np.zeros(3)),) for n, m in enumerate(program.moves)}):
-        # a register becomes a position, and the joints of an arc's first point are not those of its end
-        others = [
-            n for n, site in enumerate(program.sites) if site.written[-1].register or site.written[0].states_joints
-        ]
-        again = program.rewrite(R2000, {n: w for n, w in waypoints.items() if n not in others})
-        assert [s.encode() for s in again] == [s.encode() for s in sources]
-
-
-@settings(max_examples=40)
-@given(generators)
-def test_rewritten_motions_are_read_back_and_all_others_stay_where_they_were(rng):
+def test_rewrite_is_read_back_and_keeps_the_rest(rng):
+    """Rewritten motions are read back and all others stay where they were."""
     program = read_tp(generate(rng), robot=R2000)
     waypoints = nearby_waypoints(rng, program, most=3)
     again = program.reread(program.rewrite(R2000, waypoints))
@@ -83,7 +70,8 @@ def test_a_position_that_others_still_need_is_copied():
     assert re.findall(r"L (P\[\S+\])", text) == ["P[2:start]", "P[3]", "P[2:start]"]
 
 
-def test_a_motion_that_needs_more_points_gets_lines_before_its_own_and_the_rest_new_numbers():
+def test_inserted_lines_renumber_the_rest():
+    """A motion that needs more points gets lines before its own and the rest new numbers."""
     program = read(*SET, "L P[2:start] 100mm/sec FINE ACC50", "C P[3]\r\n    :  P[4] 90mm/sec FINE", "  DO[1]=ON")
     line = tuple(to(program.moves[0], [x, 0, 0]) for x in (-2.0, -1.0, 0.0))
     arc = tuple(to(program.moves[1], [x, 0, 0]) for x in (-1.0, 0.0))
@@ -104,7 +92,8 @@ def test_a_motion_that_needs_more_points_gets_lines_before_its_own_and_the_rest_
     assert "LINE_COUNT\t= 8;" in text
 
 
-def test_a_motion_without_number_and_semicolon_is_not_continued_by_its_new_points():
+def test_inserted_lines_end_with_a_semicolon():
+    """A motion without number and semicolon is not continued by its new points."""
     whole = listing(["J P[1] 10% FINE"], POSITIONS)
     source = Source.of(whole.path, whole.text.replace("   1:J P[1] 10% FINE    ;", "    :J P[1] 10% FINE").encode())
     program = read_tp([source, *backup()], robot=R2000)
