@@ -5,7 +5,7 @@ import pytest
 
 from taskcal.demo.procedure import reference_task
 from taskcal.estimation.experiment_design import Candidates, choose
-from taskcal.planning.candidates import find_measurable
+from taskcal.observations.point import Tracker
 from taskcal.planning.expected_error import PlanPrior, assumed_hyperparameters, design
 from taskcal.planning.experiment import make_experiment
 from taskcal.task.task import reach_task
@@ -15,9 +15,10 @@ from taskcal.task.task import reach_task
 def candidates(model, request) -> Candidates:
     count = 400 if request.config.getoption("benchmark_disable") else 10_000
     task = reference_task()
-    found = find_measurable(model, task, None, count, 0)
+    tracker = Tracker()
+    found = tracker.find(model, task, count, 0)
     prior = PlanPrior(hyper=assumed_hyperparameters(model, 0.0))
-    return make_experiment(model, reach_task(model, task, 200), found, prior).candidates(found)
+    return make_experiment(model, reach_task(model, task, 200), found, prior, tracker).candidates(found)
 
 
 def one_greedy_step_by_inverses(candidates: Candidates) -> int:

@@ -7,10 +7,10 @@ from taskcal.correction.cell import load_cell
 from taskcal.errors import FileError
 from taskcal.identification.calibration import load_calibration
 from taskcal.io.text_file import VARIABLE, read_bytes, read_text
+from taskcal.observations.point import load_station
 from taskcal.robot.robot_file import read_robot
 from taskcal.tables.forms import read_csv
 from taskcal.task.task import load_task
-from taskcal.virtual.station import load_station
 
 READERS = {
     "csv": read_csv,

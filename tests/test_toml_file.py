@@ -10,9 +10,9 @@ from pydantic import ValidationError
 from taskcal.correction.cell import CellFile
 from taskcal.errors import FileError
 from taskcal.io.toml_file import PLAIN, Section, explain, read_toml
+from taskcal.observations.point import StationFile
 from taskcal.robot.robot_file import RobotFile
 from taskcal.task.task import TaskFile
-from taskcal.virtual.station import StationFile
 
 
 class Small(Section):

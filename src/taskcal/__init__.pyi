@@ -23,6 +23,8 @@ from taskcal.identification.held_out import Validation as Validation
 from taskcal.identification.identify import identify as identify
 from taskcal.identification.validation import validate as validate
 from taskcal.observations.base import TrackerNoise as TrackerNoise
+from taskcal.observations.point import Station as Station
+from taskcal.observations.point import load_station as load_station
 from taskcal.planning.plan import Plan as Plan
 from taskcal.planning.plan import plan as plan
 from taskcal.planning.selection import Selection as Selection
@@ -46,8 +48,6 @@ from taskcal.task.task import reach_task as reach_task
 from taskcal.task.workspace import Orientation as Orientation
 from taskcal.task.workspace import Workspace as Workspace
 from taskcal.virtual.cell import simulate as simulate
-from taskcal.virtual.station import Station as Station
-from taskcal.virtual.station import load_station as load_station
 
 from . import analysis as analysis
 from . import campaigns as campaigns

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taskcal.planning.candidates import find_measurable
+from taskcal.observations.point import Tracker
 from taskcal.planning.plan import Plan, plan
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -26,7 +26,7 @@ def listed(model) -> Task:
 @pytest.fixture(scope="session")
 def pool(model) -> np.ndarray:
     """Joints of poses that can be measured."""
-    return find_measurable(model, TASK, None, 400, 0).q
+    return Tracker().find(model, TASK, 400, 0).q
 
 
 @pytest.fixture(scope="session")

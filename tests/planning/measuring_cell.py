@@ -5,7 +5,7 @@ import numpy as np
 from taskcal.demo.procedure import reference_task
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import Box
-from taskcal.virtual.station import Reflector, Station
+from taskcal.observations.point import Reflector, Station
 
 TASK = reference_task()
 

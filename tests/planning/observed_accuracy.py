@@ -8,7 +8,7 @@ import sys
 import numpy as np
 
 from taskcal.identification.identify import identify
-from taskcal.planning.instruments import find_observable
+from taskcal.observations.instrument import find_measurable
 from taskcal.virtual.cell import draw_defects
 from tests.planning.without_tracker import COUNT, MODEL, TASK, WAYS, aligned_error, measure, plan_of, way_of
 
@@ -17,12 +17,12 @@ def main(robots: int) -> None:
     print(f"{COUNT} postures, {robots} robots: rms over the task, mm")
     for name in WAYS:
         way, made, rng = way_of(name), plan_of(name), np.random.default_rng(1)
-        pool = find_observable(MODEL.nominal, TASK, way, 300, 99)
+        pool = find_measurable(MODEL.nominal, TASK, way, 300, 99)
         planned: list[float] = []
         chance: list[float] = []
         for _ in range(robots):
             x = draw_defects(MODEL, rng)
-            each = [rng.permutation(np.flatnonzero(seen))[: COUNT // way.things] for seen in pool.visible.T]
+            each = [rng.permutation(np.flatnonzero(seen))[: COUNT // way.count] for seen in pool.visible.T]
             pick = np.concatenate(each)
             of = pool.visible[pick].argmax(axis=1)
             for q, things, errors in ((made.q, made.of, planned), (pool.q[pick], of, chance)):

@@ -9,8 +9,9 @@ from taskcal.identification.calibration import UNSEEN_SHARE, informed_parameters
 from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
 from taskcal.observations.base import TrackerNoise
+from taskcal.observations.instrument import Measurable
+from taskcal.observations.point import Tracker
 from taskcal.planning import experiment as calibrated_experiment
-from taskcal.planning.candidates import Measurable
 from taskcal.planning.expected_error import known_hyperparameters
 from taskcal.planning.experiment import calibrated_experiments
 from taskcal.planning.plan import plan
@@ -81,10 +82,10 @@ def test_the_expected_error_is_that_of_all_that_is_unknown(calibration, task, mo
     """Exactly in all directions, and nearly in those that matter."""
     goal, q = reach_task(GEOMETRY, task), poses(10, 4)
     visible = np.ones((10, 1), dtype=bool)
-    few, _ = calibrated_experiments(calibration, goal, measurable(50), None)
+    few, _ = calibrated_experiments(calibration, goal, measurable(50), Tracker(), None)
     monkeypatch.setattr(calibrated_experiment, "JUDGED_BY", len(calibration.z))
     monkeypatch.setattr(calibrated_experiment, "CHOSEN_BY", 40)
-    every, narrow = calibrated_experiments(calibration, goal, measurable(50), None)
+    every, narrow = calibrated_experiments(calibration, goal, measurable(50), Tracker(), None)
     assert every.before == pytest.approx(posterior_error(calibration, goal, q[:0]), rel=1e-5)
     assert every.error(q, visible) == pytest.approx(posterior_error(calibration, goal, q), rel=1e-4)
     assert every.errors_by_count(q, visible)[-1] == pytest.approx(every.error(q, visible), rel=1e-9)
@@ -99,7 +100,7 @@ def test_a_plan_that_knows_of_the_effects_leaves_less_than_one_that_does_not(cal
     geometric = identify(GEOMETRY, campaign)
     knowing = plan(calibration.model, task, 12, calibration=calibration, candidates=pool)
     unknowing = plan(GEOMETRY, task, 12, calibration=geometric, candidates=pool)
-    judged, _ = calibrated_experiments(calibration, goal, measurable(400), None)
+    judged, _ = calibrated_experiments(calibration, goal, measurable(400), Tracker(), None)
     every = np.ones((12, 1), dtype=bool)
     assert knowing.expected == pytest.approx(judged.error(knowing.q, every), rel=0.01)
     assert knowing.expected < 0.95 * judged.error(unknowing.q, every)

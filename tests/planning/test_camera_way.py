@@ -6,7 +6,7 @@ import pytest
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import Box
-from taskcal.planning.instruments import find_observable
+from taskcal.observations.instrument import find_measurable
 from tests.planning.without_tracker import MODEL, TASK, TIP, plan_of, way_of
 
 WAY = way_of("camera")
@@ -15,20 +15,20 @@ WAY = way_of("camera")
 def test_every_landmark_is_in_the_picture_within_range_and_not_too_flat():
     made = plan_of("camera")
     camera = MODEL.poses(made.q) @ TIP
-    seen = se3.apply(se3.inverse(camera), WAY.standing.position[made.of])
+    seen = se3.apply(se3.inverse(camera), WAY.fixtures.position[made.of])
     distance = np.linalg.norm(seen, axis=1)
     assert WAY.nearest - 1e-6 <= distance.min() <= distance.max() <= WAY.farthest + 1e-6
     assert np.arccos(seen[:, 2] / distance).max() <= 0.5 * WAY.field_of_view + 1e-6
-    sight = camera[:, :3, 3] - WAY.standing.position[made.of]
-    tilt = np.arccos((sight * WAY.standing.direction[made.of]).sum(axis=1) / distance)
+    sight = camera[:, :3, 3] - WAY.fixtures.position[made.of]
+    tilt = np.arccos((sight * WAY.fixtures.direction[made.of]).sum(axis=1) / distance)
     assert tilt.max() <= WAY.tilt + 1e-6
 
 
 def test_a_landmark_behind_a_box_is_not_seen():
-    middle = WAY.standing.position[0] + [0.0, 0.0, 0.1]
+    middle = WAY.fixtures.position[0] + [0.0, 0.0, 0.1]
     box = Box(pose=se3.translation(*middle), size=np.array([0.5, 0.5, 0.02]))
     with pytest.raises(ReachError, match=r"landmark 'a' cannot be measured"):
-        find_observable(MODEL, TASK, replace(WAY, keep_out=(box,)), 60, 0)
+        find_measurable(MODEL, TASK, replace(WAY, keep_out=(box,)), 60, 0)
 
 
 def test_a_board_is_predicted_as_the_camera_turns():
@@ -37,5 +37,5 @@ def test_a_board_is_predicted_as_the_camera_turns():
     R = way.rotations(camera, made.of)
     assert R is not None
     back = camera[:, :3, :3] @ R
-    np.testing.assert_allclose(back[:, :, 2], way.standing.direction[made.of], atol=1e-9)
+    np.testing.assert_allclose(back[:, :, 2], way.fixtures.direction[made.of], atol=1e-9)
     assert WAY.rotations(camera, made.of) is None

@@ -6,9 +6,9 @@ import pytest
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import Box, clear_of_itself, place_links
-from taskcal.planning.candidates import enlarge
+from taskcal.observations.point import Reflector
 from taskcal.planning.plan import plan
-from taskcal.virtual.station import Reflector
+from taskcal.task.task import enlarge
 from tests.planning.measuring_cell import TASK, cell
 
 

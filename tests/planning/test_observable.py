@@ -1,9 +1,10 @@
-"""Postures that a way of measuring allows."""
+"""Postures that an instrument allows."""
 
 import numpy as np
 from scipy.stats import qmc
 
-from taskcal.planning.instruments import CameraWay, find_observable, stand_by_default
+from taskcal.observations import CameraInstrument
+from taskcal.observations.instrument import find_measurable
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from tests.planning.without_tracker import MODEL, TASK, TIP, WAYS, way_of
@@ -12,8 +13,8 @@ from tests.planning.without_tracker import MODEL, TASK, TIP, WAYS, way_of
 def test_joints_that_turn_more_than_once_are_not_wound_up():
     model = ErrorModel(load_robot("ur5e"))
     assert model.robot.limits.max() > 6.0
-    way = CameraWay(standing=stand_by_default("camera", model, TASK, TIP), T_tool_tip=TIP)
-    found = find_observable(model, TASK, way, 90, 0)
+    way = CameraInstrument.set_up(model, TASK, TIP)
+    found = find_measurable(model, TASK, way, 90, 0)
     assert np.abs(found.q).max() <= np.pi
     goals = way.goals(model, TASK, 0, qmc.Halton(6, rng=0).random(30))
     reached = model.poses(found.q[found.visible[:, 0]])
@@ -23,14 +24,14 @@ def test_joints_that_turn_more_than_once_are_not_wound_up():
 
 def test_what_stands_by_default_stands_above_the_base_and_things_are_apart():
     for way in WAYS:
-        position = way_of(way).standing.position
+        position = way_of(way).fixtures.position
         assert position[:, 2].min() >= 0.0
         apart = np.linalg.norm(position[:, None] - position, axis=2)
         assert apart[np.triu_indices(len(position), 1)].min() > 0.09
 
 
 def test_postures_of_different_branches_are_found():
-    found = find_observable(MODEL, TASK, way_of("camera"), 150, 0)
+    found = find_measurable(MODEL, TASK, way_of("camera"), 150, 0)
     # wrist flipped either way, and the camera turned all about its axis
     assert (found.q[:, 4] > 0.1).any()
     assert (found.q[:, 4] < -0.1).any()

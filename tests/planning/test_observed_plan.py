@@ -7,9 +7,9 @@ import pytest
 
 from taskcal.errors import CampaignError, ReachError
 from taskcal.identification.identify import identify
-from taskcal.planning.candidates import Measurable
-from taskcal.planning.expected_error import assumed_hyperparameters
-from taskcal.planning.experiment import make_observed_experiment
+from taskcal.observations.instrument import Measurable
+from taskcal.planning.expected_error import PlanPrior, assumed_hyperparameters
+from taskcal.planning.experiment import make_experiment
 from taskcal.planning.plan import plan
 from taskcal.virtual.cell import draw_defects
 from tests.planning.without_tracker import (
@@ -42,9 +42,9 @@ def test_a_plan_is_better_than_chance_and_falls_with_the_number_of_poses(way):
 def test_every_posture_is_inside_the_limits_and_everything_that_stands_has_its_fill(way):
     made = plan_of(way)
     assert MODEL.robot.inside_limits(made.q).all()
-    assert np.bincount(made.of).min() >= way_of(way).fewest
-    assert made.names == tuple(way_of(way).standing.names[k] for k in made.of)
-    assert made.summary()["poses_each"] == {name: made.names.count(name) for name in way_of(way).standing.names}
+    assert np.bincount(made.of).min() >= way_of(way).rows_each
+    assert made.names == tuple(way_of(way).fixtures.names[k] for k in made.of)
+    assert made.summary()["poses_each"] == {name: made.names.count(name) for name in way_of(way).fixtures.names}
     # what does not stand at the same time is measured one behind another
     stage = way_of(way).stages[made.of]
     assert np.count_nonzero(np.diff(stage)) == len(np.unique(stage)) - 1
@@ -71,8 +71,8 @@ def test_the_same_seed_gives_the_same_plan():
 def expected_in(way, made):
     """Expected error of the postures of a plan, measured in another way."""
     found = Measurable(q=made.q, rows=np.arange(len(made.q)), visible=made.visible, lost={})
-    hyper = assumed_hyperparameters(MODEL)
-    return make_observed_experiment(MODEL, GOAL, found, way, hyper).error(made.q, made.visible)
+    prior = PlanPrior(hyper=assumed_hyperparameters(MODEL))
+    return make_experiment(MODEL, GOAL, found, prior, way).error(made.q, made.visible)
 
 
 def test_a_stated_distance_of_sockets_is_worth_something_and_a_coarse_one_little():
@@ -86,7 +86,7 @@ def test_a_stated_distance_of_sockets_is_worth_something_and_a_coarse_one_little
 def test_a_board_says_more_than_a_landmark_and_an_unknown_scale_less_than_a_known_one():
     camera, wire = plan_of("camera"), plan_of("wire")
     assert expected_in(way_of("board"), camera) < expected_in(way_of("camera"), camera)
-    assert expected_in(replace(way_of("wire"), scaled=True), wire) > expected_in(way_of("wire"), wire)
+    assert expected_in(replace(way_of("wire"), wire_scale=True), wire) > expected_in(way_of("wire"), wire)
 
 
 def test_too_few_poses_are_refused_and_as_many_as_the_message_says_are_planned():
@@ -106,7 +106,7 @@ def test_postures_that_are_too_few_are_said_of_what():
 
 def test_given_joints_or_measurements_do_not_go_with_it():
     way = way_of("socket")
-    with pytest.raises(CampaignError, match="are looked for where things stand"):
+    with pytest.raises(CampaignError, match="are looked for where its fixtures are"):
         plan(MODEL, TASK, COUNT, observe=way, candidates=GOAL.q)
     made = plan_of("socket")
     campaign = measure(way, made.q, made.of, np.zeros(len(MODEL)), np.random.default_rng(0), 1e-4)

@@ -8,14 +8,15 @@ import pytest
 from taskcal.errors import CampaignError, ReachError
 from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.identify import identify
-from taskcal.planning.candidates import keep_measurable
+from taskcal.observations.base import TrackerNoise
+from taskcal.observations.point import Tracker
 from taskcal.planning.expected_error import PlanPrior, design
 from taskcal.planning.experiment import make_experiment
 from taskcal.planning.plan import plan
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
-from taskcal.task.task import Task, TaskPoses, reach_task
+from taskcal.task.task import Task, reach_task
 from taskcal.virtual.cell import draw_defects, simulate
 from tests.laws.robots import irb6660_description
 from tests.planning.measuring_cell import TASK
@@ -44,7 +45,8 @@ def test_a_plan_is_better_than_chance_and_says_what_each_pose_was_worth(small):
 
 
 def test_the_expected_error_is_that_of_a_campaign_at_the_planned_poses(model, small):
-    campaign, _ = simulate(model, small.q, rng=np.random.default_rng(0), x=np.zeros(len(model)))
+    exact = TrackerNoise(range_m=1e-12, range_per_m=0.0, transverse_m=1e-12, transverse_per_m=0.0)
+    campaign, _ = simulate(model, small.q, rng=np.random.default_rng(0), x=np.zeros(len(model)), noise=exact)
     goal = reach_task(model, TASK, 200, 0)
     assert small.model_error == pytest.approx(5e-5)  # of the robot's file
     made = design(model, campaign, goal, model_error=(small.model_error,))
@@ -111,18 +113,9 @@ def test_a_model_error_spreads_the_poses_over_the_task(model, listed, pool):
     """Against a smooth model error, poses crowded at the extremes are worth less than poses where the task is."""
     rng = np.random.default_rng(0)
     goal = reach_task(model, listed)
-    found = keep_measurable(
-        model,
-        TaskPoses(
-            T=model.poses(pool),
-            q=pool,
-            weights=np.full(len(pool), 1 / len(pool)),
-            unreachable=np.zeros(len(pool), dtype=bool),
-        ),
-        None,
-    )
+    found = Tracker().find(model, listed, pool, 0)
     prior = PlanPrior(hyper=Hyperparameters.of_deviations((1e-4,)))
-    smooth = make_experiment(model, goal, found, prior, smooth=True)
+    smooth = make_experiment(model, goal, found, prior, Tracker(), smooth=True)
     sharp, broad = (plan(model, listed, 20, candidates=pool, model_error=e).q for e in (0.0, 1e-4))
     seen = np.ones((20, 1), dtype=bool)
     assert smooth.error(broad, seen) < smooth.error(sharp, seen)

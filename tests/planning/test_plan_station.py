@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taskcal.kinematics.clearance import beam_is_free, clear_of_boxes, clear_of_itself, place_links
-from taskcal.planning.candidates import find_measurable
+from taskcal.observations.point import Tracker
 from taskcal.planning.expected_error import design
 from taskcal.planning.plan import plan
 from taskcal.task.task import reach_task
@@ -33,7 +33,7 @@ def test_every_pose_of_a_plan_for_a_station_can_be_measured(model):
             unhidden &= looks >= np.cos(reflector.acceptance)
         np.testing.assert_array_equal(made.visible[:, k], unhidden)
     assert made.lost["in a keep-out box"] > 0
-    found = find_measurable(model, TASK, station, 500, 0)
+    found = Tracker(station=station).find(model, TASK, 500, 0)
     assert sum(made.lost.values()) + len(found.q) == 500
     assert made.candidates == len(found.q)
 

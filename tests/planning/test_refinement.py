@@ -4,13 +4,13 @@ import numpy as np
 
 from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.kinematics.clearance import place_links
-from taskcal.planning.candidates import enlarge, find_measurable
+from taskcal.observations.point import Tracker
 from taskcal.planning.expected_error import PlanPrior
 from taskcal.planning.experiment import make_experiment
 from taskcal.planning.plan import plan, refine
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.task.task import reach_task
+from taskcal.task.task import enlarge, reach_task
 from tests.planning.measuring_cell import TASK, cell
 
 
@@ -22,10 +22,10 @@ def test_refinement_keeps_what_the_station_sees(model):
     seen = station.visible(model.poses(made.q), links)
     np.testing.assert_array_equal(seen, made.visible)
     prior = PlanPrior(hyper=Hyperparameters.of_deviations((0.0,)))
-    experiment = make_experiment(
-        model, reach_task(model, TASK, 50), find_measurable(model, TASK, station, 200, 0), prior, station=station
-    )
-    q, visible = refine(model, experiment, TASK, station, made.q, made.visible, scale=0.3, seed=0)
+    tracker = Tracker(station=station)
+    goal, found = reach_task(model, TASK, 50), tracker.find(model, TASK, 200, 0)
+    experiment = make_experiment(model, goal, found, prior, tracker)
+    q, visible = refine(model, experiment, TASK, tracker, made.q, made.visible, scale=0.3, seed=0)
     np.testing.assert_array_equal(station.visible(model.poses(q), place_links(model, q)), visible)
     assert visible.any(axis=1).all()
     assert experiment.error(q, visible) < experiment.error(made.q, made.visible)

@@ -6,8 +6,9 @@ import pytest
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import clear_of_boxes, place_links, without_carriers
-from taskcal.planning.instruments import STEPS, STRAIGHT, SocketWay, check_observable, find_observable
-from taskcal.virtual.station import Standing
+from taskcal.observations import Fixtures
+from taskcal.observations.instrument import check_measurable, find_measurable
+from taskcal.observations.socket import APPROACH_STEPS, MAX_DEVIATION, SocketInstrument
 from tests.planning.without_tracker import MODEL, TASK, TIP, plan_of, way_of
 
 WAY = way_of("socket")
@@ -16,7 +17,7 @@ WAY = way_of("socket")
 def test_the_ball_is_in_its_socket_and_the_stem_within_the_cone():
     made = plan_of("socket")
     ball = (MODEL.poses(made.q) @ TIP)[:, :3, 3]
-    np.testing.assert_allclose(ball, WAY.standing.position[made.of], atol=1e-6)
+    np.testing.assert_allclose(ball, WAY.fixtures.position[made.of], atol=1e-6)
     tilt = WAY.tilt(MODEL, made.q, made.of)
     assert tilt.max() <= WAY.cone + 1e-6
     assert tilt.max() > 0.8 * WAY.cone  # the whole cone is used
@@ -25,57 +26,57 @@ def test_the_ball_is_in_its_socket_and_the_stem_within_the_cone():
 def test_the_way_in_is_along_the_axis_and_the_links_stay_out_of_the_block():
     made = plan_of("socket")
     ways = WAY.visits(MODEL, made.q, made.of)
-    assert ways.shape[1] == STEPS + 1
+    assert ways.shape[1] == APPROACH_STEPS + 1
     np.testing.assert_array_equal(ways[:, -1], made.q)
     finer = np.concatenate(
         [
             ways[:, k, None] + np.linspace(0, 1, 5)[:, None] * (ways[:, k + 1] - ways[:, k])[:, None]
-            for k in range(STEPS)
+            for k in range(APPROACH_STEPS)
         ],
         axis=1,
     )
     flat = finer.reshape(-1, 6)
     of = np.repeat(made.of, finer.shape[1])
-    away = (MODEL.poses(flat) @ TIP)[:, :3, 3] - WAY.standing.position[of]
-    along = (away * WAY.standing.direction[of]).sum(axis=1)
+    away = (MODEL.poses(flat) @ TIP)[:, :3, 3] - WAY.fixtures.position[of]
+    along = (away * WAY.fixtures.direction[of]).sum(axis=1)
     assert along.reshape(len(made.q), -1)[:, 0] == pytest.approx(WAY.distance, abs=1e-9)
     assert np.all(np.diff(along.reshape(len(made.q), -1), axis=1) <= 1e-9)
-    assert np.linalg.norm(away - along[:, None] * WAY.standing.direction[of], axis=1).max() < 1.1 * STRAIGHT
-    links = without_carriers(place_links(MODEL, flat), away + WAY.standing.position[of])
+    assert np.linalg.norm(away - along[:, None] * WAY.fixtures.direction[of], axis=1).max() < 1.1 * MAX_DEVIATION
+    links = without_carriers(place_links(MODEL, flat), away + WAY.fixtures.position[of])
     assert clear_of_boxes(links, WAY.blocks).all()
     assert MODEL.robot.inside_limits(flat).all()
 
 
 def test_a_block_reaches_around_its_sockets_and_up_to_the_balls():
     turned = se3.exp(np.array([0.5, -0.3, 0.8]))
-    standing = Standing(
+    fixtures = Fixtures(
         names=("p/a", "p/b", "q/a"),
         position=np.array([[0.3, 0.0, 0.2], [0.3, 0.1, 0.2], [0.5, 0.0, 0.2]]) @ turned.T,
         direction=np.tile(turned[:, 2], (3, 1)),
     )
-    first, second = SocketWay(standing=standing).blocks
+    first, second = SocketInstrument(fixtures=fixtures).blocks
     assert sorted(first.size) == pytest.approx([0.06, 0.06, 0.16])
     top = se3.apply(first.pose, np.array([[0.0, 0.0, 0.5 * first.size[2]]]))[0]
-    assert turned[:, 2] @ top == pytest.approx(turned[:, 2] @ standing.position[0])
+    assert turned[:, 2] @ top == pytest.approx(turned[:, 2] @ fixtures.position[0])
     assert second.size == pytest.approx([0.06, 0.06, 0.06])
-    assert SocketWay(standing=standing).stages.tolist() == [0, 0, 1]
+    assert SocketInstrument(fixtures=fixtures).stages.tolist() == [0, 0, 1]
 
 
 def test_postures_outside_the_cone_are_not_offered_and_a_narrow_cone_is_worth_less():
     narrow = replace(WAY, cone=np.radians(10.0))
-    found = find_observable(MODEL, TASK, narrow, 120, 0)
+    found = find_measurable(MODEL, TASK, narrow, 120, 0)
     assert narrow.tilt(MODEL, found.q, found.visible.argmax(axis=1)).max() <= narrow.cone + 1e-6
 
 
 def test_a_posture_in_the_block_is_refused():
-    upside_down = replace(WAY, standing=replace(WAY.standing, direction=-WAY.standing.direction))
+    upside_down = replace(WAY, fixtures=replace(WAY.fixtures, direction=-WAY.fixtures.direction))
     made = plan_of("socket")
-    ok, lost = check_observable(MODEL, upside_down, made.q, made.of)
+    ok, lost = check_measurable(MODEL, upside_down, made.q, made.of)
     assert not ok.all()
     assert lost["too near the block"] > 0.5 * len(made.q)
 
 
 def test_a_socket_out_of_reach_is_named_with_how_far_it_is():
-    far = replace(WAY.standing, position=WAY.standing.position + np.array([[0.0, 0.0, 0.0]] * 3 + [[1.0, 0.0, 0.0]]))
+    far = replace(WAY.fixtures, position=WAY.fixtures.position + np.array([[0.0, 0.0, 0.0]] * 3 + [[1.0, 0.0, 0.0]]))
     with pytest.raises(ReachError, match=r"does not reach .*socket 'second/b' at x .* comes within about \d+ mm\)"):
-        find_observable(MODEL, TASK, replace(WAY, standing=far), 60, 0)
+        find_measurable(MODEL, TASK, replace(WAY, fixtures=far), 60, 0)

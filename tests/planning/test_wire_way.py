@@ -5,7 +5,7 @@ import pytest
 
 from taskcal.errors import ReachError
 from taskcal.kinematics.clearance import place_links, segment_distance
-from taskcal.planning.instruments import find_observable
+from taskcal.observations.instrument import find_measurable
 from tests.planning.without_tracker import MODEL, TASK, TIP, plan_of, way_of
 
 WAY = way_of("wire")
@@ -13,7 +13,7 @@ WAY = way_of("wire")
 
 def wires(q, of):
     tip = MODEL.poses(q) @ TIP
-    return tip, WAY.standing.position[of] - tip[:, :3, 3]
+    return tip, WAY.fixtures.position[of] - tip[:, :3, 3]
 
 
 def test_every_wire_has_a_length_that_is_measured_and_leaves_the_tool_freely():
@@ -38,9 +38,9 @@ def test_a_wire_that_is_too_short_everywhere_is_refused_and_the_anchor_named():
     with pytest.raises(
         ReachError, match=r"anchor 'front' cannot be measured .* the wire too short or too long; move it"
     ):
-        find_observable(MODEL, TASK, replace(WAY, longest=0.12), 60, 0)
+        find_measurable(MODEL, TASK, replace(WAY, longest=0.12), 60, 0)
 
 
 def test_a_sensor_of_unknown_scale_tells_less():
-    assert replace(WAY, scaled=True).unknown.shape == (13,)
+    assert replace(WAY, wire_scale=True).unknown.shape == (13,)
     assert WAY.unknown.shape == (12,)

@@ -1,5 +1,6 @@
 """A small robot's cell without a tracker, and virtual robots that are measured in it."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -8,21 +9,12 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.inverse import solve_near
-from taskcal.observations import Measured
+from taskcal.observations import Fixtures, Measured, SocketInstrument
 from taskcal.observations.base import TrackerNoise
-from taskcal.planning.instruments import (
-    BoardWay,
-    CameraWay,
-    MeasuringWay,
-    SocketWay,
-    WireWay,
-    block_distances,
-    stand_by_default,
-)
+from taskcal.observations.instrument import Instrument, instrument_class
 from taskcal.planning.plan import Plan, plan
 from taskcal.task.task import reach_task
 from taskcal.task.workspace import Orientation
-from taskcal.virtual.station import Standing
 from tests.reading.virtual_task import MODEL, box_before_the_robot
 
 TIP = se3.translation(0.01, -0.02, 0.1)
@@ -35,15 +27,13 @@ COUNT, CANDIDATES = 36, 300
 
 
 @cache
-def way_of(way: str) -> MeasuringWay:
-    """By default of the task."""
-    standing = stand_by_default(way, MODEL, TASK, TIP)
-    if way == "socket":
-        few = Standing(names=standing.names[:4], position=standing.position[:4], direction=standing.direction[:4])
-        return SocketWay(standing=few, T_tool_tip=TIP, distances=block_distances()[:2])
-    if way == "wire":
-        return WireWay(standing=standing, T_tool_tip=TIP)
-    return (BoardWay if way == "board" else CameraWay)(standing=standing, T_tool_tip=TIP)
+def way_of(way: str) -> Instrument:
+    """By default of the task; sockets at two places."""
+    made = instrument_class(way).set_up(MODEL, TASK, TIP)
+    if not isinstance(made, SocketInstrument):
+        return made
+    few = {name: getattr(made.fixtures, name)[:4] for name in ("names", "position", "direction")}
+    return replace(made, fixtures=Fixtures(**few), distances=made.distances[:2])
 
 
 @cache
@@ -53,23 +43,23 @@ def plan_of(way: str) -> Plan:
 
 
 def measure(
-    way: MeasuringWay, q: np.ndarray, of: np.ndarray, x: np.ndarray, rng: np.random.Generator, error: float
+    way: Instrument, q: np.ndarray, of: np.ndarray, x: np.ndarray, rng: np.random.Generator, error: float
 ) -> Campaign:
     """A virtual robot measured in postures: what each reads, with the kind's noise and a model error at the tip."""
-    kind, things = way.observation(of), way.standing.position
+    kind, things = way.observation(of), way.fixtures.position
     n = len(q)
     off = error * rng.normal(size=(n, 3))
     T = MODEL.poses(q, x)
     tip = T @ way.T_tool_tip
     points = np.zeros((n, 3))
-    if way.way == "socket":
+    if way.name == "socket":
         noise = kind.covariance(Measured(points), None, TrackerNoise())[0, 0, 0] ** 0.5
         T[:, :3, 3] += things[of] + off + noise * rng.normal(size=(n, 3)) - tip[:, :3, 3]
         q = solve_near(MODEL, T, q, x).q
     else:
         tip[:, :3, 3] += off
         noise = kind.covariance(Measured(points), None, TrackerNoise())[0, 0, 0] ** 0.5
-        if way.way == "wire":
+        if way.name == "wire":
             points[:, 0] = np.linalg.norm(tip[:, :3, 3] - things[of], axis=1) + noise * rng.normal(size=n)
         else:
             points = se3.apply(se3.inverse(tip), things[of]) + noise * rng.normal(size=(n, 3))

@@ -16,8 +16,9 @@ from taskcal.export.forms import export_ur_yaml
 from taskcal.identification.calibration import load_calibration
 from taskcal.identification.identify import identify
 from taskcal.io.toml_file import read_toml
+from taskcal.observations.point import load_station
+from taskcal.observations.socket import read_distances
 from taskcal.reading.reader import ReadOptions, read_campaign
-from taskcal.reading.stated_scale import read_distances
 from taskcal.registration.registration import register
 from taskcal.registration.registration_file import load_registration, save_registration
 from taskcal.robot.catalogue import catalogue_names, describe_robot, load_robot, robot_toml
@@ -29,10 +30,10 @@ from taskcal.tables.forms import read_csv
 from taskcal.task.orientation import read_tool_poses
 from taskcal.task.task import load_task
 from taskcal.virtual.cell import simulate
-from taskcal.virtual.station import load_station
 from tests.campaigns.test_cycles import PATH, PATH_ROWS, POSE_ROWS, POSES
 from tests.laws.calibrations import calibrated
 from tests.laws.urdfs import random_urdf
+from tests.observations.test_station import STATION
 from tests.readers.damage import Files
 from tests.readers.packed_readers import PACKED_READERS, read_either
 from tests.readers.reader import Reader, named
@@ -43,7 +44,6 @@ from tests.robot.test_ur_files import CONF
 from tests.tables.test_labelled_values import LOG
 from tests.tables.test_motion_capture import EXPORT
 from tests.task.task_files import BOX, CYLINDER
-from tests.virtual.test_station import STATION
 
 
 def _campaigns() -> Files:

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taskcal.observations.point import load_station
 from taskcal.robot.catalogue import load_robot
 from taskcal.studio.editors import first_station, move_tracker
 from taskcal.studio.pages.plan_page import arguments_of, of_poses
 from taskcal.studio.project import Choices
-from taskcal.virtual.station import load_station
 
 
 @pytest.mark.parametrize("robot", ["ur5", "abb-irb6660-205-1.9"])

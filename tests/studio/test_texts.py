@@ -8,7 +8,7 @@ import numpy as np
 
 import taskcal.studio
 from taskcal.diagnosis.diagnose import MISTAKES
-from taskcal.planning.candidates import find_measurable
+from taskcal.observations.point import Tracker
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.studio.pages.measurements_page import mend
@@ -54,7 +54,7 @@ def test_what_the_library_names_has_its_texts() -> None:
 def test_why_poses_fall_away_is_said_in_the_page_s_language(tmp_path: Path) -> None:
     model = ErrorModel(load_robot("ur5"))
     (tmp_path / "task.toml").write_text(first_task(model, np.array([0.0, -1.2, 1.5, -0.3, 1.5, 0.0])))
-    lost = find_measurable(model, load_task(tmp_path / "task.toml"), None, 20, 0).lost
+    lost = Tracker().find(model, load_task(tmp_path / "task.toml"), 20, 0).lost
     assert lost
     assert [reason for reason in lost if Texts("de").named("lost", reason) == reason] == []
 

@@ -143,7 +143,7 @@ def test_ways_share_the_rows_and_are_identified_at_once():
 
 
 def test_a_task_that_lies_out_of_reach_is_refused_with_the_number_of_rows(monkeypatch):
-    monkeypatch.setattr(virtual_cell, "CELLS", 1)  # in another one it may reach all
+    monkeypatch.setattr(virtual_cell, "MAX_CELLS", 1)  # in another one it may reach all
     stretched = np.tile([0.0, 1.3, -0.9, 0.0, 0.0, 0.0], (12, 1)) + np.linspace(0.0, 0.01, 12)[:, None]
     said = r"abb-irb120 cannot measure with 'socket' in \d+ of 12 rows: .* to socket '\d/[ab]'.*, \d{3}( to \d{3})? mm from its"
     with pytest.raises(CampaignError, match=said):

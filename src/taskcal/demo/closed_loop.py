@@ -38,6 +38,7 @@ from taskcal.identification.effects import select_effects
 from taskcal.identification.provenance import package_version
 from taskcal.io.files import write_whole
 from taskcal.kinematics.inverse import solve_near
+from taskcal.observations.point import Reflector, Station
 from taskcal.planning.plan import plan
 from taskcal.planning.workers import side_by_side
 from taskcal.robot.conditions import conditions_in_order
@@ -46,7 +47,6 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
 from taskcal.virtual.cell import simulate
-from taskcal.virtual.station import Reflector, Station
 
 # Calibrations that are kept as they are found, so that a long run goes on where it was interrupted.
 

@@ -249,6 +249,8 @@ class Observation(ABC):
     """Numbers that it measures in a row, lengths first."""
     angles: ClassVar[int] = 0
     """How many of them, the last, are angles."""
+    oriented: ClassVar[bool] = False
+    """Whether it measures rotations."""
     turned: ClassVar[bool] = False
     """Whether it depends on how the target is turned on the tool."""
     along_axes: ClassVar[bool] = False
@@ -259,6 +261,8 @@ class Observation(ABC):
     """Whether it is the position of the target itself, which compiled passes differentiate as they walk the chain."""
     instrument: ClassVar[str] = ""
     """What it is measured with, in a word: the kind's name on the command line."""
+    stated_lengths: ClassVar[str] = ""
+    """What lengths may be stated of it beside its rows, in words; empty for none."""
     touched: ClassVar[bool] = False
     """Whether no number is read, but the robot is brought to where something touches."""
     columns: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
@@ -374,6 +378,18 @@ class Observation(ABC):
         """The name that each row refers to; empty where nothing was read."""
         assert self.of is not None
         return [self.named[k] if k >= 0 and there else "" for k, there in zip(self.of, measured.valid, strict=True)]
+
+    def blank(self, count: int) -> Measured:
+        """So many rows as if everything read zero."""
+        return Measured(np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)) if self.oriented else None)
+
+    def with_stated(self, path: Path) -> "Observation | None":
+        """The observation with the lengths that a file states; None for kinds of which nothing is stated."""
+        return None
+
+    def stated_text(self) -> str | None:
+        """The file that `with_stated` reads; None for kinds of which nothing is stated."""
+        return None
 
     def numbered_like(self, other: "Observation") -> "Observation":
         """The same rows, what they refer to numbered as another one of this kind does; −1 where that does not know it."""

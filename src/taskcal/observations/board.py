@@ -6,12 +6,23 @@ from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from taskcal.geometry import se3
-from taskcal.observations.base import Differential, Measured, ObservedColumns, Placed, Read, Scene, TrackerNoise
-from taskcal.observations.landmark import Landmarks
+from taskcal.observations.base import (
+    Differential,
+    Measured,
+    Observation,
+    ObservedColumns,
+    Placed,
+    Read,
+    Scene,
+    TrackerNoise,
+)
+from taskcal.observations.landmark import CameraInstrument, Landmarks
 from taskcal.observations.pose import turn_by_rotation
+from taskcal.short_repr import short_repr
+from taskcal.task.orientation import towards
 
 QUATERNION = ("sqx", "sqy", "sqz", "sqw")
 
@@ -33,6 +44,7 @@ class Boards(Landmarks):
     )
     width: ClassVar[int] = 6
     angles: ClassVar[int] = 3
+    oriented: ClassVar[bool] = True
     instrument: ClassVar[str] = "board"
 
     @property
@@ -141,3 +153,24 @@ class Boards(Landmarks):
             for k, name in enumerate(QUATERNION)
         }
         return {**(super().cells(measured) or {}), **turned}
+
+
+# A camera on the wrist that sees boards, and how they are turned.
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BoardInstrument(CameraInstrument):
+    """Boards in place of landmarks; about their directions they may be turned anyhow."""
+
+    kind: ClassVar[type[Observation]] = Boards
+
+    def observation(self, of: Int[np.ndarray, " n"]) -> Boards:
+        """Boards, with that of each row."""
+        return Boards(landmarks=self.fixtures.names, of=of)
+
+    @property
+    def unknown(self) -> Float[np.ndarray, " u"]:
+        """Their places, and how they are turned."""
+        turned = np.stack([se3.log(towards(direction)) for direction in self.fixtures.direction])
+        return np.concatenate([self.fixtures.position, turned], axis=1).reshape(-1)

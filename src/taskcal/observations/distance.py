@@ -6,13 +6,15 @@ from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import CampaignError, UnitError
 from taskcal.geometry import se3
+from taskcal.kinematics.clearance import Links
 from taskcal.observations.base import (
     Differential,
     Measured,
+    Observation,
     ObservedColumns,
     Placed,
     Read,
@@ -22,7 +24,10 @@ from taskcal.observations.base import (
     refer,
     unlocated,
 )
+from taskcal.observations.instrument import Fixtures, Instrument, Setting, directions_across, on_the_floor
+from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.parameter import ShownUnit
+from taskcal.short_repr import short_repr
 
 RESOLUTION = 1e-4
 """How well a length is measured where the campaign does not say, metres."""
@@ -334,3 +339,114 @@ class _Case(NamedTuple):
             A = np.concatenate([-2.0 * x[mine], 2.0 * self.d[mine, None], np.ones((int(mine.sum()), 1))], axis=1)
             out[number] = np.linalg.lstsq(A, self.d[mine] ** 2 - (x[mine] ** 2).sum(axis=1), rcond=1e-9)[0][:4]
         return np.concatenate([t, out.reshape(-1)])
+
+
+# A wire from the tool to anchors: postures in which it is long enough, short enough, and free.
+
+SHORTEST, LONGEST = 0.1, 2.0
+"""Length of a wire by default, metres: draw-wire sensors are sold from half a metre to many; two metres are common."""
+
+ANGLE = np.radians(110.0)
+"""Largest angle between the wire and the tool's axis by default: tied to a swivel at the tip, it must not lean on the tool."""
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WireInstrument(Instrument):
+    """Anchors, and the wire's end on the tool."""
+
+    directed: ClassVar[bool] = False
+    instructions: ClassVar[str] = "fill in d_mm in the plan's file, row by row; identify then reads it"
+    rows_each: ClassVar[int] = FEWEST
+    kind: ClassVar[type[Observation]] = Lengths
+    shares: ClassVar[tuple[str, ...]] = ("wire_scale",)
+    settings: ClassVar[tuple[Setting, ...]] = (
+        Setting(
+            "--anchors",
+            "ANCHORS.csv",
+            "Where a wire's anchors are, roughly: anchor, x_mm y_mm z_mm. Without it three are assumed around the task.",
+            ("fixtures",),
+        ),
+        Setting(
+            "--cone-deg",
+            "DEG",
+            "largest angle between wire and tool axis (110)",
+            ("angle",),
+            float(np.radians(1.0)),
+            180.0,
+        ),
+        Setting("--range-mm", "LOW,HIGH", "lengths that the wire has (100,2000)", ("shortest", "longest"), 1e-3),
+    )
+    shortest: float = SHORTEST
+    longest: float = LONGEST
+    """Lengths that the instrument measures, metres."""
+    angle: float = ANGLE
+    """Largest angle between the wire and the direction in which the tool points, radians."""
+    wire_scale: bool = False
+    """Whether the instrument's scale is unknown."""
+
+    @classmethod
+    def arrange(
+        cls,
+        p: Float[np.ndarray, "n 3"],
+        pointing: Float[np.ndarray, " 3"],
+        reach: float,
+        stated: Mapping[str, Any],
+    ) -> Fixtures:
+        """Around the task."""
+        low, high = stated.get("shortest", SHORTEST), stated.get("longest", LONGEST)
+        length = float(np.clip(FAR_SHARE * reach, low + (high - low) / 4, (low + high) / 2))
+        return _anchors(p, pointing, length)
+
+    def faults(
+        self, model: ErrorModel, q: Float[np.ndarray, "n joints"], of: Int[np.ndarray, " n"], links: Links
+    ) -> Mapping[str, Bool[np.ndarray, " n"]]:
+        """A wire that is too short or too long, leans on the tool, or meets the robot."""
+        tip = self.tip(model, q)
+        way = self.fixtures.position[of] - tip[:, :3, 3]
+        length = np.linalg.norm(way, axis=1)
+        within = (length >= self.shortest) & (length <= self.longest)
+        steep = (way * tip[:, :3, 2]).sum(axis=1) < np.cos(self.angle) * length
+        return {
+            "the wire too short or too long": ~within,
+            "the wire leaning on the tool": steep,
+            "the wire across the robot": ~self.sight_is_free(tip, of, links),
+        }
+
+    def observation(self, of: Int[np.ndarray, " n"]) -> Lengths:
+        """Lengths, with the anchor of each row."""
+        return Lengths(anchors=self.fixtures.names, of=of, scaled=self.wire_scale)
+
+    @property
+    def unknown(self) -> Float[np.ndarray, " u"]:
+        """Anchors and offsets, then the scale."""
+        own = np.concatenate([self.fixtures.position, np.zeros((self.count, 1))], axis=1).reshape(-1)
+        return np.concatenate([own, np.zeros(int(self.wire_scale))])
+
+    @property
+    def stages(self) -> Int[np.ndarray, " things"]:
+        """One anchor at a time."""
+        return np.arange(self.count)
+
+
+ANCHORS: dict[str, tuple[float, float]] = {"front": (0.0, 30.0), "left": (80.0, 0.0), "right": (-80.0, 15.0)}
+"""Each anchor's angle about the direction in which the tool points, from the way out from the robot, and its angle towards
+that direction; degrees."""
+
+FAR_SHARE = 0.5
+"""How far an anchor is from the middle of the task, over the robot's reach, as far as the wire allows."""
+
+
+def _anchors(p: Float[np.ndarray, "n 3"], pointing: Float[np.ndarray, " 3"], length: float) -> Fixtures:
+    """Three anchors on different sides of the task, and at different heights."""
+    middle = p.mean(axis=0)
+    outward, side = directions_across(middle, pointing)
+    position = [
+        middle + length * (np.cos(lean) * (np.cos(around) * outward + np.sin(around) * side) + np.sin(lean) * pointing)
+        for around, lean in np.radians(list(ANCHORS.values()))
+    ]
+    return Fixtures(
+        names=tuple(ANCHORS),
+        position=on_the_floor(np.stack(position)),
+        direction=np.tile(-pointing, (len(ANCHORS), 1)),
+    )

@@ -6,14 +6,16 @@ from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.geometry.point_registration import orientations
+from taskcal.kinematics.clearance import Links
 from taskcal.observations.base import (
     Differential,
     Measured,
+    Observation,
     ObservedColumns,
     Placed,
     Read,
@@ -24,6 +26,12 @@ from taskcal.observations.base import (
     spots,
     unlocated,
 )
+from taskcal.observations.instrument import Fixtures, Instrument, Setting, far_apart, on_the_floor
+from taskcal.robot.error_model import ErrorModel
+from taskcal.short_repr import short_repr
+from taskcal.task.orientation import towards
+from taskcal.task.task import Task
+from taskcal.task.workspace import Orientation
 
 RESOLUTION = 1e-4
 """How well a sensor on the wrist sees a landmark where the campaign does not say, metres per axis."""
@@ -273,3 +281,121 @@ class _Case(NamedTuple):
             A[self.k == number, :, 12 + 3 * number : 15 + 3 * number] = -np.eye(3)
         x = np.linalg.lstsq(A.reshape(3 * n, -1), -self.p.reshape(-1), rcond=1e-6)[0]
         return se3.nearest_rotation(x[:9].reshape(3, 3).T)
+
+
+# A camera on the wrist that sees landmarks: postures in which they are in its sight.
+
+FIELD_OF_VIEW = np.radians(40.0)
+"""Full angle of the cone that the camera sees, by default: the smaller side of the picture of a common lens."""
+
+SIGHT_RANGE = 0.2, 0.6
+"""Distances from which a landmark is measured, by default, metres."""
+
+TILT = np.radians(45.0)
+"""Largest angle between a landmark's normal and the line of sight by default; flatter, patterns are measured badly."""
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CameraInstrument(Instrument):
+    """Landmarks, and a camera on the tool that looks along its z axis."""
+
+    instructions: ClassVar[str] = (
+        "fill in what the camera measures in the plan's file, row by row; identify then reads it"
+    )
+    kind: ClassVar[type[Observation]] = Landmarks
+    settings: ClassVar[tuple[Setting, ...]] = (
+        Setting(
+            "--landmarks",
+            "LANDMARKS.csv",
+            "Where landmarks or boards are, roughly: landmark, x_mm y_mm z_mm, i j k towards where it is seen from. "
+            "Without it three are assumed before the task.",
+            ("fixtures",),
+        ),
+        Setting(
+            "--cone-deg",
+            "DEG",
+            "largest angle between a landmark's normal and the line of sight (45)",
+            ("tilt",),
+            float(np.radians(1.0)),
+            180.0,
+        ),
+        Setting(
+            "--range-mm", "LOW,HIGH", "distances at which the camera measures (200,600)", ("nearest", "farthest"), 1e-3
+        ),
+        Setting(
+            "--fov-deg",
+            "DEG",
+            "Full angle that the camera sees (40).",
+            ("field_of_view",),
+            float(np.radians(1.0)),
+            180.0,
+        ),
+    )
+    field_of_view: float = FIELD_OF_VIEW
+    """Full angle, radians."""
+    nearest: float = SIGHT_RANGE[0]
+    farthest: float = SIGHT_RANGE[1]
+    """From the camera, metres."""
+    tilt: float = TILT
+    """Largest angle between a landmark's normal and the line of sight, radians."""
+
+    @classmethod
+    def arrange(
+        cls,
+        p: Float[np.ndarray, "n 3"],
+        pointing: Float[np.ndarray, " 3"],
+        reach: float,
+        stated: Mapping[str, Any],
+    ) -> Fixtures:
+        """Before the tool."""
+        low, high = stated.get("nearest", SIGHT_RANGE[0]), stated.get("farthest", SIGHT_RANGE[1])
+        return _landmarks(p, pointing, 0.5 * (low + high))
+
+    def goals(
+        self, model: ErrorModel, task: Task, fixture: int, u: Float[np.ndarray, "n 6"]
+    ) -> Float[np.ndarray, "n 4 4"]:
+        """The camera anywhere before the landmark, turned so that it sees it somewhere in its picture."""
+        before = Orientation(rotation=towards(self.fixtures.direction[fixture]), cone=self.tilt)
+        sight = before.sample(u[:, :3])[:, :, 2]
+        aim = np.stack([towards(-direction) for direction in sight])
+        turned = Orientation(rotation=np.eye(3), cone=0.5 * self.field_of_view, spin=np.pi).sample(u[:, 3:])
+        # the number that a turn of the cone about its own axis would use is free for the distance
+        distance = self.nearest + (self.farthest - self.nearest) * u[:, 2]
+        position = self.fixtures.position[fixture] + distance[:, None] * sight
+        return se3.pose(aim @ turned, position) @ se3.inverse(self.T_tool_tip)
+
+    def faults(
+        self, model: ErrorModel, q: Float[np.ndarray, "n joints"], of: Int[np.ndarray, " n"], links: Links
+    ) -> Mapping[str, Bool[np.ndarray, " n"]]:
+        """A landmark out of sight, or hidden by the robot."""
+        tip = self.tip(model, q)
+        sight = self.fixtures.position[of] - tip[:, :3, 3]
+        distance = np.linalg.norm(sight, axis=1)
+        edge = 1e-9
+        within = (distance >= self.nearest - edge) & (distance <= self.farthest + edge)
+        seen = (sight * tip[:, :3, 2]).sum(axis=1) >= (np.cos(0.5 * self.field_of_view) - edge) * distance
+        faces = -(sight * self.fixtures.direction[of]).sum(axis=1) >= (np.cos(self.tilt) - edge) * distance
+        return {
+            "the landmark too near, too far, out of the picture or too flat": ~(within & seen & faces),
+            "the landmark behind the robot": ~self.sight_is_free(tip, of, links),
+        }
+
+    def observation(self, of: Int[np.ndarray, " n"]) -> Landmarks:
+        """Landmarks, with that of each row."""
+        return Landmarks(landmarks=self.fixtures.names, of=of)
+
+    @property
+    def unknown(self) -> Float[np.ndarray, " u"]:
+        """Their places."""
+        return self.fixtures.position.reshape(-1)
+
+
+ASSUMED = ("a", "b", "c")
+"""Landmarks where nobody states any."""
+
+
+def _landmarks(p: Float[np.ndarray, "n 3"], pointing: Float[np.ndarray, " 3"], distance: float) -> Fixtures:
+    """Three landmarks before the tool, as far from one another as the task has room, all facing it."""
+    position = on_the_floor(far_apart(p, len(ASSUMED)) + distance * pointing)
+    return Fixtures(names=ASSUMED, position=position, direction=np.tile(-pointing, (len(ASSUMED), 1)))

@@ -1,12 +1,23 @@
-"""A point on the tool, measured in the tracker's frame."""
+"""A reflector on the tool, measured by a laser tracker; and the station: where the tracker is, and what it sees."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from pathlib import Path
+from typing import Annotated, ClassVar
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
+from pydantic import Field
 
+from taskcal.arguments import repeated
+from taskcal.errors import FileError, ReachError
+from taskcal.geometry import se3
+from taskcal.io.toml_file import Direction, Finite, HalfTurn, NotNegative, Positive, Quaternion, Section, read_toml
+from taskcal.kinematics.clearance import Box, Links, beam_is_free, clear_of_boxes, clear_of_itself, place_links
 from taskcal.observations.base import Differential, Measured, Observation, TrackerNoise
+from taskcal.observations.instrument import Instrument, Measurable
+from taskcal.robot.error_model import ErrorModel
+from taskcal.short_repr import short_repr
+from taskcal.task.task import Task, TaskPoses, enlarge, reach_task
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -34,3 +45,227 @@ class Point(Observation):
         if uncertainty is not None:
             return uncertainty[:, None, None] ** 2 * np.eye(3)
         return tracker.covariance(measured.points)
+
+
+# The measuring station: where the tracker is, which reflectors the tool carries, and what is in the way.
+
+TRACKER_POSE = se3.pose(se3.exp(np.array([0.02, -0.01, 2.1])), np.array([3.2, -1.9, -0.35]))
+"""Pose of the base in the tracker's frame by default: a tracker some four metres away that is nearly upright."""
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Reflector:
+    """A reflector on the tool."""
+
+    name: str
+    position: Float[np.ndarray, " 3"]
+    """Centre in the tool frame, metres."""
+    axis: Float[np.ndarray, " 3"] | None
+    """Direction it looks in, in the tool frame; None for a reflector that is seen from everywhere."""
+    acceptance: float
+    """Largest angle between its axis and the beam, radians."""
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Station:
+    """Where and what the tracker measures."""
+
+    position: Float[np.ndarray, " 3"]
+    """Of the tracker in the robot's base, metres."""
+    reach: float
+    """Farthest measured distance, metres."""
+    nearest: float
+    """Nearest measured distance, metres."""
+    reflectors: tuple[Reflector, ...]
+    keep_out: tuple[Box, ...]
+    """Boxes that neither robot nor beam may enter."""
+
+    @property
+    def T_tracker_base(self) -> Float[np.ndarray, "4 4"]:
+        """The base seen from a tracker that stands parallel to it."""
+        return se3.translation(*(-self.position))
+
+    @property
+    def offsets(self) -> Float[np.ndarray, "targets 3"]:
+        """Reflector centres in the tool frame, metres."""
+        return np.stack([reflector.position for reflector in self.reflectors])
+
+    def visible(self, T: Float[np.ndarray, "n 4 4"], links: Links) -> Bool[np.ndarray, "n targets"]:
+        """Which reflectors the tracker sees at tool poses T in the base."""
+        seen = np.zeros((len(T), len(self.reflectors)), dtype=bool)
+        for k, reflector in enumerate(self.reflectors):
+            center = se3.apply(T, np.broadcast_to(reflector.position, (len(T), 3)))
+            sight = self.position - center
+            distance = np.linalg.norm(sight, axis=1)
+            ok = (distance <= self.reach) & (distance >= self.nearest)
+            if reflector.axis is not None:
+                looks = T[:, :3, :3] @ reflector.axis
+                ok &= (looks * sight).sum(axis=1) >= np.cos(reflector.acceptance) * distance
+            seen[:, k] = ok & beam_is_free(self.position, center, links, self.keep_out)
+        return seen
+
+
+class ReflectorSection(Section):
+    """A reflector of a station file."""
+
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")
+    position_mm: tuple[Finite, Finite, Finite]
+    axis: Direction | None = None
+    acceptance_deg: Annotated[HalfTurn, Field(gt=0)] = 30.0
+
+    def reflector(self) -> Reflector:
+        """The reflector it describes."""
+        axis = None if self.axis is None else np.array(self.axis) / np.linalg.norm(self.axis)
+        return Reflector(
+            name=self.name,
+            position=np.array(self.position_mm) * 1e-3,
+            axis=axis,
+            acceptance=float(np.radians(self.acceptance_deg)),
+        )
+
+
+class BoxSection(Section):
+    """A box of a station file, in the robot's base."""
+
+    center_mm: tuple[Finite, Finite, Finite]
+    size_mm: tuple[Positive, Positive, Positive]
+    quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+    def box(self) -> Box:
+        """The box it describes."""
+        R = se3.from_quaternion(np.array(self.quaternion))
+        return Box(pose=se3.pose(R, np.array(self.center_mm) * 1e-3), size=np.array(self.size_mm) * 1e-3)
+
+
+class StationFile(Section):
+    """A station file."""
+
+    position_mm: tuple[Finite, Finite, Finite]
+    reach_m: Positive = 30.0
+    nearest_m: NotNegative = 0.5
+    reflector: tuple[ReflectorSection, ...] = Field(min_length=1, max_length=100)
+    keep_out: tuple[BoxSection, ...] = ()
+
+    def station(self) -> Station:
+        """The station it describes."""
+        return Station(
+            position=np.array(self.position_mm) * 1e-3,
+            reach=self.reach_m,
+            nearest=self.nearest_m,
+            reflectors=tuple(section.reflector() for section in self.reflector),
+            keep_out=tuple(section.box() for section in self.keep_out),
+        )
+
+
+def load_station(path: str | Path) -> Station:
+    """Read a station file.
+
+    Raises:
+        FileError: it is missing, no TOML, or does not describe a station.
+    """
+    path = Path(path)
+    described = read_toml(path, StationFile)
+    names = [section.name for section in described.reflector]
+    if twice := repeated(names):
+        raise FileError(path, f"two reflectors are named '{min(twice)}'; give each its own name")
+    return described.station()
+
+
+# The tracker as the instrument of a plan: poses about the task in which it sees a reflector.
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Tracker(Instrument):
+    """A laser tracker; without a station it sees one reflector at the tool point from everywhere."""
+
+    kind: ClassVar[type[Observation]] = Point
+    smooth_share: ClassVar[float] = 1.0
+    station: Station | None = None
+
+    @property
+    def T_measuring_base(self) -> Float[np.ndarray, "4 4"]:
+        """Pose of the base in the tracker's frame."""
+        return TRACKER_POSE if self.station is None else self.station.T_tracker_base
+
+    @property
+    def T_tool_targets(self) -> Float[np.ndarray, "targets 4 4"]:
+        """Poses of the reflectors in the tool frame."""
+        if self.station is None:
+            return np.eye(4)[None]
+        return se3.pose(np.tile(np.eye(3), (len(self.station.reflectors), 1, 1)), self.station.offsets)
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """Names of the reflectors."""
+        return ("tool",) if self.station is None else tuple(reflector.name for reflector in self.station.reflectors)
+
+    def observation(self, of: Int[np.ndarray, " n"]) -> Point:
+        """Points."""
+        return Point()
+
+    @property
+    def unknown(self) -> Float[np.ndarray, " u"]:
+        """Nothing but the tracker's frame."""
+        return np.zeros(0)
+
+    def find(self, model: ErrorModel, task: Task, candidates: int | np.ndarray, seed: int) -> Measurable:
+        """Poses about the task, or those given, that the robot reaches clear of itself and of boxes, and the tracker sees.
+
+        Raises:
+            ReachError: none is left; the message counts why.
+        """
+        if isinstance(candidates, int):
+            return self.keep(model, reach_task(model, enlarge(task, model), candidates, seed))
+        q = np.asarray(candidates, dtype=float)
+        n = len(q)
+        return self.keep(
+            model, TaskPoses(T=model.poses(q), q=q, weights=np.full(n, 1.0 / n), unreachable=np.zeros(n, dtype=bool))
+        )
+
+    def keep(self, model: ErrorModel, reached: TaskPoses) -> Measurable:
+        """Those of some poses that can be measured.
+
+        Raises:
+            ReachError: none can; the message counts why.
+        """
+        links = place_links(model, reached.q)
+        ok, seen = self.check(model, reached.q, links)
+        clear = clear_of_itself(links)
+        boxes = clear_of_boxes(links, self.station.keep_out) if self.station else np.ones(len(reached), dtype=bool)
+        lost = {
+            "not reached": int(reached.unreachable.sum()),
+            "links too near each other": int((~clear).sum()),
+            "in a keep-out box": int((clear & ~boxes).sum()),
+            "no reflector visible": int((clear & boxes & ~seen.any(axis=1)).sum()),
+        }
+        if not ok.any():
+            reasons = ", ".join(f"{number} {reason}" for reason, number in lost.items() if number)
+            raise ReachError(
+                f"none of {len(reached.unreachable)} candidate poses can be measured: {reasons}; move the tracker, turn the "
+                "reflectors or widen their acceptance, or move the keep-out boxes"
+            )
+        return Measurable(q=reached.q[ok], rows=np.flatnonzero(ok), visible=seen[ok], lost=lost)
+
+    def check(
+        self, model: ErrorModel, q: Float[np.ndarray, "n joints"], links: Links
+    ) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, "n targets"]]:
+        """Whether each pose can be measured, and which reflectors are seen there."""
+        ok = clear_of_itself(links)
+        if self.station is None:
+            return ok, np.ones((len(q), 1), dtype=bool)
+        ok &= clear_of_boxes(links, self.station.keep_out)
+        seen = self.station.visible(model.poses(q), links)
+        return ok & seen.any(axis=1), seen
+
+    def own_poses(
+        self, model: ErrorModel, task: Task, measurable: Measurable, tried: int, seed: int, needed: int
+    ) -> Measurable:
+        """Measurable poses of the task itself; of the candidates, where the tracker does not see enough of the task."""
+        try:
+            own = self.keep(model, reach_task(model, task, tried, seed))
+        except ReachError:
+            return measurable
+        return own if len(own.q) >= needed else measurable

@@ -21,6 +21,7 @@ class Pose(Observation):
     key: ClassVar[str] = "pose"
     width: ClassVar[int] = 6
     angles: ClassVar[int] = 3
+    oriented: ClassVar[bool] = True
     turned: ClassVar[bool] = True
     along_axes: ClassVar[bool] = True
     in_tracker: ClassVar[bool] = True

@@ -3,20 +3,24 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from taskcal.errors import CampaignError, shown
+from taskcal.errors import CampaignError, FileError, shown
 from taskcal.geometry import se3
+from taskcal.kinematics.clearance import Box, Links, clear_of_boxes, clear_of_itself, place_links, without_carriers
+from taskcal.kinematics.inverse import JUMP_RAD, Reached, solve_near
 from taskcal.observations.base import (
     LEAST_ERROR,
     LOCATED_WITHIN,
     Compared,
     Differential,
     Measured,
+    Observation,
     ObservedColumns,
     Placed,
     Read,
@@ -27,6 +31,14 @@ from taskcal.observations.base import (
     refer,
     spots,
 )
+from taskcal.observations.instrument import Fixtures, Instrument, Setting, directions_across, far_apart
+from taskcal.robot.error_model import ErrorModel
+from taskcal.short_repr import short_repr
+from taskcal.tables.forms import read_table
+from taskcal.tables.table import Table
+from taskcal.task.orientation import towards
+from taskcal.task.task import Task
+from taskcal.task.workspace import Orientation
 
 # What is known of two sockets of one block, and how the errors of several such distances go together.
 
@@ -90,6 +102,7 @@ class Sockets(Standalone):
     needed: ClassVar[tuple[str, ...]] = ("socket",)
     label: ClassVar[str] = "socket"
     instrument: ClassVar[str] = "socket"
+    stated_lengths: ClassVar[str] = "the distances of its sockets"
     along_axes: ClassVar[bool] = True
     touched: ClassVar[bool] = True
     columns: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
@@ -258,6 +271,23 @@ class Sockets(Standalone):
         distances = tuple(d for d in self.distances if d.a in names and d.b in names)
         return replace(self, sockets=names, of=number[of], distances=distances)
 
+    def with_stated(self, path: Path) -> "Sockets":
+        """The observation with the distances of a file.
+
+        Raises:
+            FileError: as of `read_distances`.
+        """
+        return self.with_distances(read_distances(path, self.sockets))
+
+    def stated_text(self) -> str:
+        """The file of its distances; one line for those of a block at several places."""
+        rows = {
+            (*(name.rpartition("/")[2] if d.statement else name for name in (d.a, d.b)), d.distance, d.uncertainty)
+            for d in self.distances
+        }
+        lines = (f"{a},{b},{distance * 1e3:.6f},{u * 1e3:.6f}\n" for a, b, distance, u in sorted(rows))
+        return "socket_a,socket_b,distance_mm,u_mm\n" + "".join(lines)
+
     @classmethod
     def read(cls, columns: ObservedColumns) -> Read | None:
         """A socket in every row where the ball was in one; with the place of its block where several are named."""
@@ -370,3 +400,283 @@ class _Rows(NamedTuple):
         limit = weight.mean() * (max(rms, LEAST_ERROR) / LOCATED_WITHIN) ** 2
         told, weak = vectors[:, values >= limit], vectors[:, values < limit]
         return told @ np.linalg.solve(told.T @ H @ told, told.T @ g), weak @ weak.T
+
+
+# The file of stated distances between sockets.
+
+MIN_DISTANCE = 1e-4
+"""Metres; sockets cannot be nearer to each other."""
+
+
+def read_distances(path: str | Path, sockets: tuple[str, ...]) -> tuple[SocketDistance, ...]:
+    """Stated distances of some sockets: columns ``socket_a``, ``socket_b``, ``distance_mm``, and optionally ``u_mm``.
+
+    A socket is named as in the campaign: with its place as ``PLACE/SOCKET``, or without, which means both sockets wherever a
+    block with them was: the same block, whose stated distance errs alike at all its places.
+
+    Raises:
+        FileError: the file cannot be read, names a socket that is not there, or states a distance twice.
+    """
+    path = Path(path)
+    table = read_table(path)
+    a, b = table.texts("socket_a"), table.texts("socket_b")
+    distance = table.numbers("distance_mm") * 1e-3
+    uncertainty = table.numbers("u_mm", empty=True) * 1e-3 if "u_mm" in table else np.full(len(table), CALLIPER)
+    uncertainty = np.where(np.isnan(uncertainty), CALLIPER, uncertainty)
+    out: dict[frozenset[str], SocketDistance] = {}
+    for row in range(len(table)):
+        if distance[row] < MIN_DISTANCE:
+            raise table.error(
+                f"{distance[row] * 1e3:g} mm is not a distance of two sockets; give millimetres", row, "distance_mm"
+            )
+        if not uncertainty[row] > 0.0:
+            raise table.error("give an uncertainty above zero, or leave the cell empty", row, "u_mm")
+        for pair in _pairs(table, row, a[row], b[row], sockets):
+            if frozenset(pair) in out:
+                raise table.error(f"the distance of {pair[0]} and {pair[1]} is stated twice; keep one", row, "socket_a")
+            out[frozenset(pair)] = SocketDistance(
+                a=pair[0],
+                b=pair[1],
+                distance=float(distance[row]),
+                uncertainty=float(uncertainty[row]),
+                statement="" if pair == (a[row], b[row]) else f"{a[row]},{b[row]}",
+            )
+    if not out:
+        raise FileError(path, "states no distance")
+    return tuple(out.values())
+
+
+def _pairs(table: Table, row: int, a: str, b: str, sockets: tuple[str, ...]) -> list[tuple[str, str]]:
+    """The pairs of sockets that a row means."""
+    if a == b:
+        raise table.error(f"'{shown(a)}' is no distance from itself; name two sockets", row, "socket_b")
+    if a in sockets and b in sockets:
+        return [(a, b)]
+    places = {name.rpartition("/")[0] for name in sockets if "/" in name}
+    pairs = [(f"{p}/{a}", f"{p}/{b}") for p in sorted(places) if f"{p}/{a}" in sockets and f"{p}/{b}" in sockets]
+    if pairs:
+        return pairs
+    known = {name.rpartition("/")[2] for name in sockets} | set(sockets)
+    column, name = ("socket_a", a) if a not in known else ("socket_b", b)
+    raise table.error(
+        f"no block of the campaign has the sockets '{shown(a)}' and '{shown(b)}'; it has {', '.join(sockets)}"
+        if {a, b} <= known
+        else f"the campaign has no socket '{shown(name)}'; it has {', '.join(sockets)}",
+        row,
+        column,
+    )
+
+
+# A ball on the tool, put into sockets: postures that a socket allows, reached along its axis.
+
+CONE = np.radians(45.0)
+"""Tilt that a socket allows by default. The stem alone would allow more: a 20 mm ball on an 8 mm stem leans 70° and more over a
+socket that ends where it carries the ball. But the flange must clear the block: one of 80 mm on a stem of 100 mm does at 45°."""
+
+APPROACH = 0.05
+"""From so far a socket is approached along its axis, metres."""
+
+AROUND, BELOW = 0.03, 0.06
+"""How far a block reaches beyond its sockets on every side, and below the balls in them, metres."""
+
+APPROACH_STEPS, MAX_DEVIATION = 5, 2e-4
+"""Steps of the way into a socket, in each of which the joints turn evenly; and how far the ball may leave the axis meanwhile,
+metres."""
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SocketInstrument(Instrument):
+    """Sockets, and a ball at the tip of the tool, whose stem runs along the tip's z axis."""
+
+    instructions: ClassVar[str] = (
+        "the rows name the sockets; the joints are those of the plan: before identifying, overwrite them by what the "
+        "controller shows with the ball seated"
+    )
+    kind: ClassVar[type[Observation]] = Sockets
+    shares: ClassVar[tuple[str, ...]] = ("distances",)
+    seated: ClassVar[str] = "seated: read the joints"
+    settings: ClassVar[tuple[Setting, ...]] = (
+        Setting(
+            "--sockets",
+            "SOCKETS.csv",
+            "Where sockets are, roughly: place, socket, x_mm y_mm z_mm in the base, i j k out of the socket (up if left out). "
+            "Without it a block is assumed at three places where the task is.",
+            ("fixtures",),
+        ),
+        Setting(
+            "--cone-deg", "DEG", "largest angle between stem and socket (45)", ("cone",), float(np.radians(1.0)), 180.0
+        ),
+        Setting(
+            "--approach-mm",
+            "MM",
+            "Distance from which a socket is approached along its axis (50).",
+            ("distance",),
+            1e-3,
+        ),
+    )
+    distances: tuple[SocketDistance, ...] = ()
+    """Stated ones between sockets."""
+    cone: float = CONE
+    """Largest angle between the stem and the socket's axis, radians."""
+    distance: float = APPROACH
+    """From which a socket is approached, metres."""
+
+    @classmethod
+    def set_up(
+        cls,
+        model: ErrorModel,
+        task: Task,
+        T_tool_tip: Float[np.ndarray, "4 4"],
+        fixtures: Fixtures | None = None,
+        *,
+        distances: Path | tuple[SocketDistance, ...] | None = None,
+        **stated: Any,
+    ) -> Instrument:
+        """The instrument in a task's cell; `distances` or their file, or those of the block that is assumed."""
+        made = super().set_up(model, task, T_tool_tip, fixtures, **stated)
+        if isinstance(distances, Path):
+            distances = read_distances(distances, made.fixtures.names)
+        elif distances is None:
+            distances = block_distances() if fixtures is None else ()
+        return replace(made, distances=distances)
+
+    @property
+    def obstacles(self) -> tuple[Box, ...]:
+        """Keep-out boxes and blocks."""
+        return (*self.keep_out, *self.blocks)
+
+    @property
+    def blocks(self) -> tuple[Box, ...]:
+        """One under the sockets of each place, up to the middle of the balls."""
+        boxes: list[Box] = []
+        places = np.array(self.fixtures.places)
+        for place in dict.fromkeys(self.fixtures.places):
+            own = places == place
+            axis = self.fixtures.direction[own].mean(axis=0)
+            axis = axis if np.linalg.norm(axis) > 1e-6 else self.fixtures.direction[own][0]
+            R = _along(towards(axis), self.fixtures.position[own])
+            local = self.fixtures.position[own] @ R
+            margin = np.array([AROUND, AROUND, 0.0])
+            low, high = local.min(axis=0) - margin, local.max(axis=0) + margin
+            low[2] -= BELOW
+            boxes.append(Box(pose=se3.pose(R, R @ (0.5 * (low + high))), size=high - low))
+        return tuple(boxes)
+
+    @classmethod
+    def arrange(
+        cls,
+        p: Float[np.ndarray, "n 3"],
+        pointing: Float[np.ndarray, " 3"],
+        reach: float,
+        stated: Mapping[str, Any],
+    ) -> Fixtures:
+        """A block where the tool works."""
+        return _blocks(p, pointing)
+
+    def goals(
+        self, model: ErrorModel, task: Task, fixture: int, u: Float[np.ndarray, "n 6"]
+    ) -> Float[np.ndarray, "n 4 4"]:
+        """The ball in the socket, the stem tilted within the cone and turned at will."""
+        inward = Orientation(rotation=towards(-self.fixtures.direction[fixture]), cone=self.cone, spin=np.pi)
+        tip = se3.pose(inward.sample(u[:, :3]), np.tile(self.fixtures.position[fixture], (len(u), 1)))
+        return tip @ se3.inverse(self.T_tool_tip)
+
+    def tilt(
+        self, model: ErrorModel, q: Float[np.ndarray, "n joints"], of: Int[np.ndarray, " n"]
+    ) -> Float[np.ndarray, " n"]:
+        """Angle between the stem and the socket's axis, radians."""
+        cosine = -(self.tip(model, q)[:, :3, 2] * self.fixtures.direction[of]).sum(axis=1)
+        return np.arccos(np.clip(cosine, -1.0, 1.0))
+
+    def out(
+        self, model: ErrorModel, q: Float[np.ndarray, "n joints"], of: Int[np.ndarray, " n"], share: float = 1.0
+    ) -> Reached:
+        """Postures on the way out of the sockets, along their axes, the tool turned as in the socket."""
+        T = model.poses(q)
+        T[:, :3, 3] += share * self.distance * self.fixtures.direction[of]
+        found = solve_near(model, T, q)
+        return replace(found, reached=found.reached & (np.abs(found.q - q).max(axis=1) < JUMP_RAD))
+
+    def visits(
+        self, model: ErrorModel, q: Float[np.ndarray, "n joints"], of: Int[np.ndarray, " n"]
+    ) -> Float[np.ndarray, "n steps joints"]:
+        """Postures from the start of each approach into the socket, the last one, radians."""
+        ways = [self.out(model, q, of, step / APPROACH_STEPS).q for step in range(APPROACH_STEPS, 0, -1)]
+        return np.stack([*ways, q], axis=1)
+
+    def faults(
+        self, model: ErrorModel, q: Float[np.ndarray, "n joints"], of: Int[np.ndarray, " n"], links: Links
+    ) -> Mapping[str, Bool[np.ndarray, " n"]]:
+        """Links in a block, and a way out that is not reached or not clear."""
+        ball, axis = self.fixtures.position[of], self.fixtures.direction[of]
+        blocked = ~self._clear(links, ball)
+        stuck, last = np.zeros(len(q), dtype=bool), q
+        for step in range(1, APPROACH_STEPS + 1):
+            out = self.out(model, q, of, step / APPROACH_STEPS)
+            away = place_links(model, out.q)
+            moved = ball + step / APPROACH_STEPS * self.distance * axis
+            stuck |= ~(
+                out.reached & self._clear(away, moved) & clear_of_itself(away) & clear_of_boxes(away, self.keep_out)
+            )
+            beside = self.tip(model, 0.5 * (last + out.q))[:, :3, 3] - ball
+            beside -= (beside * axis).sum(axis=1)[:, None] * axis
+            stuck |= np.linalg.norm(beside, axis=1) > MAX_DEVIATION
+            last = out.q
+        return {"too near the block": blocked, "no clear way out of the socket": stuck}
+
+    def _clear(self, links: Links, ball: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        """Whether the links stay out of the blocks, but for what carries the ball, which the cone keeps clear."""
+        return clear_of_boxes(without_carriers(links, ball), self.blocks)
+
+    def observation(self, of: Int[np.ndarray, " n"]) -> Sockets:
+        """Sockets, with the socket of each row."""
+        return Sockets(sockets=self.fixtures.names, of=of, distances=self.distances)
+
+    @property
+    def unknown(self) -> Float[np.ndarray, " u"]:
+        """Centres."""
+        return self.fixtures.position.reshape(-1)
+
+    @property
+    def stages(self) -> Int[np.ndarray, " things"]:
+        """By place."""
+        places = self.fixtures.places
+        names = list(dict.fromkeys(places))
+        return np.array([names.index(place) for place in places])
+
+
+def _along(R: Float[np.ndarray, "3 3"], points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3 3"]:
+    """The rotation turned about its z axis, so that its x axis runs along the points."""
+    flat = (points - points.mean(axis=0)) @ R[:, :2]
+    x, y = np.linalg.svd(flat, full_matrices=True)[2][0]
+    return R @ se3.exp(np.array([0.0, 0.0, np.arctan2(y, x)]))
+
+
+BLOCK_PLACES = ("first", "second", "third")
+"""Names of the places of the block that is assumed, one after another."""
+
+NEARLY_UP = np.radians(30.0)
+"""A block whose sockets would lean less is upright."""
+
+
+def block_distances() -> tuple[SocketDistance, ...]:
+    """Known of the block that is assumed: how far apart its sockets are, as a good calliper tells it."""
+    return tuple(
+        SocketDistance(a=f"{place}/a", b=f"{place}/b", distance=BLOCK, uncertainty=CALLIPER, statement="a,b")
+        for place in BLOCK_PLACES
+    )
+
+
+def _blocks(p: Float[np.ndarray, "n 3"], pointing: Float[np.ndarray, " 3"]) -> Fixtures:
+    """A block with two sockets at three places, as far from one another as the task has room."""
+    up = np.array([0.0, 0.0, 1.0])
+    axis = up if -pointing @ up > np.cos(NEARLY_UP) else -pointing
+    side = directions_across(p.mean(axis=0), axis)[1]
+    names: list[str] = []
+    position: list[np.ndarray] = []
+    for place, middle in zip(BLOCK_PLACES, far_apart(p, len(BLOCK_PLACES)), strict=True):
+        middle = np.maximum(middle, [-np.inf, -np.inf, BELOW])
+        names += [f"{place}/a", f"{place}/b"]
+        position += [middle - 0.5 * BLOCK * side, middle + 0.5 * BLOCK * side]
+    return Fixtures(names=tuple(names), position=np.stack(position), direction=np.tile(axis, (len(names), 1)))

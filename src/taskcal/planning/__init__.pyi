@@ -6,11 +6,6 @@ from taskcal.planning.fleet import Fleet as Fleet
 from taskcal.planning.fleet import find_fleet as find_fleet
 from taskcal.planning.fleet import identify_campaigns as identify_campaigns
 from taskcal.planning.fleet import review_fleet as review_fleet
-from taskcal.planning.instruments import BoardWay as BoardWay
-from taskcal.planning.instruments import CameraWay as CameraWay
-from taskcal.planning.instruments import SocketWay as SocketWay
-from taskcal.planning.instruments import WireWay as WireWay
-from taskcal.planning.instruments import stand_by_default as stand_by_default
 from taskcal.planning.plan import PlanOptions as PlanOptions
 from taskcal.planning.selection import NestedModel as NestedModel
 from taskcal.planning.selection import SelectionOptions as SelectionOptions

@@ -27,13 +27,13 @@ from taskcal.identification.identify import identify_parameters
 from taskcal.identification.layout import Layout, frame_precision, layout_of
 from taskcal.identification.problem import Rows, problem_of, whitener
 from taskcal.observations.base import TrackerNoise
+from taskcal.observations.point import Station
 from taskcal.registration.registration import Registration, register
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import model_error_of
 from taskcal.short_repr import short_repr
 from taskcal.task.task import TaskPoses
-from taskcal.virtual.station import Station
 
 # The order in which parameters, or groups of them, are missed least, with the error expected after each.
 #

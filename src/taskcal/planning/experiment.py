@@ -11,20 +11,15 @@ from taskcal.estimation.matrices import invert_scaled, pseudo_invert_scaled, squ
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.group_model import whiteners
-from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.layout import Layout
-from taskcal.identification.problem import joint_columns, problem_of, stated_rows, whitener
-from taskcal.kernels import walk
+from taskcal.identification.problem import problem_of, stated_rows, whitener
 from taskcal.observations import Observation, Point
 from taskcal.observations.base import TrackerNoise
-from taskcal.planning.candidates import Measurable
+from taskcal.observations.instrument import Instrument, Measurable
 from taskcal.planning.expected_error import PlanPrior
-from taskcal.planning.instruments import MeasuringWay
 from taskcal.registration.registration import Registration
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import TaskPoses
-from taskcal.virtual.cell import TRACKER_POSE
-from taskcal.virtual.station import Station
 
 # What geometry does not explain, as a smooth random field over the joints instead of white noise.
 
@@ -76,110 +71,10 @@ def _correlation(a: Float[np.ndarray, "n joints"], b: Float[np.ndarray, "k joint
     return squared_exponential(((a[:, None] - b[None]) ** 2).sum(axis=2))
 
 
-# What an observation without a tracker would say: whitened sensitivities to everything unknown.
+# What an instrument would read, linear in everything unknown.
 
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ObservedLinearisation:
-    """Everything unknown about the nominal robot and what stands where it is stated."""
-
-    way: MeasuringWay
-    layout: Layout
-    deviations: Float[np.ndarray, " z"]
-    """Prior standard deviations of everything unknown."""
-    white: float
-    """Standard deviation per axis of what geometry does not explain and is white, metres."""
-    field: SmoothField | None
-    """The rest of that, as a smooth field."""
-
-    def sensitivities(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3 c"]:
-        """Those of the target's place in the base to everything unknown, in units of its prior deviation."""
-        J = self._by_entry(q, Point(), None) * self.deviations
-        return J if self.field is None else np.concatenate([J, self.field.columns(q)[0]], axis=2)
-
-    def rows(
-        self, q: Float[np.ndarray, "n joints"], visible: Bool[np.ndarray, "n things"]
-    ) -> Float[np.ndarray, "n b c"]:
-        """Sensitivities of what is read over its noise; `visible` says of which of the things that stand."""
-        of = visible.argmax(axis=1)
-        kind, z = self.way.observation(of), self.layout.start()
-        tip = self.layout.model.poses(q) @ self.layout.frames(z)[1][0]
-        campaign = _campaign(q, kind, self.way.rotations(tip, of))
-        J = self._by_entry(q, kind, campaign.rotations) * self.deviations
-        by_place = kind.differentiate(tip, self.way.unknown, campaign.read(0)).by_target[:, :, :3]
-        white = np.full(len(q), self.white**2)
-        if self.field is not None:
-            extra, left = self.field.columns(q)
-            white = white + left
-            J = np.concatenate([J, by_place @ extra], axis=2)
-        noise = campaign.covariances()[:, 0, : kind.width, : kind.width]
-        covariance = noise + white[:, None, None] * (by_place @ np.swapaxes(by_place, 1, 2))
-        return whitener(covariance[:, None])[:, 0] @ J
-
-    @property
-    def stated(self) -> Float[np.ndarray, "z z"]:
-        """Information of what is stated beside the measurements, distances of sockets."""
-        z = self.layout.start()
-        known = stated_rows(self.layout, z, self.layout.kinds)
-        J = known.by_entry * self.deviations
-        return J.T @ J
-
-    def _by_entry(
-        self, q: Float[np.ndarray, "n joints"], kind: Observation, rotations: Float[np.ndarray, "n 3 3"] | None
-    ) -> Float[np.ndarray, "n b z"]:
-        problem = problem_of(self.layout, _campaign(q, kind, rotations), None)
-        return problem.rows(self.layout.start()).linearise().by_entry[:, : kind.width]
-
-
-def _campaign(
-    q: Float[np.ndarray, "n joints"], kind: Observation, rotations: Float[np.ndarray, "n 3 3"] | None
-) -> Campaign:
-    """Something read in every posture; only where matters here."""
-    return Campaign(
-        ids=tuple(str(i) for i in range(len(q))),
-        q=q,
-        targets=("tool",),
-        points=np.zeros((len(q), 1, 3)),
-        rotations=rotations,
-        observations=(kind,),
-    )
-
-
-def layout_of_way(model: ErrorModel, way: MeasuringWay) -> Layout:
-    """All parameters, the target's place on the tool and what stands, about where they are stated."""
-    registration = Registration(
-        T_tracker_base=np.eye(4),
-        T_tool_target=way.T_tool_tip[None],
-        rms=0.0,
-        unobservable=np.zeros((3, 3)),
-        unknowns=(way.unknown,),
-    )
-    return Layout(
-        model=model,
-        kept=np.arange(len(model)),
-        registration=registration,
-        targets=("tool",),
-        kinds=(way.observation(np.zeros(0, dtype=np.int64)),),
-    )
-
-
-def task_rows(linear: ObservedLinearisation, goal: TaskPoses) -> Float[np.ndarray, "rows c"]:
-    """Weighted sensitivities of the target's places over a task, their sum of squares the task's mean squared error.
-
-    Where the robot's base stands, nothing that stands unknown can tell, and no task asks: what would move all places as one
-    rigid body is left out.
-    """
-    root = np.sqrt(goal.weights)[:, None, None]
-    J = (linear.sensitivities(goal.q) * root).reshape(3 * len(goal.q), -1)
-    position = linear.way.tip(linear.layout.model.nominal, goal.q)[:, :3, 3]
-    rigid = (se3.by_twist(position - position.mean(axis=0)) * root).reshape(3 * len(goal.q), 6)
-    Q, sizes, _ = np.linalg.svd(rigid, full_matrices=False)
-    Q = Q[:, sizes > 1e-9 * sizes[0]]
-    return J - Q @ (Q.T @ J)
-
-
-AT_ONCE = 1000
-"""Poses whose sensitivities to everything are held in memory at a time."""
+AT_ONCE = 500
+"""Postures whose sensitivities to everything are held in memory at a time."""
 
 FRAME_DEVIATION = 1.0
 """Prior standard deviation of tracker frame and targets, metres and radians: as good as none beside millimetres."""
@@ -189,74 +84,137 @@ FRAME_DEVIATION = 1.0
 class Linearisation:
     """Everything unknown, about values at which measurements are linear in it."""
 
+    instrument: Instrument
     layout: Layout
     about: Float[np.ndarray, " z"]
-    """Parameters, tracker frame and targets."""
+    """Parameters, measuring frame, targets, and the unknowns of the observation."""
     deviations: Float[np.ndarray, " z"]
     """Their prior standard deviations."""
     noise: TrackerNoise
     white: float
     """Standard deviation per axis of what geometry does not explain, where it is taken for white, metres."""
     field: SmoothField | None
-    """The same as a smooth field."""
+    """The rest of that, as a smooth field."""
     joints: Float[np.ndarray, " joints"] | None = None
-    """Variances of how far each joint stands off at a single pose, rad² (m² where it slides); None where nothing is known."""
+    """Variances of the error of each joint at a single pose, rad² (m² where it slides); None where nothing is known."""
 
-    def sensitivities(
-        self, q: Float[np.ndarray, "n joints"]
-    ) -> tuple[Float[np.ndarray, "n targets 3 c"], Float[np.ndarray, "n targets 3"]]:
-        """Those of the targets to everything unknown, in units of its prior deviation; and where the targets are."""
-        walked = self.layout.walked(q, self.about)
-        T = walk.poses(walked.chain, walked.s, walked.e)
-        parts: list[np.ndarray] = []
-        for t, point in enumerate(walked.points.position):
-            J = walk.columns(walked.chain, walked.s, walked.e, walked.layout, walked.factor, angular=False, point=point)
-            J[:, :, self.layout.point_columns[t]] = T[:, :3, :3]
-            parts.append(J * self.deviations)
-        points = np.stack([se3.apply(T, point) for point in walked.points.position], axis=1)
-        out = np.stack(parts, axis=1)
-        if self.field is not None:
-            extra = np.broadcast_to(self.field.columns(q)[0][:, None], (*out.shape[:3], 3 * len(self.field.landmarks)))
-            out = np.concatenate([out, extra], axis=3)
-        return out, points
+    def places(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n targets 4 4"]:
+        """Poses of the targets in the measuring frame."""
+        base, targets = self.layout.frames(self.about)
+        return (base @ self.layout.model.poses(q, self.layout.parameters(self.about)))[:, None] @ targets
+
+    def sensitivities(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n targets 3 c"]:
+        """Sensitivities of the targets' places to everything unknown, in units of its prior deviation."""
+        kinds = tuple(Point() for _ in self.layout.kinds)
+        J = self._rows(self._campaign(q, kinds, self.places(q)))[0][:, :, :3]
+        if self.field is None:
+            return J
+        extra = self.field.columns(q)[0][:, None]
+        return np.concatenate([J, np.broadcast_to(extra, (*J.shape[:3], extra.shape[3]))], axis=3)
 
     def rows(
         self, q: Float[np.ndarray, "n joints"], visible: Bool[np.ndarray, "n targets"]
     ) -> Float[np.ndarray, "n b c"]:
-        """Sensitivities over the noise, a block of rows for each pose; zero for targets that are not seen."""
-        J, points = self.sensitivities(q)
-        J[~visible] = 0.0
-        white = np.full(len(q), self.white**2) if self.field is None else self.field.columns(q)[1]
-        covariance = self.noise.covariance(points) + white[:, None, None, None] * np.eye(3)
+        """Sensitivities of what is read over its noise, a block of rows for each pose; zero for targets that are not seen."""
+        of, T, instrument = visible.argmax(axis=1), self.places(q), self.instrument
+        kinds = tuple(instrument.observation(of) for _ in self.layout.kinds)
+        campaign = self._campaign(q, kinds, T, instrument.rotations(T[:, 0], of))
+        J, moved = self._rows(campaign)
+        block = instrument.kind.block()
+        J, noise = J[:, :, block], campaign.covariances(self.noise)[:, :, block][..., block]
+        unknowns = self.layout.unknowns(self.about)
+        by_place = np.stack(
+            [
+                kind.differentiate(T[:, t], unknown, campaign.read(t)).by_target[..., :3]
+                for t, (kind, unknown) in enumerate(zip(kinds, unknowns, strict=True))
+            ],
+            axis=1,
+        )
+        white = np.full(len(q), self.white**2)
+        if self.field is not None:
+            extra, left = self.field.columns(q)
+            white = white + left
+            J = np.concatenate([J, by_place @ extra[:, None]], axis=3)
+        covariance = noise + white[:, None, None, None] * (by_place @ np.swapaxes(by_place, 2, 3))
+        if instrument.kind.in_tracker:
+            J[~visible], moved[~np.repeat(visible, 3, axis=1)] = 0.0, 0.0
         if self.joints is None:
             return (whitener(covariance) @ J).reshape(len(q), -1, J.shape[3])
-        return whiteners(self._together(q, self.joints, covariance, visible)) @ J.reshape(len(q), -1, J.shape[3])
+        # a joint that is off at a pose moves all targets that are seen there together
+        R = (moved[:, :, : len(self.joints)] * self.joints) @ np.swapaxes(moved[:, :, : len(self.joints)], 1, 2)
+        for t in range(J.shape[1]):
+            R[:, 3 * t : 3 * t + 3, 3 * t : 3 * t + 3] += covariance[:, t]
+        return whiteners(R) @ J.reshape(len(q), -1, J.shape[3])
 
-    def _together(
+    @property
+    def stated(self) -> Float[np.ndarray, "z z"]:
+        """Information of what is stated beside the measurements, such as distances of sockets."""
+        J = stated_rows(self.layout, self.about, self.layout.kinds).by_entry * self.deviations
+        return J.T @ J
+
+    def _campaign(
         self,
         q: Float[np.ndarray, "n joints"],
-        joints: Float[np.ndarray, " joints"],
-        single: Float[np.ndarray, "n targets 3 3"],
-        visible: Bool[np.ndarray, "n targets"],
-    ) -> Float[np.ndarray, "n b b"]:
-        """Covariance of all targets of a pose: a joint that stands off moves those that are seen together."""
-        at = self.layout.walked(q, self.about)
-        targets = visible.shape[1]
-        moved = np.concatenate([joint_columns(at, offset, angular=False) for offset in at.points.position], axis=1)
-        variances = np.zeros(moved.shape[2])
-        variances[: len(joints)] = joints
-        moved[~np.repeat(visible, 3, axis=1)] = 0.0
-        R = (moved * variances) @ np.swapaxes(moved, 1, 2)
-        for t in range(targets):
-            R[:, 3 * t : 3 * t + 3, 3 * t : 3 * t + 3] += single[:, t]
-        return R
+        kinds: tuple[Observation, ...],
+        T: Float[np.ndarray, "n targets 4 4"],
+        rotations: Float[np.ndarray, "n 3 3"] | None = None,
+    ) -> Campaign:
+        """Something read in every posture; what it is does not matter, but where a tracker's noise depends on it."""
+        return Campaign(
+            ids=tuple(str(i) for i in range(len(q))),
+            q=q,
+            targets=self.layout.targets,
+            points=T[..., :3, 3] if self.instrument.kind.in_tracker else np.zeros((*T.shape[:2], 3)),
+            rotations=rotations,
+            observations=kinds,
+        )
+
+    def _rows(self, campaign: Campaign) -> tuple[Float[np.ndarray, "n targets b z"], Float[np.ndarray, "n m joints"]]:
+        """Sensitivities to everything, in units of its prior deviation, and to the joints."""
+        at = problem_of(self.layout, campaign, self.noise).linearise(self.about)
+        J = at.by_entry * self.deviations
+        return J.reshape(len(campaign), len(campaign.targets), -1, J.shape[2]), at.by_joint.copy()
+
+
+def lay_out(model: ErrorModel, instrument: Instrument, prior: PlanPrior) -> Layout:
+    """All parameters, measuring frame, targets and the unknowns of the observation, about where they are stated."""
+    names = instrument.targets if prior.campaign is None else prior.campaign.targets
+    kinds = tuple(instrument.observation(np.zeros(0, dtype=np.int64)) for _ in names)
+    registration, targets = prior.registration, instrument.T_tool_targets
+    if registration is None:
+        registration = Registration(
+            T_tracker_base=instrument.T_measuring_base,
+            T_tool_target=targets,
+            rms=0.0,
+            unobservable=np.zeros((3 * len(targets),) * 2),
+            unknowns=tuple(instrument.unknown for _ in names),
+        )
+    return Layout(model=model, kept=np.arange(len(model)), registration=registration, targets=names, kinds=kinds)
+
+
+def task_rows(linear: Linearisation, goal: TaskPoses) -> Float[np.ndarray, "rows c"]:
+    """Weighted sensitivities of the targets' places over a task, their sum of squares the task's mean squared error.
+
+    Without a tracker nothing determines where the robot's base is, and no task asks: what would move all places as one rigid body
+    is left out.
+    """
+    J = linear.sensitivities(goal.q)
+    J = (J * np.sqrt(goal.weights / J.shape[1])[:, None, None, None]).reshape(-1, J.shape[3])
+    if linear.instrument.kind.in_tracker:
+        return J
+    root = np.sqrt(goal.weights)[:, None, None]
+    position = linear.instrument.tip(linear.layout.model.nominal, goal.q)[:, :3, 3]
+    rigid = (se3.by_twist(position - position.mean(axis=0)) * root).reshape(3 * len(goal.q), 6)
+    Q, sizes, _ = np.linalg.svd(rigid, full_matrices=False)
+    Q = Q[:, sizes > 1e-9 * sizes[0]]
+    return J - Q @ (Q.T @ J)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Experiment:
     """Everything that turns poses into candidates of an experiment."""
 
-    linear: Linearisation | ObservedLinearisation
+    linear: Linearisation
     basis: Float[np.ndarray, "c d"]
     """Directions of unit prior variance that candidates or task see at all."""
     prior: Float[np.ndarray, "d d"]
@@ -272,13 +230,19 @@ class Experiment:
         self, q: Float[np.ndarray, "n joints"], visible: Bool[np.ndarray, "n targets"]
     ) -> Float[np.ndarray, "n b d"]:
         """Whitened sensitivities of poses in the basis; zero for reflectors that are not seen."""
-        parts = [slice(first, first + AT_ONCE) for first in range(0, max(len(q), 1), AT_ONCE)]
-        return np.concatenate([self.linear.rows(q[part], visible[part]) @ self.basis for part in parts])
+        return np.concatenate([self.linear.rows(q[part], visible[part]) @ self.basis for part in _parts(len(q))])
 
     def candidates(self, measurable: Measurable) -> Candidates:
-        """Poses as candidates."""
-        rows = self.rows(measurable.q, measurable.visible)
-        return Candidates(rows=rows, prior=self.prior, task=self.task, signal=self.signal)
+        """Poses as candidates, those of each fixture a group."""
+        instrument = self.linear.instrument
+        return Candidates(
+            rows=self.rows(measurable.q, measurable.visible),
+            prior=self.prior,
+            task=self.task,
+            signal=self.signal,
+            of=None if instrument.kind.in_tracker else measurable.visible.argmax(axis=1),
+            fewest=instrument.rows_each,
+        )
 
     def error(self, q: Float[np.ndarray, "n joints"], visible: Bool[np.ndarray, "n targets"]) -> float:
         """Expected rms error over the task after measuring some poses, metres."""
@@ -307,14 +271,15 @@ def make_experiment(
     goal: TaskPoses,
     measurable: Measurable,
     prior: PlanPrior,
+    instrument: Instrument,
     *,
-    station: Station | None = None,
     noise: TrackerNoise | None = None,
     smooth: bool = False,
 ) -> Experiment:
     """Prior, task and basis for choosing measuring poses.
 
-    The error is that of the reflectors' predicted position in the tracker frame, their mean over the task.
+    The error is that of the targets' predicted position, their mean over the task: in the tracker frame, or without a tracker
+    wherever the robot's base may be.
 
     Args:
         model: the model to be identified.
@@ -322,42 +287,49 @@ def make_experiment(
         measurable: poses that can be measured.
         prior: what is known of robot and cell; of a calibration parameters, tracker frame and targets as they are, and as far
             as they are, known.
-        station: tracker and reflectors.
+        instrument: that measures.
         noise: the tracker's.
-        smooth: take the model error for a smooth field over the joints instead of white noise.
+        smooth: take the instrument's share of the model error for a smooth field over the joints instead of white noise.
     """
     calibration, campaign, hyper = prior.calibration, prior.campaign, prior.hyper
-    layout = calibration.layout if calibration is not None else _layout(model, station, prior)
-    frames = np.full(len(layout.names) - len(layout.kept), FRAME_DEVIATION)
+    layout = calibration.layout if calibration is not None else lay_out(model, instrument, prior)
+    own = [kind.deviations for kind in layout.kinds]
+    frames = np.full(len(layout.names) - len(layout.kept) - sum(map(len, own)), FRAME_DEVIATION)
     error = hyper.model_error[0]
-    field = SmoothField.over(error, goal.q, measurable.q.std(axis=0)) if smooth and error > 0.0 else None
+    share = instrument.smooth_share if smooth and error > 0.0 else 0.0
+    field = SmoothField.over(error * np.sqrt(share), goal.q, measurable.q.std(axis=0)) if share else None
     linear = Linearisation(
+        instrument=instrument,
         layout=layout,
         about=layout.start() if calibration is None else calibration.z,
-        deviations=np.concatenate([hyper.deviations(model)[layout.kept], frames]),
+        deviations=np.concatenate([hyper.deviations(model)[layout.kept], frames, *own]),
         noise=noise or TrackerNoise(),
-        white=0.0 if field else error,
+        white=error * np.sqrt(1.0 - share),
         field=field,
     )
-    rows = linear.rows(measurable.q, np.ones_like(measurable.visible))
-    J_task, _ = linear.sensitivities(goal.q)
-    J_task = J_task * np.sqrt(goal.weights / J_task.shape[1])[:, None, None, None]
-    flat, J_task = rows.reshape(-1, rows.shape[2]), J_task.reshape(-1, rows.shape[2])
-    basis = span(flat, J_task)
-    d = basis.shape[1]
-    signal = np.zeros((d, d))
+    J_task, seen = task_rows(linear, goal), _any_seen(instrument, measurable.visible)
+    rows = np.concatenate([linear.rows(measurable.q[part], seen[part]) for part in _parts(len(measurable.q))])
+    basis = span(rows.reshape(-1, rows.shape[2]), J_task)
+    d, z = basis.shape[1], len(layout.names)
+    known = np.zeros((len(basis), len(basis)))
+    known[:z, :z] = linear.stated
+    signal = basis.T @ known @ basis
     if campaign is not None:
         done = (linear.rows(campaign.q, campaign.valid) @ basis).reshape(-1, d)
         signal = done.T @ done
     if calibration is not None:
         signal = _information_of(calibration, linear.deviations, basis) - np.eye(d)
-    return Experiment(
-        linear=linear,
-        basis=basis,
-        prior=np.eye(d) + signal,
-        signal=signal,
-        task=basis.T @ (J_task.T @ J_task) @ basis,
-    )
+    in_task = J_task @ basis
+    return Experiment(linear=linear, basis=basis, prior=np.eye(d) + signal, signal=signal, task=in_task.T @ in_task)
+
+
+def _any_seen(instrument: Instrument, visible: Bool[np.ndarray, "n targets"]) -> Bool[np.ndarray, "n targets"]:
+    """As if every reflector were seen at every pose; without a tracker, the fixtures as they are."""
+    return visible | instrument.kind.in_tracker
+
+
+def _parts(count: int) -> list[slice]:
+    return [slice(first, first + AT_ONCE) for first in range(0, max(count, 1), AT_ONCE)]
 
 
 def span(measured: Float[np.ndarray, "m c"], task: Float[np.ndarray, "k c"]) -> Float[np.ndarray, "c d"]:
@@ -379,24 +351,6 @@ def _information_of(
     return 0.5 * (information + information.T)
 
 
-def _layout(model: ErrorModel, station: Station | None, prior: PlanPrior) -> Layout:
-    registration = prior.registration
-    if registration is None:
-        offsets = np.zeros((1, 3)) if station is None else station.offsets
-        T = np.tile(np.eye(4), (len(offsets), 1, 1))
-        T[:, :3, 3] = offsets
-        base = TRACKER_POSE if station is None else station.T_tracker_base
-        registration = Registration(
-            T_tracker_base=base, T_tool_target=T, rms=0.0, unobservable=np.zeros((3 * len(offsets),) * 2)
-        )
-    if prior.campaign is not None:
-        names = prior.campaign.targets
-    else:
-        names = ("tool",) if station is None else tuple(reflector.name for reflector in station.reflectors)
-    kinds = (Point(),) * len(names)
-    return Layout(model=model, kept=np.arange(len(model)), registration=registration, targets=names, kinds=kinds)
-
-
 # What measuring more poses would add to a calibration by the one model.
 #
 # In z − ẑ = L·u, with L·Lᵀ the calibration's covariance, every direction of u has unit variance, and what
@@ -412,7 +366,11 @@ SAMPLE = 1000
 
 
 def calibrated_experiments(
-    calibration: Calibration, goal: TaskPoses, measurable: Measurable, noise: TrackerNoise | None
+    calibration: Calibration,
+    goal: TaskPoses,
+    measurable: Measurable,
+    instrument: Instrument,
+    noise: TrackerNoise | None,
 ) -> tuple[Experiment, Experiment]:
     """Experiments to judge plans by, and to choose their poses by.
 
@@ -420,6 +378,7 @@ def calibrated_experiments(
         calibration: of geometry and all effects at once.
         goal: poses of the task.
         measurable: poses that can be measured.
+        instrument: that measures.
         noise: the tracker's.
     """
     S = calibration.z_covariance
@@ -428,6 +387,7 @@ def calibrated_experiments(
     values, vectors = np.linalg.eigh(S / scale / scale[:, None])
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     linear = Linearisation(
+        instrument=instrument,
         layout=calibration.layout,
         about=calibration.z,
         deviations=scale,
@@ -437,7 +397,7 @@ def calibrated_experiments(
         joints=np.square(calibration.joint_error),
     )
     sample = np.unique(np.linspace(0, len(measurable.q) - 1, min(SAMPLE, len(measurable.q))).astype(int))
-    J_measured, J_task = (linear.sensitivities(q)[0] @ root for q in (measurable.q[sample], goal.q))
+    J_measured, J_task = (linear.sensitivities(q) @ root for q in (measurable.q[sample], goal.q))
     J_task = J_task * np.sqrt(goal.weights / J_task.shape[1])[:, None, None, None]
     measured, task = (J.reshape(-1, J.shape[3]) for J in (J_measured, J_task))
     G = measured.T @ measured / max(np.sum(measured**2), 1e-300) + task.T @ task / max(np.sum(task**2), 1e-300)
@@ -470,80 +430,29 @@ def _in_directions(
     )
 
 
-# What measuring without a tracker would say of a task, as an experiment that plans are chosen and judged by.
-
-SMOOTH_SHARE = 0.5
-"""Of the model error's variance. With all of it smooth, plans of 60 postures are up to 30 % worse where the error is white, and
-with none of it up to 15 % worse where it is smooth (two robots; sockets, wire, camera); with half of it 10 % and 2 %."""
-
-OBSERVED_AT_ONCE = 500
-"""Postures whose sensitivities to everything are held in memory at a time."""
-
-
-def make_observed_experiment(
-    model: ErrorModel,
-    goal: TaskPoses,
-    measurable: Measurable,
-    way: MeasuringWay,
-    hyper: Hyperparameters,
-    *,
-    smooth: bool = False,
-) -> Experiment:
-    """Prior, task and basis for choosing postures, the kind's own unknowns and the target's place among what is unknown.
-
-    The error is that of the target's predicted position, its mean over the task, wherever the robot's base may stand.
-
-    Args:
-        model: the model to be identified.
-        goal: poses of the task.
-        measurable: postures that can be measured, and of which thing.
-        way: of measuring.
-        hyper: model error and prior scale.
-        smooth: take half of the model error for a smooth field over the joints instead of white noise.
-    """
-    layout, error = layout_of_way(model, way), hyper.model_error[0]
-    own = [kind.deviations for kind in layout.kinds]
-    frames = np.ones(len(layout.names) - len(layout.kept) - sum(map(len, own)))
-    share = SMOOTH_SHARE if smooth and error > 0.0 else 0.0
-    field = SmoothField.over(error * np.sqrt(share), goal.q, measurable.q.std(axis=0)) if share else None
-    linear = ObservedLinearisation(
-        way=way,
-        layout=layout,
-        deviations=np.concatenate([hyper.deviations(model)[layout.kept], frames, *own]),
-        white=error * np.sqrt(1.0 - share),
-        field=field,
-    )
-    J_task = task_rows(linear, goal)
-    parts = [slice(first, first + OBSERVED_AT_ONCE) for first in range(0, len(measurable.q), OBSERVED_AT_ONCE)]
-    rows = np.concatenate([linear.rows(measurable.q[part], measurable.visible[part]) for part in parts])
-    basis = span(rows.reshape(-1, rows.shape[2]), J_task)
-    known = np.zeros((len(basis), len(basis)))
-    z = len(layout.names)
-    known[:z, :z] = linear.stated
-    signal = basis.T @ known @ basis
-    in_task = J_task @ basis
-    return Experiment(
-        linear=linear,
-        basis=basis,
-        prior=np.eye(basis.shape[1]) + signal,
-        signal=signal,
-        task=in_task.T @ in_task,
-    )
-
-
 def nominal_error(
     experiment: Experiment,
     goal: TaskPoses,
     q: Float[np.ndarray, "n joints"],
-    visible: Bool[np.ndarray, "n things"],
+    visible: Bool[np.ndarray, "n targets"],
+    campaign: Campaign | None = None,
 ) -> float:
-    """Expected error when the measurements only serve to find what stands and what the tool carries, metres."""
-    linear = experiment.linear
-    assert isinstance(linear, ObservedLinearisation)
-    white = replace(linear, field=None, white=linear.white)
-    rows, J_task = white.rows(q, visible), task_rows(white, goal)
+    """Expected error when the measurements only serve to find frames, targets and fixtures, metres.
+
+    Args:
+        experiment: to judge plans by.
+        goal: poses of the task.
+        q: the poses that are measured, radians.
+        visible: what is seen at each.
+        campaign: measured before.
+    """
+    linear = replace(experiment.linear, field=None)
+    measured = [linear.rows(q, _any_seen(linear.instrument, visible))]
+    if campaign is not None:
+        measured.append(linear.rows(campaign.q, campaign.valid))
+    rows, J_task = np.concatenate(measured), task_rows(linear, goal)
     flat = rows.reshape(-1, rows.shape[2])
-    A, W = flat.T @ flat + white.stated, J_task.T @ J_task
+    A, W = flat.T @ flat + linear.stated, J_task.T @ J_task
     m, f = np.split(np.arange(len(A)), [len(linear.layout.kept)])
     # directions that these postures do not see stay where they are stated
     inverse = pseudo_invert_scaled(A[np.ix_(f, f)], rcond=1e-10)

@@ -16,30 +16,21 @@ from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.clearance import place_links
 from taskcal.kinematics.inverse import closes
 from taskcal.observations.base import TrackerNoise
-from taskcal.planning.candidates import Measurable, check, enlarge, find_measurable, keep_measurable
+from taskcal.observations.instrument import BlockedPath, Instrument, Measurable, find_blocked_paths
+from taskcal.observations.point import Station, Tracker
 from taskcal.planning.expected_error import (
     PlanPrior,
     assumed_hyperparameters,
-    design,
     prior_from_calibration,
     prior_from_campaign,
 )
-from taskcal.planning.experiment import (
-    Experiment,
-    calibrated_experiments,
-    make_experiment,
-    make_observed_experiment,
-    nominal_error,
-)
-from taskcal.planning.instruments import MeasuringWay, TightWay, find_observable, find_tight_ways
+from taskcal.planning.experiment import Experiment, calibrated_experiments, make_experiment, nominal_error
 from taskcal.planning.task_map import allow_geometry
 from taskcal.registration.registration import Registration
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
-from taskcal.task.task import Task, TaskPoses, reach_task
-from taskcal.virtual.cell import simulate
-from taskcal.virtual.station import Station
+from taskcal.task.task import Task, TaskPoses, enlarge, reach_task
 
 # A plan: poses to measure, and what is expected of them.
 
@@ -53,10 +44,10 @@ class Plan:
     rows: tuple[int, ...]
     """Which of the candidates each pose is, or was before it was refined."""
     visible: Bool[np.ndarray, "count targets"]
-    """Which reflectors the tracker sees at each; without a tracker, which of the things that stand is measured."""
+    """Which reflectors the tracker sees at each; without a tracker, which of the fixtures is measured."""
     expected: float
     """Expected rms error in space over the task after these measurements, metres: in the tracker's frame, or without a tracker
-    wherever the robot's base stands."""
+    wherever the robot's base is."""
     random: Float[np.ndarray, " plans"]
     """The same for as many random poses of the task's own workspace, of several plans."""
     grid: float
@@ -80,17 +71,17 @@ class Plan:
     """Standard deviation per axis of what geometry does not explain, with which it was chosen, metres."""
     model_error_origin: str = ""
     """Where that comes from, in words."""
-    way: MeasuringWay | None = None
-    """How it is measured without a tracker; None with one."""
+    instrument: Instrument = field(default_factory=Tracker)
+    """What measures."""
     of: Int[np.ndarray, " count"] | None = None
-    """Without a tracker: which of the things that stand each pose is measured at."""
-    tight: tuple[TightWay, ...] = ()
+    """Without a tracker: the fixture that each pose is measured at."""
+    blocked: tuple[BlockedPath, ...] = ()
     """Without a tracker: poses that the robot cannot be driven to from the one before, all joints at once, and stay clear."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Without a tracker: name of the thing that each pose is measured at; with one empty."""
-        return () if self.way is None or self.of is None else tuple(self.way.standing.names[k] for k in self.of)
+        """Without a tracker: name of the fixture that each pose is measured at; with one empty."""
+        return () if self.of is None else tuple(self.instrument.fixtures.names[k] for k in self.of)
 
     @property
     def expected_at_a_pose(self) -> float:
@@ -148,22 +139,22 @@ class Plan:
             "candidates": self.candidates,
             "lost": self.lost,
             "exchanges": self.exchanges,
-            **self._of_way(),
+            **self._of_fixtures(),
         }
 
-    def _of_way(self) -> dict[str, Any]:
-        """What is measured at what, without a tracker."""
-        if self.way is None:
+    def _of_fixtures(self) -> dict[str, Any]:
+        """What is measured at which fixture, without a tracker."""
+        if self.of is None:
             return {}
-        names = self.names
-        return {
-            "observe": self.way.way,
-            self.way.label: list(names),
-            "not_clear_from_the_pose_before": [
-                {"pose": tight.pose, "way_round": tight.via is not None} for tight in self.tight
-            ],
-            "poses_each": {name: names.count(name) for name in self.way.standing.names},
-        }
+        names, label = self.names, self.instrument.label
+        blocked = [{"pose": path.pose, "way_round": path.via is not None} for path in self.blocked]
+        out: dict[str, Any] = {"observe": self.instrument.name}
+        if label:
+            out[label] = list(names)
+        out["not_clear_from_the_pose_before"] = blocked
+        if label:
+            out["poses_each"] = {name: names.count(name) for name in self.instrument.fixtures.names}
+        return out
 
 
 # How poses are chosen: one frozen value.
@@ -187,7 +178,7 @@ class PlanChoices(TypedDict, total=False):
     model_error: float | None
     prior_scale: float
     progress: Callable[[str], None]
-    observe: MeasuringWay | None
+    observe: Instrument | None
 
 
 @short_repr
@@ -226,8 +217,8 @@ class PlanOptions:
     """Factor of the tolerances."""
     progress: Callable[[str], None] = lambda _: None
     """Told what is being done."""
-    observe: MeasuringWay | None = None
-    """How to measure without a tracker, and what stands where; station, registration and noise are a tracker's."""
+    observe: Instrument | None = None
+    """The instrument and its fixtures, not a tracker; station, registration and noise are a tracker's."""
 
     def __post_init__(self) -> None:
         expect_kinds(
@@ -237,7 +228,7 @@ class PlanOptions:
                 "station": Station | None,
                 "registration": Registration | None,
                 "noise": TrackerNoise | None,
-                "observe": MeasuringWay | None,
+                "observe": Instrument | None,
             },
             campaign=self.campaign,
             calibration=self.calibration,
@@ -250,6 +241,11 @@ class PlanOptions:
             raise ValueError("give the campaign or the calibration from it; together they would count it twice")
         if self.criterion not in CRITERIA:
             raise UnknownName("criterion", self.criterion, CRITERIA)
+
+    @property
+    def instrument(self) -> Instrument:
+        """What measures."""
+        return self.observe or Tracker(station=self.station)
 
     @classmethod
     def of(cls, **choices: Unpack[PlanChoices]) -> "PlanOptions":
@@ -271,7 +267,7 @@ def refine(
     model: ErrorModel,
     experiment: Experiment,
     task: Task,
-    station: Station | None,
+    tracker: Tracker,
     q: Float[np.ndarray, "count joints"],
     visible: Bool[np.ndarray, "count targets"],
     *,
@@ -284,7 +280,7 @@ def refine(
         model: the model.
         experiment: of the plan.
         task: whose enlarged workspace the poses stay in.
-        station: of the plan.
+        tracker: of the plan.
         q: the poses, radians.
         visible: which reflectors are seen at each.
         scale: standard deviation of the variations, radians or metres.
@@ -298,7 +294,7 @@ def refine(
     assert room is not None
     ok[ok] = room.contains(model.poses(moved[ok]))
     sees = np.zeros((len(moved), visible.shape[1]), dtype=bool)
-    able, seen = check(model, moved[ok], place_links(model, moved[ok]), station)
+    able, seen = tracker.check(model, moved[ok], place_links(model, moved[ok]))
     ok[np.flatnonzero(ok)] = able
     sees[ok] = seen[able]
     rows = np.zeros((len(moved), experiment.rows(q[:1], visible[:1]).shape[1], experiment.basis.shape[1]))
@@ -391,7 +387,7 @@ class ChosenPoses:
     q: Float[np.ndarray, "count joints"]
     """Radians."""
     visible: Bool[np.ndarray, "count targets"]
-    """Which reflectors the tracker sees at each."""
+    """What is seen at each, or measured."""
     candidate: Int[np.ndarray, " count"]
     """Which candidate each is, or was before it was refined."""
     choice: Choice
@@ -416,15 +412,15 @@ class PoseChoice:
     @classmethod
     @single_threaded
     def among(cls, model: ErrorModel, task: Task, options: PlanOptions) -> "PoseChoice":
-        """Of a tracker's poses.
+        """The choice among an instrument's poses.
 
         Raises:
-            ReachError: no candidate can be reached and seen.
+            ReachError: no candidate can be reached and seen, or a fixture in too few.
             CampaignError: a campaign or calibration that cannot be extended.
         """
         options.progress("candidates")
         goal = reach_task(model, task, 200, options.seed)
-        measurable = _measurable(model, task, options)
+        measurable = options.instrument.find(model, task, options.candidates, options.seed)
         prior = _prior(model, options)
         judged, weighing = _experiments(model, goal, measurable, prior, options)
         return cls(
@@ -444,40 +440,66 @@ class PoseChoice:
         """So many poses.
 
         Raises:
-            CampaignError: fewer than tracker frame and targets need.
+            CampaignError: fewer than frames and fixtures need.
         """
-        _check_count(count, self.weighing, self.prior)
+        check_count(count, self.options, len(self.weighing.linear.layout.targets))
         options, q = self.options, self.measurable.q
         options.progress(f"choosing {count} of {len(q)}")
         choice = choose(self.candidates, count, options.criterion, progress=options.progress)
         q, visible = self._refined(q[choice.chosen], self.measurable.visible[choice.chosen])
-        order = order_visits(self.model.robot, q)
+        order = self._order(q, visible)
         return ChosenPoses(q=q[order], visible=visible[order], candidate=choice.chosen[order], choice=choice)
 
     def _refined(
         self, q: Float[np.ndarray, "count joints"], visible: Bool[np.ndarray, "count targets"]
     ) -> tuple[Float[np.ndarray, "count joints"], Bool[np.ndarray, "count targets"]]:
-        """The poses after some rounds of refinement; as they are, where the poses or another criterion are given."""
-        options = self.options
-        if options.criterion != "task" or not isinstance(options.candidates, int):
+        """A tracker's poses after some rounds of refinement; as they are, where the poses or another criterion are given."""
+        options, tracker = self.options, self.options.instrument
+        if not isinstance(tracker, Tracker) or options.criterion != "task" or not isinstance(options.candidates, int):
             return q, visible
         for round_ in range(options.refine):
             options.progress(f"refining, round {round_ + 1}")
             scale, seed = 0.12 / (1 + round_), options.seed + round_
-            q, visible = refine(
-                self.model, self.weighing, self.task, options.station, q, visible, scale=scale, seed=seed
-            )
+            q, visible = refine(self.model, self.weighing, self.task, tracker, q, visible, scale=scale, seed=seed)
         return q, visible
 
+    def _order(
+        self, q: Float[np.ndarray, "count joints"], visible: Bool[np.ndarray, "count targets"]
+    ) -> Int[np.ndarray, " count"]:
+        """The poses of each setup one after another, each by short ways."""
+        instrument = self.options.instrument
+        stages = instrument.stages[0 if instrument.kind.in_tracker else visible.argmax(axis=1)] + np.zeros(
+            len(q), dtype=int
+        )
+        parts = [np.flatnonzero(stages == stage) for stage in np.unique(stages)]
+        return np.concatenate([own[order_visits(self.model.robot, q[own])] for own in parts])
 
-def _measurable(model: ErrorModel, task: Task, options: PlanOptions) -> Measurable:
-    """The candidates: spread over the enlarged task, or those given."""
-    if isinstance(options.candidates, int):
-        return find_measurable(model, task, options.station, options.candidates, options.seed)
-    q = np.asarray(options.candidates, dtype=float)
-    n = len(q)
-    given = TaskPoses(T=model.poses(q), q=q, weights=np.full(n, 1.0 / n), unreachable=np.zeros(n, dtype=bool))
-    return keep_measurable(model, given, options.station)
+    def random_errors(self, count: int) -> Float[np.ndarray, " plans"]:
+        """Expected error of as many poses that nobody chose, of several plans."""
+        rng = np.random.default_rng(self.options.seed)
+        pool = self._own_poses(max(10 * count, 600), self.options.seed + 77, count)
+
+        def draw() -> list[int]:
+            """So many of the pool, as many of each fixture as it needs."""
+            if pool is self.measurable:
+                return choose_at_random(self.candidates, count, rng)
+            return rng.permutation(len(pool.q))[:count].tolist()
+
+        picks = [draw() for _ in range(RANDOM_PLANS)]
+        return np.array([self.judged.error(pool.q[pick], pool.visible[pick]) for pick in picks])
+
+    def even_error(self, count: int) -> float:
+        """Expected error of as many poses spread evenly over the task, or over the fixtures and the postures they allow."""
+        pool = self._own_poses(3 * count, 0, count)
+        pick = np.linspace(0, len(pool.q) - 1, min(count, len(pool.q))).astype(int)
+        return self.judged.error(pool.q[pick], pool.visible[pick])
+
+    def _own_poses(self, tried: int, seed: int, needed: int) -> Measurable:
+        return self.options.instrument.own_poses(self.model, self.task, self.measurable, tried, seed, needed)
+
+
+RANDOM_PLANS = 20
+"""Whose expected errors are compared with that of a plan."""
 
 
 def _prior(model: ErrorModel, options: PlanOptions) -> PlanPrior:
@@ -495,183 +517,40 @@ def _experiments(
 ) -> tuple[Experiment, Experiment]:
     """To judge plans by, and to choose their poses by: there, what geometry does not explain is a smooth field."""
     if prior.calibration is not None and prior.calibration.joint_error:
-        return calibrated_experiments(prior.calibration, goal, measurable, options.noise)
-    station, noise = options.station, options.noise
+        return calibrated_experiments(prior.calibration, goal, measurable, options.instrument, options.noise)
     judged, chosen = (
-        make_experiment(model, goal, measurable, prior, station=station, noise=noise, smooth=smooth)
+        make_experiment(model, goal, measurable, prior, options.instrument, noise=options.noise, smooth=smooth)
         for smooth in (False, True)
     )
     return judged, chosen
 
 
-def _check_count(count: int, experiment: Experiment, prior: PlanPrior) -> None:
-    layout = experiment.linear.layout
-    frames = len(layout.names) - len(layout.kept)
-    fewest = frames // (3 * len(layout.targets)) + 1
-    nothing = prior.campaign is None and prior.calibration is None
-    if count < 1 or (nothing and count < fewest):
-        raise CampaignError(
-            f"{count} poses are too few: tracker frame and targets alone have {frames} unknowns; plan at least {fewest}, "
-            "better 30 or more"
-        )
-
-
-# What poses that nobody chose would give: random ones, and ones spread evenly over the task's own workspace.
-
-RANDOM_PLANS = 20
-
-
-def random_plan_errors(
-    model: ErrorModel,
-    experiment: Experiment,
-    task: Task,
-    station: Station | None,
-    measurable: Measurable,
-    count: int,
-    seed: int,
-) -> Float[np.ndarray, " plans"]:
-    """Expected error of random poses from the task's own workspace."""
-    pool = _own_poses(model, task, station, measurable, max(10 * count, 600), seed + 77, count)
-    rng = np.random.default_rng(seed)
-    picks = [rng.permutation(len(pool.q))[:count] for _ in range(RANDOM_PLANS)]
-    return np.array([experiment.error(pool.q[pick], pool.visible[pick]) for pick in picks])
-
-
-def even_plan_error(
-    model: ErrorModel, experiment: Experiment, task: Task, station: Station | None, measurable: Measurable, count: int
-) -> float:
-    """Expected error of as many poses spread evenly over the task's own workspace."""
-    pool = _own_poses(model, task, station, measurable, 3 * count, 0, count)
-    pick = np.linspace(0, len(pool.q) - 1, min(count, len(pool.q))).astype(int)
-    return experiment.error(pool.q[pick], pool.visible[pick])
-
-
-def _own_poses(
-    model: ErrorModel, task: Task, station: Station | None, measurable: Measurable, tried: int, seed: int, needed: int
-) -> Measurable:
-    """Measurable poses of the task itself; of the candidates, where the tracker does not see enough of the task."""
-    try:
-        own = keep_measurable(model, reach_task(model, task, tried, seed), station)
-    except ReachError:
-        return measurable
-    return own if len(own.q) >= needed else measurable
-
-
-# Which postures to measure in without a tracker, so that the task becomes accurate.
-
-
-def plan_observed(model: ErrorModel, task: Task, count: int, way: MeasuringWay, options: PlanOptions) -> Plan:
-    """Choose the postures whose measurement leaves the least expected error over the task.
-
-    Args:
-        model: the model to be identified.
-        task: what the robot has to do.
-        count: postures to measure in.
-        way: of measuring.
-        options: of the plan; those of a tracker are of no concern.
+def check_count(count: int, options: PlanOptions, targets: int) -> None:
+    """Check that so many poses are enough for frames and fixtures, and that the plan may go on from what is known.
 
     Raises:
-        ReachError: something that stands cannot be measured, or in too few postures.
-        CampaignError: fewer postures than what stands needs, or a campaign or calibration to go on from.
+        CampaignError: they are not, or a plan without a tracker would go on from a campaign or calibration.
     """
-    _check(count, way, options)
-    options.progress("candidates")
-    goal = reach_task(model, task, 200, options.seed)
-    assert isinstance(options.candidates, int)
-    measurable = find_observable(model.nominal, task, way, options.candidates, options.seed)
-    _check_found(measurable, way)
-    hyper = assumed_hyperparameters(model, options.model_error, options.prior_scale)
-    judged, weighing = (
-        make_observed_experiment(model, goal, measurable, way, hyper, smooth=smooth) for smooth in (False, True)
-    )
-    options.progress(f"choosing {count} of {len(measurable.q)}")
-    candidates = _candidates(weighing, measurable, way)
-    choice = choose(candidates, count, options.criterion, progress=options.progress)
-    chosen = choice.chosen
-    chosen = chosen[_order(model.robot, measurable.q[chosen], way.stages[measurable.visible[chosen].argmax(axis=1)])]
-    q, visible = measurable.q[chosen], measurable.visible[chosen]
-    return Plan(
-        rows=tuple(int(measurable.rows[i]) for i in chosen),
-        q=q,
-        visible=visible,
-        of=visible.argmax(axis=1),
-        way=way,
-        expected=judged.error(q, visible),
-        random=_random_errors(judged, candidates, measurable, count, options.seed),
-        grid=_even_error(judged, measurable, count),
-        by_count=judged.errors_by_count(measurable.q[choice.started], measurable.visible[choice.started]),
-        before=nominal_error(judged, goal, q, visible),
-        criterion=options.criterion,
-        exchanges=choice.exchanges,
-        lost=dict(measurable.lost),
-        candidates=len(measurable.q),
-        accuracy=task.accuracy,
-        model_error=hyper.model_error[0],
-        model_error_origin=hyper.origin,
-        tight=find_tight_ways(model.nominal, way, q, visible.argmax(axis=1)),
-    )
-
-
-def _check(count: int, way: MeasuringWay, options: PlanOptions) -> None:
-    if options.campaign is not None or options.calibration is not None:
-        raise CampaignError(f"a plan with a {way.way} begins anew; leave the campaign or calibration out")
-    if not isinstance(options.candidates, int):
-        raise CampaignError(
-            f"postures for a {way.way} are looked for where things stand; give how many candidates to try"
-        )
-    fewest = way.fewest * way.things
+    instrument = options.instrument
+    extends = options.campaign is not None or options.calibration is not None
+    if instrument.kind.in_tracker:
+        frames = 6 + 3 * targets
+        fewest = frames // (3 * targets) + 1
+        if count < 1 or (not extends and count < fewest):
+            raise CampaignError(
+                f"{count} poses are too few: tracker frame and targets alone have {frames} unknowns; plan at least {fewest}, "
+                "better 30 or more"
+            )
+        return
+    if extends:
+        raise CampaignError(f"a plan with a {instrument.name} begins anew; leave the campaign or calibration out")
+    fewest = instrument.rows_each * instrument.count
     if count < fewest:
+        each = f"each of {instrument.count} {instrument.label}s" if instrument.label else f"the {instrument.name}"
         raise CampaignError(
-            f"{count} poses are too few: each of {way.things} {way.label}s needs {way.fewest}; plan at least {fewest}, better "
-            f"{max(60, 2 * fewest)} or more, or let fewer stand"
+            f"{count} poses are too few: {each} needs {instrument.rows_each}; plan at least {fewest}, better "
+            f"{max(60, 2 * fewest)} or more, or leave fixtures out"
         )
-
-
-def _check_found(measurable: Measurable, way: MeasuringWay) -> None:
-    found = measurable.visible.sum(axis=0)
-    few = int(found.argmin())
-    if found[few] < way.fewest:
-        raise ReachError(
-            f"only {found[few]} postures were found in which {way.label} '{way.standing.names[few]}' can be measured; it needs "
-            f"{way.fewest}: try more candidates, move it, or allow more"
-        )
-
-
-def _candidates(weighing: Experiment, measurable: Measurable, way: MeasuringWay) -> Candidates:
-    return Candidates(
-        rows=weighing.rows(measurable.q, measurable.visible),
-        prior=weighing.prior,
-        task=weighing.task,
-        signal=weighing.signal,
-        of=measurable.visible.argmax(axis=1),
-        fewest=way.fewest,
-    )
-
-
-def _order(
-    robot: Robot, q: Float[np.ndarray, "count joints"], stages: Int[np.ndarray, " count"]
-) -> Int[np.ndarray, " count"]:
-    """What stands at the same time one behind another, each by short ways."""
-    parts: list[np.ndarray] = []
-    for stage in np.unique(stages):
-        own = np.flatnonzero(stages == stage)
-        parts.append(own[order_visits(robot, q[own])])
-    return np.concatenate(parts)
-
-
-def _random_errors(
-    judged: Experiment, candidates: Candidates, measurable: Measurable, count: int, seed: int
-) -> Float[np.ndarray, " plans"]:
-    """Expected error of as many postures that nobody chose."""
-    rng = np.random.default_rng(seed)
-    picks = [choose_at_random(candidates, count, rng) for _ in range(RANDOM_PLANS)]
-    return np.array([judged.error(measurable.q[pick], measurable.visible[pick]) for pick in picks])
-
-
-def _even_error(judged: Experiment, measurable: Measurable, count: int) -> float:
-    """The same of postures taken evenly from all, which are spread over what stands and over what it allows."""
-    pick = np.linspace(0, len(measurable.q) - 1, min(count, len(measurable.q))).astype(int)
-    return judged.error(measurable.q[pick], measurable.visible[pick])
 
 
 @single_threaded
@@ -710,53 +589,45 @@ def plan(model: ErrorModel, task: Task, count: int = 60, **options: Unpack[PlanC
 
             ``progress``: told what is being done.
 
-            ``observe``: how to measure without a tracker: a `SocketWay`, `WireWay` or `CameraWay` with what stands where. Station,
-            registration and noise are a tracker's, and of no concern then.
+            ``observe``: the instrument and its fixtures, not a tracker, such as a `SocketInstrument`. Station, registration and
+            noise are a tracker's, and do not count then.
 
     Raises:
-        ReachError: no candidate can be reached and seen, or something that stands cannot be measured.
-        CampaignError: fewer poses than tracker frame and targets need, or a campaign or calibration that cannot be extended.
+        ReachError: no candidate can be reached and seen, or a fixture cannot be measured.
+        CampaignError: fewer poses than frames and fixtures need, or a campaign or calibration that cannot be extended.
     """
     expect_kinds({"model": ErrorModel, "task": Task}, model=model, task=task)
     chosen = PlanOptions.of(**options)
-    if chosen.observe is not None:
-        return plan_observed(model, task, count, chosen.observe, chosen)
+    targets = 1 if chosen.station is None else len(chosen.station.reflectors)
+    check_count(count, chosen, targets)
     planning = PoseChoice.among(model, task, chosen)
     poses = planning.choose(count)
     measurable, experiment, prior = planning.measurable, planning.judged, planning.prior
     q, visible, choice = poses.q, poses.visible, poses.choice
+    instrument = chosen.instrument
+    of = None if instrument.kind.in_tracker else visible.argmax(axis=1)
+    known = prior.calibration is not None
     return Plan(
         rows=tuple(int(measurable.rows[i]) for i in poses.candidate),
         q=q,
         visible=visible,
+        of=of,
+        instrument=instrument,
         expected=experiment.error(q, visible),
-        random=random_plan_errors(model, experiment, task, chosen.station, measurable, count, chosen.seed),
-        grid=even_plan_error(model, experiment, task, chosen.station, measurable, count),
+        random=planning.random_errors(count),
+        grid=planning.even_error(count),
         by_count=experiment.errors_by_count(measurable.q[choice.started], measurable.visible[choice.started]),
-        before=experiment.before if prior.calibration is not None else _before(model, planning.goal, q, chosen, prior),
+        before=experiment.before if known else nominal_error(experiment, planning.goal, q, visible, prior.campaign),
         criterion=chosen.criterion,
         exchanges=choice.exchanges,
         lost=dict(measurable.lost),
         candidates=len(measurable.q),
         accuracy=task.accuracy,
-        extends=prior.calibration is not None,
+        extends=known,
         model_error=prior.hyper.model_error[0],
         model_error_origin=prior.hyper.origin,
+        blocked=() if of is None else find_blocked_paths(model.nominal, instrument, q, of),
     )
-
-
-def _before(
-    model: ErrorModel, goal: TaskPoses, q: Float[np.ndarray, "count joints"], options: PlanOptions, prior: PlanPrior
-) -> float:
-    """Expected error when the measurements only serve to find tracker frame and targets."""
-    measured = q if prior.campaign is None else np.concatenate([prior.campaign.q, q])
-    station, hyper = options.station, prior.hyper
-    targets = None if station is None else {r.name: r.position for r in station.reflectors}
-    rng, x = np.random.default_rng(0), np.zeros(len(model))
-    nominal, _ = simulate(model, measured, rng=rng, x=x, targets=targets, noise=options.noise)
-    return design(
-        model, nominal, goal, noise=options.noise, model_error=hyper.model_error, prior=hyper.deviations(model)
-    ).before
 
 
 # What is asked of a plan, and whether it gives that: so many poses, and the accuracy that the task states.

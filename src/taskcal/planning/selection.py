@@ -22,7 +22,6 @@ from taskcal.identification.layout import frame_precision
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import problem_of
 from taskcal.observations.base import TrackerNoise
-from taskcal.planning.candidates import measuring_task
 from taskcal.planning.expected_error import (
     Design,
     ParameterGroup,
@@ -32,7 +31,7 @@ from taskcal.planning.expected_error import (
     parameter_groups,
 )
 from taskcal.robot.error_model import ErrorModel
-from taskcal.task.task import Task, TaskPoses, reach_task
+from taskcal.task.task import Task, TaskPoses, measuring_task, reach_task
 from taskcal.virtual.cell import simulate
 
 # How parameters are chosen for a task: one frozen value.

@@ -34,7 +34,6 @@ from taskcal.identification.options import FitOptions
 from taskcal.io.files import write_whole
 from taskcal.io.text_file import read_text
 from taskcal.observations.base import TrackerNoise
-from taskcal.planning.candidates import enlarge, measuring_task
 from taskcal.planning.expected_error import known_hyperparameters
 from taskcal.planning.plan import PlanOptions, PoseChoice
 from taskcal.planning.selection import select
@@ -43,7 +42,7 @@ from taskcal.planning.workers import side_by_side
 from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import ModelError, model_error_of
-from taskcal.task.task import Task, reach_task
+from taskcal.task.task import Task, enlarge, measuring_task, reach_task
 from taskcal.virtual.cell import SimulationOptions, Truth, simulate
 
 if TYPE_CHECKING:
@@ -112,18 +111,18 @@ class StudyOptions:
         for name in self.models:
             if name not in MODELS:
                 raise UnknownName("model", name, MODELS)
-        for way in self.observe:
-            SimulationOptions(observe=way)
+        for observe in self.observe:
+            SimulationOptions(observe=observe)
         if self.aligned and "planned" in self.plans:
             raise TaskcalError(
-                "a study plans for a tracker alone; with other ways to measure give the plans random or grid, and see what to "
-                "expect of a plan for one of them by plan(observe=…)"
+                "a study plans for a tracker alone; with other instruments give the plans random or grid, and see what to expect "
+                "of a plan for one of them by plan(observe=…)"
             )
 
     @property
     def aligned(self) -> bool:
-        """Whether errors are those of the shape alone, the same for all ways to measure."""
-        return self.observe != ("tracker",)
+        """Whether errors are those of the shape alone, the same for all instruments."""
+        return not all(SimulationOptions(observe=observe).tracked for observe in self.observe)
 
     @classmethod
     def of(cls, **choices: Unpack[StudyChoices]) -> "StudyOptions":
@@ -206,28 +205,16 @@ class VirtualRobots:
         observe: str = "tracker",
     ) -> tuple[Campaign, Truth]:
         """A campaign, and the robot and cell that it is of; how it is measured as `simulate` has it."""
-        if observe != "tracker":
-            return simulate(
-                self.model,
-                q,
-                rng=rng,
-                x=x,
-                noise=noise,
-                model_error=self.model_error.position,
-                joint_error=self.joint_error,
-                observe=observe,
-            )
-        off = self._joints_off(q, rng)
-        campaign, truth = simulate(
+        return simulate(
             self.model,
-            q + off,
+            q,
             rng=rng,
             x=x,
             noise=noise,
-            conditions=self.conditions(q),
             model_error=self.model_error.position,
+            joint_error=self.joint_error,
+            observe=observe,
         )
-        return replace(campaign, q=q), truth
 
     def unexplained(
         self, truth: Truth, q: Float[np.ndarray, "n joints"], rng: np.random.Generator
@@ -312,7 +299,7 @@ class _Measured(NamedTuple):
 def robots_together(setting: StudySetting) -> int:
     """How many robots are best tried at once: what is measured otherwise than by a tracker is identified one by one."""
     fitted = (can_fit_together(_model_of(setting, name), options) for name, options in setting.models.items())
-    return TOGETHER if all(way == "tracker" for way, _, _ in setting.cases) and any(fitted) else 1
+    return TOGETHER if not setting.aligned and any(fitted) else 1
 
 
 def try_robots(setting: StudySetting, indices: Sequence[int]) -> list[tuple[int, list[dict[str, Any]]]]:

@@ -47,7 +47,7 @@ def _start(plan: Plan) -> str:
     """The model before the plan is measured, in words."""
     if plan.extends:
         return "calibration as it is"
-    return NOMINAL if plan.way is None else f"nominal, {plan.way.label}s found"
+    return f"nominal, {plan.instrument.label}s found" if plan.of is not None and plan.instrument.label else NOMINAL
 
 
 def draw_by_count(plan: Plan) -> go.Figure:
@@ -143,12 +143,12 @@ def plan_scene(model: ErrorModel, plan: Plan, space: Workspace | None) -> Scene:
             [f"pose {k}" for k in range(len(points))],
         ),
     ]
-    if plan.way is not None:
-        stands = plan.way.standing
-        numbers = np.arange(len(stands.names), dtype=float)
-        poses = [f"{name}, {plan.names.count(name)} poses" for name in stands.names]
-        label = f"{plan.way.label}s, dark first to bright last"
-        layers.append(coloured_points(label, stands.position, numbers, (0.0, float(max(len(numbers) - 1, 1))), poses))
+    if plan.of is not None and plan.instrument.label:
+        fixtures = plan.instrument.fixtures
+        numbers = np.arange(len(fixtures.names), dtype=float)
+        poses = [f"{name}, {plan.names.count(name)} poses" for name in fixtures.names]
+        label = f"{plan.instrument.label}s, dark first to bright last"
+        layers.append(coloured_points(label, fixtures.position, numbers, (0.0, float(max(len(numbers) - 1, 1))), poses))
     if space is not None:
         layers.append(workspace_layer(space))
     rows = spread_rows(len(points), MAX_POSES)
@@ -201,10 +201,11 @@ def plan_page(model: ErrorModel, task: Task, plan: Plan, *, seed: int, version: 
 def _meaning(plan: Plan) -> str:
     """Definition of expected errors, and of the plans that they are compared with."""
     sources = "calibration covariance, model error and noise" if plan.extends else "tolerances, model error and noise"
-    if plan.way is not None:
+    if plan.of is not None:
+        fixture = plan.instrument.label or "fixture"
         return (
             "Expected errors are 3D rms over the task, of the tool's load and independent of where the robot's base is, from "
-            f"{sources}; no robot is simulated. The position of every {plan.way.label}, and of the target on the tool, "
+            f"{sources}; no robot is simulated. The position of every {fixture}, and of the target on the tool, "
             "counts as unknown. Random and space-filling poses are chosen among the feasible ones."
         )
     return (
@@ -238,8 +239,8 @@ def _tabulate_poses(model: ErrorModel, plan: Plan) -> Table:
         Column("id", lambda k: k, "d"),
         *(Column(name, q[:, j].__getitem__, ".2f") for j, name in enumerate(joints)),
     ]
-    if plan.way is not None:
-        columns.append(Column(plan.way.label, plan.names.__getitem__, "s"))
+    if plan.of is not None and plan.instrument.label:
+        columns.append(Column(plan.instrument.label, plan.names.__getitem__, "s"))
     elif plan.visible.shape[1] > 1:
         columns.append(Column("reflectors seen", lambda k: int(plan.visible[k].sum()), "d"))
     return Table.of(f"All {len(q)} poses", columns, range(len(q)), folded=True)

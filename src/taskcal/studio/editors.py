@@ -21,6 +21,7 @@ from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.geometry.euler import from_angles, to_angles
 from taskcal.io.files import write_whole
+from taskcal.observations.point import Station, load_station
 from taskcal.robot.robot import Robot
 from taskcal.studio.controls import ValueInput, button, choice, drop_zone, facts, message, number, text
 from taskcal.studio.project import CELL_ENDINGS, LAYOUT, STATION_ENDINGS, Project
@@ -28,7 +29,6 @@ from taskcal.studio.steps import choose_file, show_error
 from taskcal.studio.task_box import FREE, TENTHS, THOUSANDTHS, TaskBox, ToolRoom
 from taskcal.studio.texts import Texts
 from taskcal.studio.views import UPDATES_S, BoxView, Part, RobotView, add_views
-from taskcal.virtual.station import Station, load_station
 
 MAX_DISTANCE_MM = 1e5
 """Of a positioner or a tracker from the origin, to each side: any hall is smaller."""

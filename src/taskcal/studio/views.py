@@ -15,6 +15,7 @@ from nicegui.events import SceneClickEventArguments
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import place_links
+from taskcal.observations.point import Station
 from taskcal.report.theme import figure_json
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.mechanism import Skeleton, trace_skeleton
@@ -23,7 +24,6 @@ from taskcal.studio.controls import ValueInput, button, message, set_attribute, 
 from taskcal.studio.robot_meshes import RobotMeshes
 from taskcal.studio.texts import Texts
 from taskcal.task.workspace import Orientation
-from taskcal.virtual.station import Station
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go

@@ -1,7 +1,7 @@
 """A task: the poses that matter, how much each counts, and the accuracy needed."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -99,6 +99,42 @@ def reach_task(model: ErrorModel, task: Task, count: int = 200, seed: int = 0) -
         )
     kept = weights[reached]
     return TaskPoses(T=T[reached], q=q[reached], weights=kept / kept.sum(), unreachable=~reached)
+
+
+# Where measuring poses for a task may be.
+
+MEASURING_ROOM, MEASURING_TURN = 1.5, np.radians(45.0)
+"""Measured poses may lie in a box 1.5 times the task's, with the tool up to 45° from the task's orientations."""
+
+
+def enlarge(task: Task, model: ErrorModel) -> Task:
+    """A task's workspace with the room that measuring poses may take; around the poses of a list or a path."""
+    if task.workspace is not None:
+        space = task.workspace
+        turned = tuple(
+            Orientation(rotation=o.rotation, cone=max(o.cone, MEASURING_TURN), spin=max(o.spin, MEASURING_TURN))
+            for o in space.orientations
+        )
+        return replace(task, workspace=replace(space, size=MEASURING_ROOM * space.size, orientations=turned))
+    assert task.poses is not None
+    low, high = task.poses[:, :3, 3].min(axis=0), task.poses[:, :3, 3].max(axis=0)
+    # a flat or narrow path still needs room in every direction
+    size = np.maximum(MEASURING_ROOM * (high - low), 0.1 * model.robot.reach)
+    middle = task.poses[len(task.poses) // 2, :3, :3]
+    space = Workspace(
+        T_base_frame=np.eye(4),
+        shape="box",
+        center=0.5 * (low + high),
+        size=size,
+        turned=np.eye(3),
+        orientations=(Orientation(rotation=middle, cone=MEASURING_TURN, spin=MEASURING_TURN),),
+    )
+    return Task(name=task.name, workspace=space, accuracy=task.accuracy)
+
+
+def measuring_task(model: ErrorModel, task: Task) -> Task:
+    """Where to measure without a plan: the task's own workspace; for poses or a path, which may lie on one line, around it."""
+    return task if task.workspace is not None else enlarge(task, model)
 
 
 def _check_unit(model: ErrorModel, task: Task) -> None:

@@ -14,6 +14,7 @@ from taskcal.geometry import se3
 from taskcal.kinematics.inverse import Reached, solve_near
 from taskcal.observations import Differential, Measured, Observation, Scene, instrument_of
 from taskcal.observations.base import TrackerNoise
+from taskcal.observations.point import TRACKER_POSE
 from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
@@ -23,19 +24,16 @@ from taskcal.short_repr import short_repr
 # Where something touches, the true robot is there: its joints are solved for by what it is, not by what its
 # controller believes.
 
-WITH_ROTATION = 6
-"""Numbers of a kind that measures rotations."""
-
-ATTEMPTS = 40
+MAX_POSTURES = 40
 """Postures that are tried for a row, the row's own first."""
 
-SHAKEN = 0.1
+JOINT_SPREAD_RAD = 0.1
 """Standard deviation of the joints about another row's posture, where the row's own does not serve, radians."""
 
-NAMED = 6
-"""Things that a message names."""
+MAX_NAMES = 6
+"""Fixtures that a message names."""
 
-ROUNDS, MET = 8, 1e-8
+MAX_ROUNDS, TOUCHED_WITHIN_M = 8, 1e-8
 """Of going where something touches, for robots of which it depends on the way how they get there; and how well they meet it,
 metres."""
 
@@ -125,28 +123,28 @@ def _reach(
     """Poses of the target at which every row is measured, and the true robot's joints there."""
     left, seed, true = np.arange(len(q)), q, q.copy()
     goals = np.zeros((len(q), 4, 4))
-    for _ in range(ATTEMPTS):
+    for _ in range(MAX_POSTURES):
         goals[left] = goal(robot.poses(seed, scene.T_tool_target), left)
         reached = _solve(robot, scene, goals[left], seed)
         true[left] = reached.q
         left = left[~reached.reached]
         if not len(left):
             return goals, true
-        seed = q[rng.integers(len(q), size=len(left))] + SHAKEN * rng.normal(size=(len(left), q.shape[1]))
+        seed = q[rng.integers(len(q), size=len(left))] + JOINT_SPREAD_RAD * rng.normal(size=(len(left), q.shape[1]))
     raise OutOfReachError(_unreached(robot, scene, goals, left))
 
 
 def _unreached(robot: TrueRobot, scene: Scene, goals: Float[np.ndarray, "n 4 4"], left: Int[np.ndarray, " k"]) -> str:
     """Which rows are not reached, of what, how far away that is, and what would help."""
     kind, name = scene.observation, robot.model.robot.name
-    names = [] if kind.of is None else [f"'{kind.named[k]}'" for k in np.unique(kind.of[left])[:NAMED]]
+    names = [] if kind.of is None else [f"'{kind.named[k]}'" for k in np.unique(kind.of[left])[:MAX_NAMES]]
     what = f"{kind.label} {', '.join(names)}" if names else "where it measures"
     base = se3.inverse(robot.T_tracker_base) @ goals[left]
     away = np.linalg.norm(base[:, :3, 3], axis=1) * 1e3
     distance = " to ".join(dict.fromkeys(f"{one:.0f}" for one in (away.min(), away.max())))
     return (
-        f"{name} cannot measure with '{kind.instrument}' in {len(left)} of {len(goals)} rows: {ATTEMPTS} postures were tried, and "
-        f"from none does it get inside its limits to {what}, {distance} mm from its base "
+        f"{name} cannot measure with '{kind.instrument}' in {len(left)} of {len(goals)} rows: {MAX_POSTURES} postures were tried, "
+        f"and from none does it get inside its limits to {what}, {distance} mm from its base "
         f"(its links are {robot.model.robot.reach * 1e3:.0f} mm long in all); move the task to the middle of its reach, make it "
         "smaller, or let the tool turn less"
     )
@@ -168,12 +166,12 @@ def _settle(
 ) -> tuple[Float[np.ndarray, "n joints"], Conditions]:
     """Joints at which the robot touches where it should, although it depends on the way how it gets there; and the way."""
     aim = goals.copy()
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         way = conditions_in_order(robot.model.robot, q) if conditions is None else conditions
         if not scene.observation.touched:
             return q, way
         off = goals[:, :3, 3] - robot.poses(q, scene.T_tool_target, way)[:, :3, 3]
-        if np.abs(off).max() < MET:
+        if np.abs(off).max() < TOUCHED_WITHIN_M:
             return q, way
         aim[:, :3, 3] += off
         q = _solve(robot, scene, aim, q).q
@@ -188,26 +186,20 @@ def _of_rows(scene: Scene, rows: Int[np.ndarray, " k"]) -> Observation:
     return scene.observation if of is None else replace(scene.observation, of=of[rows])
 
 
-def _blank(scene: Scene, count: int) -> Measured:
-    """As if everything read zero."""
-    turned = scene.observation.width == WITH_ROTATION
-    return Measured(np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)) if turned else None)
-
-
 def _differential(scene: Scene, target: Float[np.ndarray, "k 4 4"], rows: Int[np.ndarray, " k"]) -> Differential:
-    return _of_rows(scene, rows).differentiate(target, scene.unknown, _blank(scene, len(rows)))
+    return _of_rows(scene, rows).differentiate(target, scene.unknown, scene.observation.blank(len(rows)))
 
 
 def _noise(scene: Scene, count: int, rng: np.random.Generator) -> Float[np.ndarray, "n w"]:
     """As large as the kind says."""
-    covariance = scene.observation.covariance(_blank(scene, count), None, TrackerNoise())
+    covariance = scene.observation.covariance(scene.observation.blank(count), None, TrackerNoise())
     factor = np.linalg.cholesky(covariance)
     return (factor @ rng.normal(size=(*factor.shape[:2], 1)))[:, :, 0]
 
 
 def _read(scene: Scene, target: Float[np.ndarray, "n 4 4"], noise: Float[np.ndarray, "n w"]) -> Measured:
     """What the instrument shows at true poses of the target."""
-    blank = _blank(scene, len(target))
+    blank = scene.observation.blank(len(target))
     if scene.observation.touched:
         return blank
     # what is predicted is less by the residual than what was read, which is nothing
@@ -220,11 +212,8 @@ def _read(scene: Scene, target: Float[np.ndarray, "n 4 4"], noise: Float[np.ndar
     return Measured(points, se3.exp(noise[:, 3:]) @ np.swapaxes(se3.exp(residual[:, 3:]), 1, 2))
 
 
-CELLS = 6
-"""That are set up one after another where what stands in one is out of reach; people look for another place, too."""
-
-TRACKER_POSE = se3.pose(se3.exp(np.array([0.02, -0.01, 2.1])), np.array([3.2, -1.9, -0.35]))
-"""Where the base is seen by default: a tracker some four metres away that stands nearly upright."""
+MAX_CELLS = 6
+"""Cells that are set up one after another where what stands in one is out of reach; people look for another place, too."""
 
 
 @short_repr
@@ -301,7 +290,8 @@ class SimulationOptions:
     joint_error: float | Float[np.ndarray, " joints"] = 0.0
     """Standard deviation of the true joints about what the controller says, radians (metres where a joint slides)."""
     observe: str = "tracker"
-    """How: ``tracker``, ``socket``, ``wire``, ``camera``, ``board``, ``plane``, ``cube``; ``socket+wire`` shares the rows."""
+    """The instrument: ``tracker``, ``socket``, ``wire``, ``camera``, ``board``, ``plane``, ``cube`` …; ``socket+wire`` shares the
+    rows."""
     places: int | None = None
     """How many blocks, anchors, landmarks, planes or cubes stand there, without a tracker; three blocks, anchors or planes, one of
     the others by default."""
@@ -312,18 +302,16 @@ class SimulationOptions:
             noise=self.noise,
             conditions=self.conditions,
         )
-        for way in self.ways:
-            if way != "tracker":
-                instrument_of(way)
-            if self.ways.count(way) > 1:
-                raise CampaignError(f"'{self.observe}' names {way} twice; name each way to measure once")
-        if self.pose and self.ways != ("tracker",):
+        for name in self.kinds:
+            if self.instruments.count(name) > 1:
+                raise CampaignError(f"'{self.observe}' names {name} twice; name each instrument once")
+        if self.pose and not self.tracked:
             raise CampaignError(
                 f"poses are measured by a tracker alone, not by '{self.observe}'; leave out one of both"
             )
-        if self.places is not None and (self.places < 1 or self.ways == ("tracker",)):
+        if self.places is not None and (self.places < 1 or self.tracked):
             raise CampaignError(
-                f"{self.places} places do not go with '{self.observe}'; give one or more, for what stands without a tracker"
+                f"{self.places} places do not go with '{self.observe}'; give one or more, for fixtures without a tracker"
             )
 
     @classmethod
@@ -336,9 +324,23 @@ class SimulationOptions:
         return with_choices(choices.pop("options", None) or cls(), choices, "a simulation")
 
     @property
-    def ways(self) -> tuple[str, ...]:
-        """To measure, one after another."""
+    def instruments(self) -> tuple[str, ...]:
+        """Names of the instruments, one after another."""
         return tuple(self.observe.split("+"))
+
+    @property
+    def kinds(self) -> dict[str, type[Observation]]:
+        """What each instrument observes.
+
+        Raises:
+            UnknownName: an instrument that does not exist.
+        """
+        return {name: instrument_of(name) for name in self.instruments}
+
+    @property
+    def tracked(self) -> bool:
+        """Whether a tracker measures alone."""
+        return all(kind.in_tracker for kind in self.kinds.values())
 
     def reflectors_beside(self, others: set[str]) -> dict[str, Float[np.ndarray, " 3"]]:
         """The targets that a tracker measures: one at the tool point where all that are named are measured otherwise."""
@@ -382,45 +384,47 @@ def simulate(
 
             ``joint_error``: standard deviation of the true joints about what the controller says.
 
-            ``observe``: how: ``tracker``, ``socket``, ``wire``, ``camera``, ``board``, ``plane``, ``cube``; ``socket+wire`` shares
-            the rows. With a socket or a camera the true robot takes the posture nearby at which the ball is in the socket, or
-            the landmark in the picture.
+            ``observe``: the instrument: ``tracker``, ``socket``, ``wire``, ``camera``, ``board``, ``plane``, ``cube`` …;
+            ``socket+wire`` shares the rows. With a socket or a camera the true robot takes the posture nearby at which the ball
+            is in the socket, or the landmark in the picture.
 
-            ``places``: how many blocks, anchors, landmarks stand there.
+            ``places``: number of blocks, anchors, landmarks there.
 
     Returns:
         the campaign, and the truth it was made from.
 
     Raises:
-        UnknownName: a way to measure that does not exist.
+        UnknownName: an instrument that does not exist.
         CampaignError: options do not go together.
         CampaignError: in none of some cells does the robot reach all that stands there.
         ClosureError: a closed loop cannot be assembled at some pose.
     """
     expect_kinds({"model": ErrorModel}, model=model)
     chosen, q = SimulationOptions.of(**options), np.asarray(q, dtype=float)
-    ways = chosen.ways
-    if len(q) < len(ways):
-        raise CampaignError(f"{len(q)} rows cannot be shared among {len(ways)} ways to measure; give more")
+    kinds = chosen.kinds
+    if len(q) < len(kinds):
+        raise CampaignError(f"{len(q)} rows cannot be shared among {len(kinds)} instruments; give more")
     base = TRACKER_POSE if chosen.T_tracker_base is None else chosen.T_tracker_base
     robot = TrueRobot(
         model=model,
         x=draw_defects(model, rng) if chosen.x is None else np.asarray(chosen.x, dtype=float),
-        T_tracker_base=base if "tracker" in ways else np.eye(4),
+        T_tracker_base=base if any(kind.in_tracker for kind in kinds.values()) else np.eye(4),
         joint_error=np.broadcast_to(np.asarray(chosen.joint_error, dtype=float), q.shape[1:]),
         model_error=chosen.model_error,
     )
-    rows = {way: np.arange(k, len(q), len(ways)) for k, way in enumerate(ways)}
-    scenes = {way: _scene(robot, chosen, way, q[rows[way]], rng) for way in ways if way != "tracker"}
+    rows = {name: np.arange(k, len(q), len(kinds)) for k, name in enumerate(kinds)}
+    scenes = {
+        name: _scene(robot, chosen, kind, q[rows[name]], rng) for name, kind in kinds.items() if not kind.in_tracker
+    }
     reflectors = chosen.reflectors_beside({scene.target for scene in scenes.values()})
     parts: list[Campaign] = []
     targets: list[np.ndarray] = []
-    for way, own in rows.items():
+    for name, own in rows.items():
         conditions = None if chosen.conditions is None else chosen.conditions.take(own)
-        if way in scenes:
-            scenes[way], part = _visit_one(robot, chosen, way, scenes[way], q[own], conditions, rng)
+        if name in scenes:
+            scenes[name], part = _visit_one(robot, chosen, scenes[name], q[own], conditions, rng)
             parts.append(part)
-            targets.append(scenes[way].T_tool_target)
+            targets.append(scenes[name].T_tool_target)
         else:
             parts.append(_track(robot, chosen, reflectors, q[own], conditions, rng))
             targets += [se3.translation(*at) for at in reflectors.values()]
@@ -438,9 +442,11 @@ def simulate(
     return join(parts), truth
 
 
-def _scene(robot: TrueRobot, options: SimulationOptions, way: str, q: np.ndarray, rng: np.random.Generator) -> Scene:
-    """What stands there, for rows about these joints; what is on the tool where it is asked to be."""
-    scene = instrument_of(way).stage(robot.T_tracker_base @ robot.model.nominal.poses(q), options.places, rng)
+def _scene(
+    robot: TrueRobot, options: SimulationOptions, kind: type[Observation], q: np.ndarray, rng: np.random.Generator
+) -> Scene:
+    """The cell for rows about these joints; what is on the tool where it is asked to be."""
+    scene = kind.stage(robot.T_tracker_base @ robot.model.nominal.poses(q), options.places, rng)
     if options.targets is None or scene.target not in options.targets:
         return scene
     at = np.asarray(options.targets[scene.target], dtype=float)
@@ -450,7 +456,6 @@ def _scene(robot: TrueRobot, options: SimulationOptions, way: str, q: np.ndarray
 def _visit_one(
     robot: TrueRobot,
     options: SimulationOptions,
-    way: str,
     scene: Scene,
     q: Float[np.ndarray, "n joints"],
     conditions: Conditions | None,
@@ -461,11 +466,11 @@ def _visit_one(
     Raises:
         OutOfReachError: it reaches it in none of them.
     """
-    for _ in range(CELLS - 1):
+    for _ in range(MAX_CELLS - 1):
         try:
             return scene, _visit(robot, options, scene, q, conditions, rng)
         except OutOfReachError:
-            scene = _scene(robot, options, way, q, rng)
+            scene = _scene(robot, options, type(scene.observation), q, rng)
     return scene, _visit(robot, options, scene, q, conditions, rng)
 
 

@@ -17,7 +17,7 @@ from taskcal.cli.options.common import (
     check_one_model_error,
     option,
 )
-from taskcal.cli.options.observing import ObservingOptions, WayChoice, describe_standing, tell_how_to_measure
+from taskcal.cli.options.observing import ObservingOptions, describe_fixtures, tell_how_to_measure
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import files_of_task, show, show_facts
 from taskcal.cli.progress import bar_over
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from robot_programs.core.source import Source
     from taskcal.campaigns.campaign import Campaign
     from taskcal.identification.calibration import Calibration
-    from taskcal.planning.instruments import MeasuringWay
+    from taskcal.observations import Instrument
+    from taskcal.observations.point import Station
     from taskcal.planning.plan import Plan
     from taskcal.report.page import Page
     from taskcal.robot.error_model import ErrorModel
     from taskcal.robot.robot import Robot
     from taskcal.task.task import Task
-    from taskcal.virtual.station import Station
 
 
 # Measuring programs that ``taskcal plan`` writes beside the plan.
@@ -80,39 +80,27 @@ class MeasuringOptions:
         """Files to write."""
         return tuple(self.program or ())
 
-    def compose(self, robot: "Robot", q: "np.ndarray") -> "tuple[Source, ...]":
-        """Programs that visit poses, each with a comment that says which pose of the plan it is.
+    def compose(self, model: "ErrorModel", plan: "Plan") -> "tuple[Source, ...]":
+        """Programs that visit the poses of a plan: a file for each setup of fixtures, where there are several.
+
+        Each motion has a comment that names the pose of the plan. A socket is entered slowly along its axis; the program waits
+        there, and leaves the same way.
 
         Raises:
             TaskcalError: a language cannot say it, or its suffix is not known.
         """
-        from robot_programs.reading import moves_to_joints
-
-        notes = [f"pose {k}" for k in range(len(q))]
-        return tuple(self._composed(path, robot, moves_to_joints(robot, q, path), notes) for path in self.paths)
-
-    def compose_observed(self, model: "ErrorModel", plan: "Plan") -> "tuple[Source, ...]":
-        """Programs of a plan without a tracker: a file for each anchor, or place of a block, where there are several.
-
-        Into a socket they go slowly along its axis, wait there, and go out the same way.
-
-        Raises:
-            TaskcalError: a language cannot say it.
-        """
         import numpy as np
 
-        assert plan.way is not None
-        assert plan.of is not None
-        stage = plan.way.stages[plan.of]
+        stage = np.zeros(len(plan.q), dtype=int) if plan.of is None else plan.instrument.stages[plan.of]
         return tuple(
             self._visiting(path, model, plan, np.flatnonzero(stage == number))
-            for paths in self.paths_of(plan.way)
+            for paths in self.paths_of(plan.instrument)
             for number, path in enumerate(paths)
         )
 
-    def paths_of(self, way: "MeasuringWay") -> tuple[tuple[Path, ...], ...]:
-        """Of each file that was asked for, those that are written: one, or one for each of the stages, numbered from 1."""
-        count = int(way.stages.max()) + 1
+    def paths_of(self, instrument: "Instrument | None") -> tuple[tuple[Path, ...], ...]:
+        """Paths that are written for each file that was asked for: one, or one for each setup of fixtures, numbered from 1."""
+        count = 1 if instrument is None else int(instrument.stages.max()) + 1
         if count == 1:
             return tuple((path,) for path in self.paths)
         return tuple(tuple(path.with_stem(f"{path.stem}_{k + 1}") for k in range(count)) for path in self.paths)
@@ -122,18 +110,14 @@ class MeasuringOptions:
         import numpy as np
 
         from robot_programs.reading import moves_to_joints
-        from taskcal.planning.instruments import SocketWay
 
-        way, of = plan.way, plan.of
-        assert way is not None
-        assert of is not None
         visits = plan.q[:, None]
-        if isinstance(way, SocketWay):
-            inward = way.visits(model.nominal, plan.q, of)
+        if plan.of is not None:
+            inward = plan.instrument.visits(model.nominal, plan.q, plan.of)
             visits = np.concatenate([inward, inward[:, -2::-1]], axis=1)
-        seat, via = visits.shape[1] // 2, {one.pose: one.via for one in plan.tight}
+        seat, via = visits.shape[1] // 2, {one.pose: one.via for one in plan.blocked}
         slow = min(self.speed_mm_s * 1e-3, SLOW)
-        said = {seat: "seated: read the joints", 0: "approach", 2 * seat: "out"} if seat else {}
+        said = {seat: plan.instrument.seated, 0: "approach", 2 * seat: "out"} if seat else {}
         stops: list[Stop] = []
         for row in rows:
             round_by = via.get(int(row))
@@ -141,7 +125,8 @@ class MeasuringOptions:
             unsafe = "not clear from the pose before" if row in via and round_by is None else ""
             for k, q in enumerate(visits[row]):
                 remark = unsafe if unsafe and not k else said.get(k, "")
-                note = " ".join(part for part in (f"pose {row}", plan.names[row], remark) if part)
+                name = plan.names[row] if plan.names else ""
+                note = " ".join(part for part in (f"pose {row}", name, remark) if part)
                 stops.append(Stop(q, note, halts=k in (0, seat, 2 * seat), waits=k == seat, speed=slow if k else None))
         moves = moves_to_joints(
             model.robot,
@@ -167,14 +152,13 @@ class MeasuringOptions:
         )
 
     def check(self, robot: "Robot") -> None:
-        """See, before anything is computed, that a program can be written to each file.
+        """Check, before anything is computed, that a program can be written to each file.
 
         Raises:
             TaskcalError: it cannot.
         """
-        import numpy as np
-
-        self.compose(robot, np.empty((0, len(robot.joints))))
+        for path in self.paths:
+            self._composed(path, robot, [], [])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,8 +207,8 @@ class Setting:
     task: "Task"
     station: "Station | None"
     campaign: "Campaign | None"
-    way: "MeasuringWay | None" = None
-    """How to measure without a tracker."""
+    instrument: "Instrument | None" = None
+    """What measures, if not a tracker."""
 
     @property
     def measured(self) -> int:
@@ -254,11 +238,9 @@ def command(
     With --calibration they reduce the uncertainty of that calibration; with --campaign they complement its poses.
     """
     _check_sources(of, measured, choice, observing)
-    observed = observing.observe is not WayChoice.tracker
-    setting = _read(task, of, measured, choice, observing) if observed else None
-    paths = programs.paths
-    if setting is not None and setting.way is not None:
-        paths = tuple(path for numbered in programs.paths_of(setting.way) for path in numbered)
+    setting = _read(task, of, measured, choice, observing) if observing.fixed else None
+    numbered = programs.paths_of(None if setting is None else setting.instrument)
+    paths = tuple(path for own in numbered for path in own)
     outputs = page.begin(
         "plan",
         [("--output", output), *(("--program", path) for path in paths)],
@@ -271,9 +253,7 @@ def command(
     with bar_over(["candidates"], steps) as begin:
         chosen = _plan(setting, choice, measured.campaign or of.calibration, begin)
         contents: dict[Path, str | bytes] = {output: _text(chosen, setting)}
-        for source in (
-            programs.compose_observed(setting.model, chosen) if chosen.way else programs.compose(robot, chosen.q)
-        ):
+        for source in programs.compose(setting.model, chosen):
             contents[source.path] = source.encode()
 
         def make() -> "Page":
@@ -288,20 +268,20 @@ def command(
     result = {"plan": output, "robot": robot.name, **chosen.summary(), **_visible(chosen, setting.station)}
     if choice.station is not None:
         result["station"] = choice.station
-    if chosen.way is None:
+    if chosen.of is None:
         result["clearance_mm"] = _clearance(chosen, setting)
     result["measured_before"] = setting.measured
     if of.calibration is not None:
         result["calibration"] = of.calibration
     if paths:
         result["programs"] = [str(path) for path in paths]
-    if chosen.way is not None:
-        result["standing"] = describe_standing(chosen.way.standing)
+    if chosen.of is not None and chosen.instrument.label:
+        result["standing"] = describe_fixtures(chosen.instrument.fixtures)
     result |= page.summary()
 
     def show_plan() -> None:
         _show(result, chosen, setting, page.in_words(made))
-        if chosen.way is not None:
+        if chosen.of is not None:
             tell_how_to_measure(chosen, robot, stated=observing.stated is not None)
 
     page.give(result, show_plan)
@@ -311,9 +291,8 @@ def _text(chosen: "Plan", setting: Setting) -> str:
     """The table of joints, and without a tracker of what is to be filled in."""
     from taskcal.reading.writer import joints_text
 
-    if chosen.way is None or chosen.of is None:
-        return joints_text(chosen.q, setting.model.robot)
-    return joints_text(chosen.q, setting.model.robot, chosen.way.columns(chosen.of))
+    columns = {} if chosen.of is None else chosen.instrument.columns(chosen.of)
+    return joints_text(chosen.q, setting.model.robot, columns)
 
 
 def _check_sources(
@@ -324,10 +303,10 @@ def _check_sources(
     Raises:
         typer.BadParameter: it comes from two, or such a plan would go on.
     """
-    if observing.observe is not WayChoice.tracker and (measured.campaign or of.calibration):
+    if observing.fixed and (measured.campaign or of.calibration):
         given = "--campaign" if measured.campaign else "--calibration"
         raise typer.BadParameter(
-            f"a plan for --observe {observing.observe.value} begins anew; give --robot alone", param_hint=given
+            f"a plan for --observe {observing.observe} begins anew; give --robot alone", param_hint=given
         )
     if measured.campaign is None:
         observing.check(measured)
@@ -339,19 +318,19 @@ def _check_sources(
 def _read(
     path: Path, of: ModelOptions, measured: ExtendedOptions, choice: PlanOptions, observing: ObservingOptions
 ) -> Setting:
+    from taskcal.observations.point import load_station
     from taskcal.task.task import load_task
-    from taskcal.virtual.station import load_station
 
     model, calibration = of.load()
     task = load_task(path)
     station = None if choice.station is None else load_station(choice.station)
-    way = observing.load(model, task, () if station is None else station.keep_out, measured)
+    instrument = observing.load(model, task, () if station is None else station.keep_out, measured)
     return Setting(
         model=model,
         calibration=calibration,
         task=task,
-        station=None if way is not None else station,
-        way=way,
+        station=None if instrument is not None else station,
+        instrument=instrument,
         campaign=None if measured.campaign is None else measured.read(measured.campaign, model.robot).campaign,
     )
 
@@ -379,7 +358,7 @@ def _plan(setting: Setting, choice: PlanOptions, source: Path | None, progress: 
             candidates=choice.candidates,
             model_error=check_model_error(choice.model_error_mm),
             progress=progress,
-            observe=setting.way,
+            observe=setting.instrument,
         )
     except CampaignError as error:
         if source is None:
@@ -443,7 +422,7 @@ def _show(result: Mapping[str, Any], chosen: "Plan", setting: Setting, pages: st
         facts.insert(4, ("reflectors", f"{number} visible at each pose"))
     if "clearance_mm" in result:
         facts.insert(-2, ("clearance", _in_words(result["clearance_mm"], setting.model)))
-    counts = [result["count"]] if chosen.way is None or chosen.of is None else np.bincount(chosen.way.stages[chosen.of])
+    counts = [result["count"]] if chosen.of is None else np.bincount(chosen.instrument.stages[chosen.of])
     programs = result.get("programs", [])
     facts += [("program", f"wrote {path}, {counts[k % len(counts)]} poses") for k, path in enumerate(programs)]
     if pages:

@@ -20,11 +20,12 @@ from taskcal.cli.options.common import (
     option,
     read_and_reach,
 )
-from taskcal.cli.options.observing import known_ways
+from taskcal.cli.options.observing import check_instruments
 from taskcal.cli.output import files_of_task, plain, tell
 from taskcal.cli.progress import bar_over
 from taskcal.errors import FileError
 from taskcal.io.text_file import read_text
+from taskcal.observations import Observation, instrument_classes, instrument_of
 from taskcal.robot.error_model import ErrorModel
 from taskcal.virtual.cell import Truth
 
@@ -84,8 +85,8 @@ class ObserveOptions:
         str,
         option(
             "--observe",
-            "WAY",
-            "Instrument: tracker, socket, wire, camera (a landmark), board, plane or cube; several: socket+wire.",
+            "INSTRUMENT",
+            f"Instrument: {', '.join(instrument_classes())}; several: socket+wire.",
         ),
     ] = "tracker"
     places: Annotated[
@@ -106,19 +107,34 @@ class ObserveOptions:
         check_model_error(self.model_error_mm)
         if not 0.0 <= self.joint_error_deg < float("inf"):
             raise typer.BadParameter(f"{self.joint_error_deg:g} is not zero or above", param_hint="--joint-error-deg")
-        ways = self.observe.split("+")
-        if self.distances is not None and "socket" not in ways:
+        check_instruments(self.observe)
+        if self.distances is not None and not self.lengths:
             raise typer.BadParameter(
                 "only sockets have stated distances; add --observe socket, or leave it out", param_hint="--distances"
             )
-        if self.places is not None and ways == ["tracker"]:
+        if self.places is not None and self.tracked:
             raise typer.BadParameter(
                 "a tracker needs no places; add --observe socket, wire, camera …", param_hint="--places"
             )
 
+    @property
+    def kinds(self) -> "list[type[Observation]]":
+        """What the instruments observe."""
+        return [instrument_of(name) for name in self.observe.split("+")]
+
+    @property
+    def tracked(self) -> bool:
+        """Whether a tracker measures alone."""
+        return all(kind.in_tracker for kind in self.kinds)
+
+    @property
+    def lengths(self) -> str:
+        """What lengths may be stated beside the rows, in words; empty for none."""
+        return next((kind.stated_lengths for kind in self.kinds if kind.stated_lengths), "")
+
 
 def _check(truth: TruthOptions, reflectors: ReflectorOptions, how: ObserveOptions) -> None:
-    if (reflectors.pose or reflectors.targets is not None) and how.observe != "tracker":
+    if (reflectors.pose or reflectors.targets is not None) and not how.tracked:
         raise typer.BadParameter("only for a tracker; omit them", param_hint="--targets / --pose / --observe")
     if reflectors.targets is not None and truth.truth_from is not None:
         raise typer.BadParameter("the truth has its own targets", param_hint="--targets / --truth-from")
@@ -153,7 +169,7 @@ def command(
     options = SimulationOptions(
         targets=targets if drawn is None else drawn.targets,
         pose=reflectors.pose,
-        observe=known_ways(how.observe),
+        observe=how.observe,
         places=how.places,
         model_error=how.model_error_mm * 1e-3,
         joint_error=float(np.radians(how.joint_error_deg)),
@@ -183,10 +199,10 @@ def command(
         "pose": reflectors.pose,
         "unreachable_share": float(poses.unreachable.mean()),
     }
-    out.give(result, lambda: _tell(result))
+    out.give(result, lambda: _tell(result, how.lengths))
 
 
-def _tell(result: Mapping[str, Any]) -> None:
+def _tell(result: Mapping[str, Any], lengths: str) -> None:
     """Print what was written."""
     tell(
         f"wrote {result['campaign']}: {result['rows']} rows of {result['robot']}, targets {', '.join(result['targets'])}"
@@ -194,11 +210,9 @@ def _tell(result: Mapping[str, Any]) -> None:
     if result["unreachable_share"]:
         tell(f"{result['unreachable_share']:.1%} of the task's poses are out of reach")
     if result["distances"] is not None:
-        tell(f"wrote {result['distances']}: the distances of its sockets")
-    elif "socket" in result["observe"].split("+"):
-        tell(
-            "the distances of its sockets, which determine the robot's scale, are not written; name a file with --distances"
-        )
+        tell(f"wrote {result['distances']}: {lengths}")
+    elif lengths:
+        tell(f"{lengths}, which determine the robot's scale, are not written; name a file with --distances")
     if result["truth"] is not None:
         tell(f"wrote {result['truth']}: the defects, tracker frame and targets it was made from")
 

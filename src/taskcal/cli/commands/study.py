@@ -18,10 +18,11 @@ from taskcal.cli.options.common import (
     option,
     split_names,
 )
-from taskcal.cli.options.observing import known_ways
+from taskcal.cli.options.observing import TRACKER, check_instruments
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import count_as_written, files_of_task, info, show, show_facts
 from taskcal.cli.progress import bar_by_parts, is_watched
+from taskcal.observations import instrument_classes
 
 if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
@@ -53,8 +54,8 @@ class StudyOptions:
         str,
         option(
             "--observe",
-            "WAY,…",
-            "Instruments: tracker, socket, wire, camera, board, plane, cube, or several at once, as socket+wire.",
+            "INSTRUMENT,…",
+            f"Instruments: {', '.join(instrument_classes())}, or several at once, as socket+wire.",
         ),
     ] = "tracker"
     models: Annotated[
@@ -69,14 +70,14 @@ class StudyOptions:
     seed: SeedOption = 0
 
     @property
-    def ways(self) -> list[str]:
-        """To measure."""
+    def instruments(self) -> list[str]:
+        """Names of the instruments, or of several with a plus between."""
         return split_names(self.observe, "--observe") or []
 
     @property
     def kinds(self) -> str:
         """Of plans."""
-        return self.plans or ("planned,random" if self.ways == ["tracker"] else "random")
+        return self.plans or ("planned,random" if self.instruments == [TRACKER] else "random")
 
     def __post_init__(self) -> None:
         _numbers(self.counts)
@@ -138,7 +139,7 @@ def _run(
 
     kinds = cast("list[PlanKind]", choose_names(choice.kinds, "--plans", PLANS))
     models = choose_names(choice.models, "--models", MODELS)
-    ways = [known_ways(way) for way in choice.ways]
+    instruments = [check_instruments(name) for name in choice.instruments]
     with bar_by_parts("poses to measure", choice.robots) as show:
         tenths = 0
 
@@ -159,7 +160,7 @@ def _run(
             counts=_numbers(choice.counts),
             plans=kinds,
             models=models,
-            observe=ways,
+            observe=instruments,
             seed=choice.seed,
             model_error=check_model_error(choice.model_error_mm),
             engine=running.engine_name,

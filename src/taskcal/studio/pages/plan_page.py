@@ -12,6 +12,7 @@ from jaxtyping import Float
 from nicegui import ui
 
 from taskcal.errors import TaskcalError
+from taskcal.observations.point import Station
 from taskcal.report.plan import MAX_OVER_BEFORE
 from taskcal.report.theme import BLUE, GREEN, ORANGE, add_series, styled, with_decades
 from taskcal.robot.robot import Robot
@@ -33,7 +34,6 @@ from taskcal.studio.steps import (
 from taskcal.studio.texts import Texts
 from taskcal.studio.views import PosePlayer, figure
 from taskcal.tables.forms import read_csv
-from taskcal.virtual.station import Station
 
 MAX_STEM = 20
 """Characters of a task's name in that of its plan; names of RAPID modules have 28 at most."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taskcal.errors import FileError
-from taskcal.virtual.station import load_standing
+from taskcal.observations import load_fixtures
 
 
 @pytest.fixture
@@ -19,17 +19,17 @@ def write(tmp_path):
 
 def test_sockets_have_places_and_directions(write):
     path = write("place,socket,x_mm,y_mm,z_mm,i,j,k", "left,a,400,100,50,0,0,2", "right,a,400,-100,50,3,0,4")
-    standing = load_standing(path, "socket")
-    assert standing.names == ("left/a", "right/a")
-    assert standing.places == ("left", "right")
-    np.testing.assert_allclose(standing.position, [[0.4, 0.1, 0.05], [0.4, -0.1, 0.05]])
-    np.testing.assert_allclose(standing.direction, [[0, 0, 1], [0.6, 0, 0.8]])
+    fixtures = load_fixtures(path, "socket")
+    assert fixtures.names == ("left/a", "right/a")
+    assert fixtures.places == ("left", "right")
+    np.testing.assert_allclose(fixtures.position, [[0.4, 0.1, 0.05], [0.4, -0.1, 0.05]])
+    np.testing.assert_allclose(fixtures.direction, [[0, 0, 1], [0.6, 0, 0.8]])
 
 
 def test_without_a_direction_things_face_up(write):
-    standing = load_standing(write("anchor,x_mm,y_mm,z_mm", "front,900,0,0"), "anchor")
-    assert (standing.names, standing.places) == (("front",), ("",))
-    np.testing.assert_array_equal(standing.direction, [[0, 0, 1]])
+    fixtures = load_fixtures(write("anchor,x_mm,y_mm,z_mm", "front,900,0,0"), "wire")
+    assert (fixtures.names, fixtures.places) == (("front",), ("",))
+    np.testing.assert_array_equal(fixtures.direction, [[0, 0, 1]])
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,7 @@ def test_without_a_direction_things_face_up(write):
     [
         (["socket,x_mm,y_mm", "a,1,2"], "has no column 'z_mm'"),
         (["x_mm,y_mm,z_mm", "1,2,3"], "has no column 'socket'"),
-        (["socket,x_mm,y_mm,z_mm", "a,1,2,3", "a,4,5,6"], "3: column 'socket': 'a' stands twice"),
+        (["socket,x_mm,y_mm,z_mm", "a,1,2,3", "a,4,5,6"], "3: column 'socket': 'a' is there twice"),
         (["socket,x_mm,y_mm,z_mm", ",1,2,3"], "2: column 'socket': the cell is empty"),
         (["place,socket,x_mm,y_mm,z_mm", ",a,1,2,3"], "2: column 'place': the cell is empty"),
         (["socket,x_mm,y_mm,z_mm", "a/b,1,2,3"], "has a /"),
@@ -48,4 +48,4 @@ def test_without_a_direction_things_face_up(write):
 )
 def test_a_wrong_cell_is_named(write, lines, said):
     with pytest.raises(FileError, match=re.escape(said)):
-        load_standing(write(*lines), "socket")
+        load_fixtures(write(*lines), "socket")

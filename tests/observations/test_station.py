@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from taskcal.errors import FileError
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import Box, Links
-from taskcal.virtual.station import Reflector, Station, load_station
+from taskcal.observations.point import Reflector, Station, load_station
 from tests.laws.campaigns import random_pose
 from tests.laws.robots import generators
 
