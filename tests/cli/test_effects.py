@@ -63,13 +63,6 @@ def test_what_the_data_prove_is_found_saved_and_explained(run: Run, campaign: Pa
     assert checked["mean_mm"] == pytest.approx(result["held_out"]["mean_mm"])
 
 
-def test_without_effects_everything_is_as_before(run: Run, campaign: Path, tmp_path: Path) -> None:
-    plain = identify(run, campaign, tmp_path / "cal.json", "--json").json
-    assert plain == identify(run, campaign, tmp_path / "cal.json", "--json", "--effects", "none").json
-    assert "explanation" not in plain
-    assert (plain["effects"], plain["field"]) == ([], False)
-
-
 def test_the_table_for_people_says_what_each_step_is_worth(run: Run, campaign: Path, tmp_path: Path) -> None:
     ended = identify(run, campaign, tmp_path / "cal.json", "--effects", "harmonics:1,gain", "--parameters")
     text = " ".join(ended.out.split())
@@ -97,12 +90,6 @@ def test_effects_that_geometry_nearly_repeats_are_named(run: Run, tmp_path: Path
     assert "% explained by J" in text
 
 
-def test_motor_harmonics_need_a_gear_ratio(run: Run, campaign: Path, tmp_path: Path) -> None:
-    ended = identify(run, campaign, tmp_path / "cal.json", "--effects", "motor")
-    assert (ended.status, ended.out) == (1, "")
-    assert "states no gear_ratio of any joint" in ended.err
-
-
 def test_a_field_is_taken_only_where_it_predicts_better(run: Run, campaign: Path, tmp_path: Path) -> None:
     ended = identify(run, campaign, tmp_path / "cal.json", "--effects", "harmonics:1", "--field", "--json")
     assert ended.status == 0
@@ -113,12 +100,6 @@ def test_a_field_is_taken_only_where_it_predicts_better(run: Run, campaign: Path
     assert together["accepted"] == result["field"]
     better = together["cross_validated_mm"] < asked["cross_validated_mm"]
     assert together["accepted"] == (better and "neighbouring poses left out together worse" not in together["reason"])
-
-
-def test_kept_parameters_leave_the_effects_in(run: Run, campaign: Path, tmp_path: Path) -> None:
-    options = ["--effects", "gain", "--keep", "J2.tx,J3.rz", "--json"]
-    names = [p["name"] for p in identify(run, campaign, tmp_path / "cal.json", *options).json["parameters"]]
-    assert names == ["J2.tx", "J3.rz", *(f"J{j}.gain" for j in range(1, 7))]
 
 
 @pytest.mark.parametrize(

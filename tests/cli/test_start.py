@@ -220,13 +220,6 @@ def test_a_compilation_is_announced_beside_the_result_and_only_where_one_takes_p
     assert first.stdout.startswith("{")
 
 
-def test_the_demonstration_takes_its_own_options(run: Run) -> None:
-    ended = run("demo", "--help")
-    assert ended.status == 0
-    assert "taskcal demo" in ended.out
-    assert run("demo", "--no-such-option").status == 2
-
-
 def test_every_command_is_listed_with_the_first_line_of_its_help() -> None:
     from taskcal.cli import commands
     from taskcal.cli.app import SUMMARIES, LazyCommands

@@ -99,4 +99,4 @@ def test_page_has_every_section_and_finite_numbers(procedure: Procedure) -> None
 
 def test_summary_states_the_ranks_of_the_run(procedure: Procedure) -> None:
     said = " ".join(summary_points(procedure))
-    assert "Only 24 can be told apart in one tool orientation, 25 when" in said
+    assert "Only 24 are identifiable in one tool orientation, 25 when" in said

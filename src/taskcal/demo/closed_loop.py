@@ -48,55 +48,10 @@ from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
 from taskcal.virtual.cell import simulate
 
-# Calibrations that are kept as they are found, so that a long run goes on where it was interrupted.
-
-DIGITS = 16
-"""Of the digest that names a file."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class KeptFits:
-    """A fit that is made once for each campaign by each version of the package.
-
-    Who works on the fit itself deletes the folder: within a version its files are taken as they are.
-    """
-
-    folder: Path
-    """Where the calibrations are, named by what they were fitted to; made if absent."""
-    fit: Callable[[ErrorModel, Campaign], Calibration]
-
-    def __call__(self, model: ErrorModel, campaign: Campaign) -> Calibration:
-        """The calibration, from its file if there is one."""
-        path = self.folder / f"{digest(model, campaign)}.json"
-        if not path.exists():
-            calibration = self.fit(model, campaign)
-            self.folder.mkdir(parents=True, exist_ok=True)
-            write_whole(path, calibration.to_text())
-        return load_calibration(path)
-
-
-def digest(model: ErrorModel, campaign: Campaign) -> str:
-    """A name for what is fitted: the version of the package, the model, and all numbers of the campaign."""
-    conditions = campaign.conditions
-    parts = [package_version(), repr(model), *campaign.targets]
-    arrays = [
-        campaign.q,
-        campaign.points,
-        conditions.approach,
-        conditions.move,
-        conditions.temperature,
-        conditions.time,
-    ]
-    h = hashlib.sha256("\n".join(parts).encode())
-    for array in arrays:
-        h.update(b"none" if array is None else np.ascontiguousarray(array).tobytes())
-    return h.hexdigest()[:DIGITS]
-
-
 # Touching off: the controller's frames of parts, set by the robot's own cutter at marks on them.
 
-ROUNDS = 4
-"""Of jogging: the robot's error changes by a thousandth of each step, so that fewer would do."""
+JOG_ROUNDS = 4
+"""The robot's error changes by a thousandth of each step, so that fewer would do."""
 
 Poses = Callable[[np.ndarray], np.ndarray]
 
@@ -138,7 +93,7 @@ def touch_off(
     nominal = ErrorModel(robot)
     upright = np.repeat(se3.rotation("x", np.pi)[None], len(marks), axis=0)
     believed, reached, q = marks, marks, np.repeat(near[None], len(marks), axis=0)
-    for _ in range(ROUNDS):
+    for _ in range(JOG_ROUNDS):
         upright[:, :3, 3] = believed
         jogged = solve_near(nominal, move.flange(upright) @ robot.T_flange_tool, q)
         if not jogged.reached.all():
@@ -323,7 +278,20 @@ def run_closed_loops(
 
 def _run_keeping(loop: ClosedLoop, fits: Path | None, numbered: tuple[int, int]) -> tuple[int, LoopRun]:
     number, seed = numbered
-    return number, run_closed_loop(loop, seed, fit=None if fits is None else KeptFits(folder=fits, fit=find_effects))
+    return number, run_closed_loop(loop, seed, fit=None if fits is None else partial(_find_or_load, fits))
+
+
+def _find_or_load(folder: Path, model: ErrorModel, campaign: Campaign) -> Calibration:
+    """The calibration of a campaign by this version of the package, from its file if there is one.
+
+    Whoever works on the fit itself deletes the folder: within a version its files are used without a check.
+    """
+    name = hashlib.sha256("\n".join((package_version(), repr(model), campaign.digest)).encode()).hexdigest()[:16]
+    path = folder / f"{name}.json"
+    if not path.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        write_whole(path, find_effects(model, campaign).to_text())
+    return load_calibration(path)
 
 
 def _expected_model(robot: Robot) -> ErrorModel:

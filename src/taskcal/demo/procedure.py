@@ -270,7 +270,7 @@ def _models(
     damped = FitOptions(keep=published, prior=None)
     held = replace(damped, registration=circles, frames="fixed")
     return {
-        "nominal, frames only": (model, FitOptions(keep=())),
+        "nominal (registered)": (model, FitOptions(keep=())),
         f"lengths {len(lengths)}, prior": (lengths, FitOptions()),
         f"{CIRCLES}, published {len(published)}, damped": (model, held),
         f"published {len(published)}, damped, no prior": (model, damped),

@@ -673,12 +673,12 @@ def held_out_section(procedure: Procedure) -> Section:
     ]
     base = {label: found.T[:, :3, 3] for label, found in procedure.poses.items()}
     return Section(
-        title="Errors on poses that were not measured",
+        title="Errors at held-out poses",
         blocks=(
             Text(
                 (
-                    "This is what counts: new poses, and the true robot. In the measured orientation even a redundant model "
-                    "predicts well, because what it confuses acts alike there.",
+                    "Predictions of each model are compared with the true robot at new poses. In the measured orientation even a "
+                    "redundant model predicts well: its dependent parameters have equal effects there.",
                     "One orientation is good inside and poor outside for a simple reason. With the tool always turned alike, "
                     "defects of the wrist and the tool move the tool point like defects of the arm. The fit may blame either; "
                     "when the tool turns, the two part company. No fit can repair that, only measuring in several orientations. "
@@ -702,7 +702,7 @@ def held_out_section(procedure: Procedure) -> Section:
             Chart(
                 title="Where the errors are in the workspace",
                 figure=draw_workspace(whole, base),
-                note="Turn it with the mouse. All views share one scale of colours; crosses are the measured poses, in base "
+                note="Rotate with the mouse. All views share one scale of colours; crosses are the measured poses, in base "
                 "coordinates.",
             ),
         ),
@@ -710,7 +710,7 @@ def held_out_section(procedure: Procedure) -> Section:
 
 
 def uncertainty_section(procedure: Procedure) -> Section:
-    """Whether the stated uncertainty is as large as the errors."""
+    """Stated uncertainty compared with the errors."""
     kept = len(published_kept(procedure.model))
     chosen = [p for p in procedure.predictions if p.model.startswith("all")]
     far = next(p for p in chosen if p.campaign == ONE and "farther" in p.where)
@@ -766,7 +766,7 @@ def parameters_section(procedure: Procedure) -> Section:
     """Estimates beside the truth."""
     whole = {f.campaign: f.calibration for f in procedure.fits if f.parameters == len(procedure.model)}
     return Section(
-        title="What was found of the parameters",
+        title="Estimated parameters",
         blocks=(
             Text(
                 (
@@ -834,8 +834,8 @@ def summary_points(procedure: Procedure) -> tuple[str, ...]:
     undamped = procedure.fit(ONE, f"published {kept}, damped")
     ranks = procedure.elimination.eliminations
     return (
-        f"Of {len(procedure.model)} parameters the publication keeps {kept}. Only {ranks[ONE].rank} can be told apart in "
-        f"one tool orientation, {ranks[SEVERAL].rank} when the tool also turns by {SEVERAL}: the others repeat them.",
+        f"Of {len(procedure.model)} parameters the publication keeps {kept}. Only {ranks[ONE].rank} are identifiable in "
+        f"one tool orientation, {ranks[SEVERAL].rank} when the tool also turns by {SEVERAL}: the others are dependent.",
         f"Redundant parameters do no harm where each has a prior from its tolerance: measured in one orientation, all "
         f"{len(procedure.model)} are wrong by {um(one.inside.mean)} µm on average there and by {um(one.outside.mean)} µm on "
         f"turned tools, the {reduced.parameters} identifiable ones by {um(reduced.inside.mean)} and "
@@ -844,8 +844,8 @@ def summary_points(procedure: Procedure) -> tuple[str, ...]:
         f"Measured in one orientation, the model is good in that orientation ({um(one.inside.mean)} µm on average) and poor "
         f"in others ({um(one.outside.mean)} µm). Measured in {SEVERAL}, it is wrong by {um(several.inside.mean)} µm there "
         f"and by {um(several.outside.mean)} µm when turned farther.",
-        "Errors are said in the tracker's frame. There the prediction is sharp; in the robot's base frame, the first "
-        "axis and the base cannot be told apart.",
+        "Errors are in the tracker frame. In the robot's base frame predictions are less certain: the zero of the first "
+        "axis and the base are not separable.",
     )
 
 
@@ -854,25 +854,25 @@ def _summary(procedure: Procedure) -> Section:
     nominal = procedure.fit(SEVERAL, "nominal")
     ranks = procedure.elimination.eliminations
     return Section(
-        title="In short",
+        title="Summary",
         blocks=(
             Numbers(
                 (
                     (
                         f"{ranks[ONE].rank} of {len(procedure.model)}",
                         "",
-                        "parameters can be told apart in one orientation",
+                        "parameters identifiable in one orientation",
                     ),
                     (
                         um(nominal.inside.mean),
                         "µm",
-                        f"mean error of the nominal robot in {SEVERAL}, frames fitted",
+                        f"mean 3D error in {SEVERAL}, nominal (registered)",
                     ),
-                    (um(several.inside.mean), "µm", f"after calibration in {SEVERAL}, on new poses there"),
+                    (um(several.inside.mean), "µm", f"mean 3D error, calibrated in {SEVERAL}, at held-out poses there"),
                     (
                         um(one.outside.mean),
                         "µm",
-                        "after calibration in one orientation, with the tool turned away from it",
+                        "mean 3D error, calibrated in one orientation, at other orientations",
                     ),
                 )
             ),
@@ -953,11 +953,11 @@ def _elimination(procedure: Procedure) -> Section:
         for last, following in [found.singular_values[found.rank - 1 : found.rank + 1]]
     )
     return Section(
-        title="Which parameters can be told apart",
+        title="Identifiable parameters",
         blocks=(
             Text(
                 (
-                    "Two parameters that move the tool point in the same way at every pose cannot be told apart, however good "
+                    "Two parameters that move the TCP in the same way at every pose are not separable, however good "
                     "the tracker. Gaussian elimination of the stacked sensitivities finds them, and the relations between them.",
                     f"The published {len(kept)} are not all identifiable: of them, {said} repeat others. A least-squares fit "
                     "without prior has no unique answer for these; only its damping keeps them from running away.",
@@ -977,6 +977,6 @@ def _elimination(procedure: Procedure) -> Section:
 
 
 _OWN = (
-    "The same with your robot: measure some sixty poses in the task's workspace, with the tool turned as the task turns it "
-    "and somewhat farther, and keep a few poses aside to check."
+    "The same with your robot: measure some sixty poses in the task's workspace, with the tool orientations of the task and "
+    "somewhat more, and hold a few poses out."
 )

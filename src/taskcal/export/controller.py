@@ -1,4 +1,4 @@
-"""The best that a controller can hold which takes joint zeros, a tool and a base, and the error that it leaves."""
+"""Joint zeros, tool and base of a controller that fit a calibrated robot best, and the remaining error."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,11 +12,13 @@ from taskcal.identification.calibration import Calibration
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 
-LEVER = 0.1
-"""Metres at which an error of orientation counts like one of position: the length of a tool."""
+LEVER_M = 0.1
+"""Distance at which an error of orientation counts like one of position: the length of a tool."""
 
-ROUNDS = 8
-SETTLED = 1e-12
+MAX_ROUNDS = 8
+"""Gauss–Newton converges in three or four from offsets of zero."""
+
+CONVERGED = 1e-12
 """Metres and radians by which the last round may still move."""
 
 
@@ -31,25 +33,25 @@ class Remaining:
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ControllerOffsets:
-    """Joint zeros, tool and base, and what they leave over a task, as `fit_offsets` finds them."""
+    """Joint zeros, tool and base, and the remaining error over a task, from `fit_offsets`."""
 
     joint_names: tuple[str, ...]
     prismatic: tuple[bool, ...]
     joints: Float[np.ndarray, " joints"]
-    """Where the robot stands when the controller reads q, less q; radians or metres."""
+    """True joint positions less the controller's readings q, radians or metres."""
     base: Float[np.ndarray, "4 4"]
     """Pose of the robot's calibrated base in its nominal one."""
     tool: Float[np.ndarray, "4 4"]
     """Pose of the calibrated tool in the nominal tool."""
     tool_in_flange: Float[np.ndarray, "4 4"]
-    """The tool to be stated in the controller."""
+    """The tool to be set in the controller."""
     without_zeros: Remaining
     """With tool and base alone."""
     with_zeros: Remaining
     """With joint zeros as well."""
     uncertainty: float
-    """Of the first measured target at a new pose of the calibrated robot, model error included, rms in space, metres: what
-    corrected programs are left with where the tool is measured as well."""
+    """Standard uncertainty of the first target at a new pose of the calibrated robot, model error included, 3D rms, metres:
+    the error of corrected programs, if the tool is measured as well."""
     poses: int
 
     def summary(self) -> dict[str, Any]:
@@ -81,7 +83,7 @@ def fit_offsets(
     q: Float[np.ndarray, "n joints"] | None = None,
     weights: Float[np.ndarray, " n"] | None = None,
 ) -> ControllerOffsets:
-    """Joint zeros, tool and base of the nominal robot that come nearest to the calibrated one.
+    """Fit joint zeros, tool and base of the nominal robot to the calibrated one.
 
     Least squares over poses, positions in metres, orientations at the end of a lever of 0.1 m.
 
@@ -113,7 +115,7 @@ def fit_offsets(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Offsets:
-    """Where a fit stands."""
+    """Present estimate of a fit."""
 
     joints: Float[np.ndarray, " joints"]
     base: Float[np.ndarray, "4 4"]
@@ -131,13 +133,13 @@ class _Fit:
 
     def solve(self, at: _Offsets, *, zeros: bool) -> _Offsets:
         """Gauss–Newton steps; among offsets that do the same, such as of the base and the first joint, the smallest."""
-        scale = np.sqrt(self.weights)[:, None] * np.array([1.0] * 3 + [LEVER] * 3)
-        for _ in range(ROUNDS):
+        scale = np.sqrt(self.weights)[:, None] * np.array([1.0] * 3 + [LEVER_M] * 3)
+        for _ in range(MAX_ROUNDS):
             J, r = self._linearised(at, zeros=zeros)
             J, r = (scale[:, :, None] * J).reshape(-1, J.shape[2]), (scale * r).reshape(-1)
             step = np.linalg.lstsq(J, r, rcond=1e-9)[0]
             at = _moved(at, step)
-            if np.abs(step).max() < SETTLED:
+            if np.abs(step).max() < CONVERGED:
                 break
         return at
 
@@ -146,7 +148,7 @@ class _Fit:
         return at.base @ self.model.poses(self.q + at.joints) @ at.tool
 
     def remaining(self, at: _Offsets) -> Remaining:
-        """What offsets leave."""
+        """Remaining error."""
         off = np.linalg.norm(self.predicted(at)[:, :3, 3] - self.goal[:, :3, 3], axis=1)
         return Remaining(rms=float(np.sqrt(self.weights @ off**2)), maximum=float(off.max()))
 

@@ -1,7 +1,7 @@
-"""What is handed to another program, and what of the calibration is lost by its form."""
+"""Files of calibrated robots for other programs: URDF, UR's YAML, Denavit–Hartenberg tables; and the loss by each form."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 from xml.sax.saxutils import quoteattr
 
@@ -19,7 +19,7 @@ from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
 
 ROUNDING = 1e-8
-"""Metres at the tool that the digits of a file may cost."""
+"""Metres at the tool that the digits of a file may cost: 10 nm, far below any tracker's noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,7 @@ class Loss:
     maximum: float
     poses: int
     reasons: tuple[str, ...]
-    """What the form cannot hold."""
+    """Properties that the form cannot hold."""
 
     @classmethod
     def of(
@@ -40,7 +40,7 @@ class Loss:
         predicted: Float[np.ndarray, "n 4 4"],
         lacking: tuple[str, ...] = (),
     ) -> "Loss":
-        """Of the poses that a form predicts at joint positions q; `lacking` is what it cannot hold of any calibration."""
+        """Loss of a form with these poses at joint positions q; `lacking`: properties that it cannot hold of any calibration."""
         off = np.linalg.norm(predicted[:, :3, 3] - calibration.tool_in_base(q)[:, :3, 3], axis=1)
         model = calibration.model
         reasons = [*lacking, *(effect.name for effect in model.effects)]
@@ -104,7 +104,7 @@ def placed(T: Float[np.ndarray, "4 4"]) -> dict[str, Any]:
 # The calibrated chain: what geometry alone holds of a calibration, its defects taken into the fixed parts.
 
 SAMPLES = 400
-"""Poses over the joints' ranges, where no task says which matter."""
+"""Poses over the joints' ranges, without a task."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -204,10 +204,50 @@ ANYWHERE = 1000.0
 """Metres to which a sliding joint without limits may go; URDF wants a limit."""
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Written:
+    """A chain in some form, and the poses that it predicts."""
+
+    text: str
+    poses: Callable[[Float[np.ndarray, "n joints"]], Float[np.ndarray, "n 4 4"]]
+    frames: Mapping[str, Float[np.ndarray, "4 4"]] = field(default_factory=dict[str, np.ndarray])
+    remarks: tuple[str, ...] = ()
+    lacking: tuple[str, ...] = ()
+    """Properties that the form cannot hold of any calibration."""
+
+
+def export_as(
+    form: str,
+    write: Callable[[CalibratedChain], Written],
+    calibration: Calibration,
+    q: Float[np.ndarray, "n joints"] | None,
+    *,
+    accept_loss: bool,
+) -> Export:
+    """Write the chain of a calibration in a form, and measure the loss.
+
+    Args:
+        form: as messages call it.
+        write: the form of a chain.
+        calibration: the robot.
+        q: joint positions at which a loss is measured; all over the ranges by default.
+        accept_loss: write it although it loses something.
+
+    Raises:
+        TaskcalError: the form cannot hold the robot, or loses something that is not accepted.
+    """
+    q = spread_poses(calibration) if q is None else q
+    written = write(CalibratedChain.of(calibration, q))
+    loss = Loss.of(calibration, q, written.poses(q), written.lacking)
+    if not accept_loss:
+        loss.refuse(form)
+    return Export(text=written.text, loss=loss, frames=written.frames, remarks=written.remarks)
+
+
 def export_urdf(
     calibration: Calibration, q: Float[np.ndarray, "n joints"] | None = None, *, accept_loss: bool = False
 ) -> Export:
-    """The calibrated robot as URDF: links without shapes, every defect in the joints' origins.
+    """Export the calibrated robot as URDF: links without shapes, every defect in the joints' origins.
 
     A joint that the controller couples with others is a row of joints about one axis, of which those that mimic have no motor.
 
@@ -217,14 +257,13 @@ def export_urdf(
         accept_loss: write it although it loses something.
 
     Raises:
-        TaskcalError: the model has parts that no URDF holds, such as gear harmonics; the message says what would be lost.
+        TaskcalError: the model has parts that no URDF holds, such as gear harmonics; the message has the loss.
     """
-    q = spread_poses(calibration) if q is None else q
-    chain = CalibratedChain.of(calibration, q)
-    loss = Loss.of(calibration, q, chain.poses(q))
-    if not accept_loss:
-        loss.refuse("a URDF")
-    return Export(text=urdf_text(chain), loss=loss, frames={})
+
+    def write(chain: CalibratedChain) -> Written:
+        return Written(text=urdf_text(chain), poses=chain.poses)
+
+    return export_as("a URDF", write, calibration, q, accept_loss=accept_loss)
 
 
 def urdf_text(chain: CalibratedChain) -> str:
@@ -344,10 +383,10 @@ LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 def export_ur_yaml(
     calibration: Calibration, q: Float[np.ndarray, "n joints"] | None = None, *, accept_loss: bool = False
 ) -> Export:
-    """The calibrated robot as a place of each link in the one before it.
+    """Export the calibrated robot as the pose of each link in the one before it.
 
-    The form ends at the last link, in whose frame the controller counts its tools: what stands behind it, which the calibration
-    may have moved as well, is `Export.frames`' ``tool``, to be stated as the tool.
+    The form ends at the last link, in whose frame the controller counts its tools. The tool in it, which the calibration may
+    have moved as well, is `Export.frames`' ``tool``, to be set as the tool.
 
     Args:
         calibration: the robot.
@@ -357,29 +396,25 @@ def export_ur_yaml(
     Raises:
         TaskcalError: the robot is not built like one of Universal Robots, or has parts that the form does not hold.
     """
-    q = spread_poses(calibration) if q is None else q
-    chain = CalibratedChain.of(calibration, q)
+    return export_as("UR's YAML", _ur_yaml, calibration, q, accept_loss=accept_loss)
+
+
+def _ur_yaml(chain: CalibratedChain) -> Written:
     robot = chain.robot
     alike = len(robot.joints) == len(LINKS) and not any(robot.prismatic) and not robot.driven
     if not alike or not np.array_equal(chain.matrix, np.eye(len(LINKS))):
         raise TaskcalError(
-            f"{robot.name} is not built like a UR: the form has six joints that turn by the controller's angles; write a URDF "
+            f"{robot.name} is not built like a UR: the form has six revolute joints at the controller's angles; write a URDF "
             "(--form urdf)"
         )
-    loss = Loss.of(calibration, q, chain.poses(q))
-    if not accept_loss:
-        loss.refuse("UR's YAML")
     origins, tool = _origins(chain)
     lines = ["kinematics:"]
     for link, T in zip(LINKS, origins, strict=True):
-        lines.append(f"  {link}:")
         values = [*T[:3, 3], *roll_pitch_yaw(T[:3, :3])]
-        lines += [
-            f"    {key}: {float(v) + 0.0!r}"
-            for key, v in zip(("x", "y", "z", "roll", "pitch", "yaw"), values, strict=True)
-        ]
+        keys = ("x", "y", "z", "roll", "pitch", "yaw")
+        lines += [f"  {link}:", *(f"    {key}: {float(v) + 0.0!r}" for key, v in zip(keys, values, strict=True))]
     lines.append(f"  hash: taskcal_{robot.digest}")
-    return Export(text="\n".join(lines) + "\n", loss=loss, frames={"tool": tool})
+    return Written(text="\n".join(lines) + "\n", poses=chain.poses, frames={"tool": tool})
 
 
 def _origins(chain: CalibratedChain) -> tuple[list[Float[np.ndarray, "4 4"]], Float[np.ndarray, "4 4"]]:
@@ -411,8 +446,8 @@ PARALLEL = 1e-9
 NEARLY_PARALLEL = 5e-3
 """Sine of an angle that only defects make: the common normal of such axes is far away."""
 
-FARTHEST = 1e3
-"""Metres to a common normal that still are a number in a table; beyond them axes are taken for parallel."""
+MAX_NORMAL_M = 1e3
+"""Distance of a common normal that a table still states; beyond it axes are taken for parallel."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -451,10 +486,10 @@ def export_dh(
     *,
     accept_loss: bool = False,
 ) -> Export:
-    """The calibrated robot as a table, which `taskcal.read_dh_table` reads.
+    """Export the calibrated robot as a table, which `taskcal.read_dh_table` reads.
 
-    Any chain of turning joints has such a table, once its base and its tool may stand anywhere; where these are, stands in
-    comments of the file and in `Export.frames`. The tracker's registration takes up the first, the tool's frame the second.
+    Any chain of revolute joints has such a table, if its base and its tool may be anywhere; comments of the file and
+    `Export.frames` state them. The tracker's registration takes up the first, the tool's frame the second.
 
     Args:
         calibration: the robot.
@@ -463,32 +498,32 @@ def export_dh(
         accept_loss: write it although it loses something.
 
     Raises:
-        TaskcalError: the robot has sliding or driven joints, or parts that no table holds; the message says what would be lost.
+        TaskcalError: the robot has prismatic or driven joints, or parts that no table holds; the message has the loss.
     """
-    q = spread_poses(calibration) if q is None else q
-    chain = CalibratedChain.of(calibration, q)
+    return export_as("a table", lambda chain: _dh_table(chain, convention), calibration, q, accept_loss=accept_loss)
+
+
+def _dh_table(chain: CalibratedChain, convention: Literal["dh", "mdh"]) -> Written:
     robot = chain.robot
     if any(robot.prismatic) or robot.driven:
-        what = "sliding" if any(robot.prismatic) else "driven"
-        raise TaskcalError(f"{robot.name} has {what} joints, which its table could not say; write a URDF (--form urdf)")
+        kind = "prismatic" if any(robot.prismatic) else "driven"
+        raise TaskcalError(f"{robot.name} has {kind} joints, which a table cannot hold; write a URDF (--form urdf)")
     table, lacking = fit_table(chain, convention), list[str]()
     twist = np.abs(np.sin(table.rows[:, 0]))
-    while np.abs(table.rows[:, 1:3]).max() > FARTHEST:
+    while np.abs(table.rows[:, 1:3]).max() > MAX_NORMAL_M:
         smallest = float(twist[twist > PARALLEL].min())
-        lacking.append(f"axes {np.degrees(smallest):.5f}° from parallel, whose common normal is beyond {FARTHEST:g} m")
+        lacking.append(
+            f"axes {np.degrees(smallest):.5f}° from parallel, whose common normal is beyond {MAX_NORMAL_M:g} m"
+        )
         table = fit_table(chain, convention, parallel=1.001 * smallest)
         twist = np.where(twist <= smallest, 0.0, twist)
-    loss = Loss.of(calibration, q, table.poses(q), tuple(lacking))
-    if not accept_loss:
-        loss.refuse("a table")
-    near = np.flatnonzero((twist > PARALLEL) & (twist < NEARLY_PARALLEL))
-    remarks = [
+    remarks = tuple(
         f"alpha in row {i + 1} is {np.degrees(table.rows[i, 0]):.5f}°: axes so nearly parallel have their common normal far away, "
         "and a and d there are no lengths of the robot"
-        for i in near
-    ]
+        for i in np.flatnonzero((twist > PARALLEL) & (twist < NEARLY_PARALLEL))
+    )
     frames = {"base": table.base, "tool": table.tool}
-    return Export(text=_text(chain, table), loss=loss, frames=frames, remarks=tuple(remarks))
+    return Written(text=_text(chain, table), poses=table.poses, frames=frames, remarks=remarks, lacking=tuple(lacking))
 
 
 def fit_table(chain: CalibratedChain, convention: Literal["dh", "mdh"], parallel: float = PARALLEL) -> DHForm:
@@ -610,9 +645,7 @@ _EXPORTERS: dict[str, Exporter] = {
     one.name: one
     for one in (
         Exporter(name="urdf", write=lambda calibration, q, accept: export_urdf(calibration, q, accept_loss=accept)),
-        Exporter(
-            name="ur-yaml", write=lambda calibration, q, accept: export_ur_yaml(calibration, q, accept_loss=accept)
-        ),
+        Exporter(name="ur-yaml", write=lambda one, q, accept: export_ur_yaml(one, q, accept_loss=accept)),
         Exporter(name="dh", write=lambda calibration, q, accept: export_dh(calibration, "dh", q, accept_loss=accept)),
         Exporter(name="mdh", write=lambda calibration, q, accept: export_dh(calibration, "mdh", q, accept_loss=accept)),
     )

@@ -9,14 +9,10 @@ import pytest
 from robot_programs.rapid.resolve import Configuration
 from robot_programs.reading import read_program
 from taskcal.correction.cell import Cell, Measured, write_cell
-from taskcal.demo.milling import milling_program
 from taskcal.geometry import se3
 from taskcal.identification.calibration import load_calibration
-from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.task.task import load_task, reach_task
-from taskcal.virtual.cell import simulate
 from tests.cli.conftest import IRB6660, Run
 
 SPINDLE = "[TRUE,[[250,30,120],[0.70710678,0,0.70710678,0]],[18,[120,0,60],[1,0,0,0],0,0,0]]"
@@ -143,30 +139,6 @@ def test_a_dry_run_writes_nothing_and_prints_the_tables(run: Run, cell: Path, pa
     assert "Programmed path and error" in page
 
 
-@pytest.mark.slow
-def test_an_identity_calibration_changes_no_byte_of_a_milling_program(run: Run, tmp_path: Path, cell: Path, robot):
-    model = ErrorModel(robot)
-    task = load_task(cell / "task.toml")
-    q = reach_task(model, task, 30, seed=1).q
-    campaign, _ = simulate(model, q, rng=np.random.default_rng(0), x=np.zeros(len(model)))
-    identify(model, campaign, keep=[]).save(tmp_path / "nothing.json")
-    program = milling_program(robot, task, rows=2)
-    (tmp_path / "mill.mod").write_bytes(program.source.encode())
-    ended = run(
-        "correct",
-        "--accept-uncertain",
-        "-c",
-        tmp_path / "nothing.json",
-        tmp_path / "mill.mod",
-        "-o",
-        tmp_path / "o.mod",
-        "--json",
-    )
-    assert ended.status == 0
-    assert ended.json["corrected"] == 0
-    assert (tmp_path / "o.mod").read_bytes() == (tmp_path / "mill.mod").read_bytes()
-
-
 @pytest.mark.parametrize(
     ("line", "words"),
     [
@@ -189,17 +161,6 @@ def test_what_cannot_be_reached_is_named_by_file_and_line(line, words, run: Run,
     assert line in (tmp_path / "out.mod").read_text()
 
 
-def test_where_no_target_is_reached_no_error_is_stated(run: Run, cell, robot, tmp_path):
-    path = tmp_path / "far.mod"
-    path.write_text(module(robot, "MoveL Offs(pB,9000,0,0),v50,fine,tSpindle\\WObj:=wPart;"), newline="")
-    ended = run("correct", "-c", cell / "cal.json", path, "--dry-run", "--report", tmp_path / "page.html")
-    assert ended.status == 1
-    assert "not known: the robot reaches no target of the program" in " ".join(ended.out.split())
-    assert "0.000 mm before" not in ended.out
-    assert "rms mm" not in ended.out
-    assert "expected error before" not in (tmp_path / "page.html").read_text()
-
-
 def test_an_unknown_frame_is_named_by_file_and_line_and_left(run: Run, cell, robot, tmp_path):
     path = tmp_path / "unknown.mod"
     line = "MoveL pB,v50,fine,tSpindle\\WObj:=wFixture;"
@@ -220,13 +181,6 @@ def test_a_target_that_others_need_as_it_was_is_cloned(run: Run, cell, robot, tm
     assert read_program(tmp_path / "out.mod").moves[1].end.name != "pB"
 
 
-def test_bounds_are_kept(run: Run, cell, part, tmp_path):
-    out = tmp_path / "out.mod"
-    ended = run("correct", "-c", cell / "cal.json", part, "-o", out, "--max-shift-mm", "0.01")
-    assert ended.status == 1
-    assert "0.01 mm are allowed" in ended.err
-
-
 def test_correct_writes_nothing_if_every_motion_is_refused(run: Run, cell, part, tmp_path):
     out = tmp_path / "out.mod"
     ended = run("correct", "-c", cell / "cal.json", part, "-o", out, "--max-shift-mm", "0.01", "--json")
@@ -234,19 +188,6 @@ def test_correct_writes_nothing_if_every_motion_is_refused(run: Run, cell, part,
     assert ended.json["written"] == []
     assert "not written: no motion was corrected" in ended.err
     assert f"{part}:7: would move by" in ended.err
-    assert not out.exists()
-
-
-@pytest.mark.parametrize("suffix", ["", ".zip"])
-def test_correct_writes_no_backup_if_every_motion_is_refused(run: Run, cell, part, tmp_path, suffix):
-    folder = tmp_path / "backup"
-    folder.mkdir()
-    (folder / "part.mod").write_bytes(part.read_bytes())
-    given = folder if not suffix else Path(shutil.make_archive(str(folder), "zip", folder))
-    out = tmp_path / f"out{suffix}"
-    ended = run("correct", "-c", cell / "cal.json", given, "-o", out, "--max-shift-mm", "0.01")
-    assert ended.status == 1
-    assert "not written" in ended.err
     assert not out.exists()
 
 
@@ -314,16 +255,6 @@ def test_wrong_usage_is_explained(arguments, status, words, run: Run, cell, part
     assert ended.status == status
     assert words in ended.err
     assert not (tmp_path / "out.mod").exists()
-
-
-def test_what_the_command_reads_is_never_written_over(run: Run, cell, part, tmp_path):
-    calibration = tmp_path / "cal.json"
-    calibration.write_bytes((cell / "cal.json").read_bytes())
-    for out in ([calibration], [tmp_path / "x.mod", "--report", tmp_path / "x.mod"]):
-        ended = run("correct", "-c", calibration, part, "-o", *out)
-        assert ended.status in (1, 2)
-    assert calibration.read_bytes() == (cell / "cal.json").read_bytes()
-    assert not (tmp_path / "x.mod").exists()
 
 
 def test_a_program_with_logic_keeps_its_language(run: Run, cell, part, tmp_path):

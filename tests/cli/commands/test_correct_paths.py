@@ -47,33 +47,6 @@ def test_an_apt_path_is_corrected_by_its_points_and_arcs(run: Run, cell: Path, t
     assert all(1e-4 < shift < 5e-3 for shift in shifts)
 
 
-def test_points_of_another_tool_stay_are_named_and_make_the_exit_status_1(run: Run, cell: Path, tmp_path: Path) -> None:
-    path = tmp_path / "two-tools.apt"
-    first = "LOAD/TOOL,1\nGOTO/1700.,30.,1450.,-0.565044,0.,0.825059\n"
-    path.write_text(first + "LOAD/TOOL,2\nGOTO/1750.,30.,1450.\n")
-    ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.apt")
-    assert ended.status == 1
-    assert "two-tools.apt:4: unchanged: tool 2 is loaded, and it is not known where that is" in ended.err
-    assert (tmp_path / "out.apt").read_text().endswith("\nLOAD/TOOL,2\nGOTO/1750.,30.,1450.\n")
-
-
-def test_a_path_that_no_spin_can_reach_names_its_line(run: Run, cell: Path, tmp_path: Path) -> None:
-    (tmp_path / "far.apt").write_text("PARTNO FAR\nGOTO/9000,0,0\n")
-    ended = run(
-        "correct",
-        "--accept-uncertain",
-        "-c",
-        cell / "cal.json",
-        tmp_path / "far.apt",
-        "-o",
-        tmp_path / "out.apt",
-        "--json",
-    )
-    assert (ended.status, ended.out) == (1, "")
-    assert "far.apt:2: of the motions from this line on" in ended.err
-    assert not (tmp_path / "out.apt").exists()
-
-
 def test_a_joint_path_in_csv_is_corrected_in_its_joints(run: Run, cell: Path, tmp_path: Path) -> None:
     path = tmp_path / "path.csv"
     path.write_text("id,J1_deg,J2_deg,J3_deg,J4_deg,J5_deg,J6_deg\na,0,10,20,5,-40,10\nb,3,12,22,6,-42,12\n")

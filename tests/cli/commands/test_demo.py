@@ -45,15 +45,6 @@ def test_it_leaves_a_page_and_data_that_read_back(run: Run, folder: Path) -> Non
 
 
 @pytest.mark.slow
-def test_one_orientation_is_good_inside_and_poor_outside(run: Run, folder: Path) -> None:
-    found = json.loads(run("demo", "--json", "-o", str(folder)).out)
-    whole = {f["campaign"]: f for f in found["fits"] if f["model"].startswith("all")}
-    one, several = whole["one orientation"], whole["±20°"]
-    assert one["inside"]["mean_mm"] < 0.02 < 0.1 < one["outside"]["mean_mm"]
-    assert several["outside"]["mean_mm"] < 0.04
-
-
-@pytest.mark.slow
 def test_tables_and_the_way_on_are_printed_and_the_same_seed_gives_the_same_files(run: Run, tmp_path: Path) -> None:
     folder = tmp_path / "b"
     assert run("demo", "--count", "20", "-o", str(tmp_path / "a")).status == 0
@@ -65,7 +56,7 @@ def test_tables_and_the_way_on_are_printed_and_the_same_seed_gives_the_same_file
         "Of the published 33",
         "Residuals",
         "Errors on new poses",
-        "In short",
+        "Summary",
     ):
         assert part in ended.out
     assert str(folder / "report.html") in ended.out

@@ -9,7 +9,7 @@ import pytest
 from taskcal.identification.calibration import load_calibration
 from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import write_campaign
-from taskcal.robot.catalogue import load_robot, robot_toml
+from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.virtual.cell import simulate
 from tests.cli.conftest import IRB6660, Ended, Run
@@ -58,16 +58,6 @@ def test_the_report_for_people(run: Run, cell: Path, tmp_path: Path) -> None:
     whole = identify(run, cell / "one.csv", tmp_path / "cal.json", "--holdout", "0.3", "--parameters").out
     for word in ("psi5", "largest correlations", "convergence"):
         assert word in whole
-
-
-@pytest.mark.parametrize("campaign", ["three.csv", "poses.csv"])
-def test_three_reflectors_and_poses(run: Run, cell: Path, tmp_path: Path, campaign: str) -> None:
-    result = identify(run, cell / campaign, tmp_path / "cal.json", "--json", "--rows", "0:25").json
-    assert result["held_out"]["rms_mm"] < 0.15
-    assert result["held_out"]["n"] == (15 if campaign == "three.csv" else 5)
-    assert ("mean_mrad" in result["held_out"]) == (campaign == "poses.csv")
-    assert ("model_error_mrad" in result) == (campaign == "poses.csv")
-    assert identify(run, cell / campaign, tmp_path / "cal.json").status == 0
 
 
 def test_rows_by_range_and_by_file_are_the_same_rows(run: Run, cell: Path, tmp_path: Path) -> None:
@@ -143,22 +133,6 @@ def test_advice_does_not_repeat_a_search_for_effects(run: Run, cell: Path, tmp_p
     assert "--effects auto" not in ended.out
 
 
-def test_targets_and_kept_parameters(run: Run, cell: Path, tmp_path: Path) -> None:
-    options = ["--targets", "smr3,smr1", "--keep", "J2,psi5,loop.rod", "--json"]
-    result = identify(run, cell / "three.csv", tmp_path / "a.json", *options).json
-    assert list(result["targets"]) == ["smr3", "smr1"]
-    names = [p["name"] for p in result["parameters"]]
-    assert names == [*(f"J2.{c}" for c in ("tx", "ty", "tz", "rx", "ry", "rz")), "J5.ry", "loop.rod"]
-
-
-def test_the_published_choice(run: Run, cell: Path, tmp_path: Path) -> None:
-    result = identify(
-        run, cell / "one.csv", tmp_path / "a.json", "--keep", "published", "--prior", "none", "--json"
-    ).json
-    assert len(result["parameters"]) == 33
-    assert result["prior_scale"] is None
-
-
 def test_the_nominal_lengths_alone(run: Run, cell: Path, tmp_path: Path) -> None:
     """The publication's first model: six lengths, which leave far more than the defects do."""
     result = identify(run, cell / "one.csv", tmp_path / "a.json", "--lengths-only", "--json").json
@@ -167,12 +141,6 @@ def test_the_nominal_lengths_alone(run: Run, cell: Path, tmp_path: Path) -> None
     assert result["fitted"]["rms_mm"] > 3.0 * whole["fitted"]["rms_mm"]
     predicted = run("validate", tmp_path / "a.json", cell / "one.csv", "--json").json
     assert predicted["rms_mm"] == pytest.approx(result["fitted"]["rms_mm"])
-
-
-def test_lengths_are_no_published_choice(run: Run, cell: Path, tmp_path: Path) -> None:
-    ended = identify(run, cell / "one.csv", tmp_path / "a.json", "--lengths-only", "--keep", "published")
-    assert ended.status == 2
-    assert "--lengths-only" in ended.err
 
 
 @pytest.mark.parametrize("campaign", ["one.csv", "poses.csv"])
@@ -298,49 +266,6 @@ def test_a_campaign_that_is_wrong(
     ended = identify(run, tmp_path / "bad.csv", tmp_path / "a.json")
     assert (ended.status, ended.out) == (1, "")
     assert message in ended.err
-
-
-def test_a_campaign_of_another_robot(run: Run, cell: Path, tmp_path: Path) -> None:
-    ended = identify(run, cell / "one.csv", tmp_path / "a.json", robot="ur5")
-    assert ended.status == 1
-    assert "these joints and points do not fit ur5" in ended.err
-    ended = identify(run, cell / "one.csv", tmp_path / "a.json", robot="barrett-wam")
-    assert ended.status == 1
-    assert "has no column for joint J7 of barrett-wam" in ended.err
-
-
-def test_a_loop_that_does_not_close(run: Run, cell: Path, tmp_path: Path) -> None:
-    described = dict(load_robot(IRB6660).description)
-    described.pop("coupled_limit")
-    described["four_bar"] = {**described["four_bar"], "rod_mm": 400.0}
-    (tmp_path / "robot.toml").write_text(robot_toml(described))
-    ended = identify(run, cell / "one.csv", tmp_path / "a.json", robot=tmp_path / "robot.toml")
-    assert (ended.status, ended.out) == (1, "")
-    assert "the four-bar does not close at row " in ended.err
-
-
-def test_an_unknown_robot(run: Run, cell: Path, tmp_path: Path) -> None:
-    ended = identify(run, cell / "one.csv", tmp_path / "a.json", robot="abb-irb6660")
-    assert ended.status == 1
-    assert "no robot 'abb-irb6660' in the catalogue" in ended.err
-
-
-@pytest.mark.parametrize(
-    ("campaign", "message"),
-    [("nowhere.csv", "No such file"), (".", "Is a directory"), ("binary.csv", "is a binary file; export it as CSV")],
-)
-def test_a_campaign_that_cannot_be_read(run: Run, tmp_path: Path, campaign: str, message: str) -> None:
-    (tmp_path / "binary.csv").write_bytes(bytes(range(256)))
-    ended = identify(run, tmp_path / campaign, tmp_path / "a.json")
-    assert ended.status == 1
-    assert f"error: {tmp_path / campaign}: " in ended.err
-    assert message in ended.err
-
-
-def test_the_keyword_published_needs_a_publication(run: Run, cell: Path, tmp_path: Path) -> None:
-    ended = identify(run, cell / "one.csv", tmp_path / "a.json", "--keep", "published", robot="ur5")
-    assert ended.status == 1
-    assert "names no publication" in ended.err
 
 
 def test_held_out_rows_without_any_measurement(run: Run, cell: Path, tmp_path: Path) -> None:

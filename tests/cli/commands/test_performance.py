@@ -66,36 +66,6 @@ def test_the_tables_for_people(run: Run, poses: Path) -> None:
     assert all(word in ended.out for word in ("AP_p mm", "RP_l mm", "vAP_p mm", "AD_p mm", "RD_p mm", "left"))
 
 
-def test_distances_asked_for(run: Run, poses: Path) -> None:
-    result = run("performance", poses, "--distance", "P1,P3", "--json").json
-    assert [(d["from"], d["to"]) for d in result["distances"]] == [("P1", "P3")] * 2
-    assert run("performance", poses, "--distance", "P1").status == 2
-    unknown = run("performance", poses, "--distance", "P1,P9")
-    assert unknown.status == 1
-    assert "no pose 'P9'" in unknown.err
-
-
-def test_poses_without_commands_are_repeatable_only(run: Run, tmp_path: Path) -> None:
-    (tmp_path / "bare.csv").write_text("pose,cycle,x_mm,y_mm,z_mm\nP1,1,0,0,0\nP1,2,0,0,2\nP2,1,0,0,0\nP2,2,0,0,0\n")
-    result = run("performance", tmp_path / "bare.csv", "--json").json
-    assert result["poses"][0] == {"pose": "P1", "cycles": 2, "RP_l_mm": pytest.approx(1.0)}
-    assert result["distances"] == []
-    refused = run("performance", tmp_path / "bare.csv", "--distance", "P1,P2")
-    assert refused.status == 1
-    assert "poses 'P1' and 'P2' have no distance" in refused.err
-
-
-def test_distances_need_common_cycles(run: Run, tmp_path: Path) -> None:
-    rows = ["P1,1,0,0,0,0,0,0", "P2,2,1,0,0,1,0,0"]
-    (tmp_path / "apart.csv").write_text("\n".join([HEADER.replace("direction,", ""), *rows]) + "\n")
-    ended = run("performance", tmp_path / "apart.csv", "--json")
-    assert ended.json["distances"] == []
-    assert "accuracy but no repeatability" in ended.err
-    refused = run("performance", tmp_path / "apart.csv", "--distance", "P1,P2")
-    assert refused.status == 1
-    assert f"error: {tmp_path / 'apart.csv'}: poses 'P1' and 'P2' have no distance" in refused.err
-
-
 def test_passes_along_a_path_of_its_own_file(run: Run, circle: tuple[Path, Path]) -> None:
     measured, commanded = circle
     ended = run("performance", measured, "--command", commanded, "--json")
@@ -122,15 +92,6 @@ def test_a_single_pass_with_sections_has_an_accuracy_only(run: Run, tmp_path: Pa
     assert run("performance", path, "--path", "--distance", "s0,s1").status == 2
 
 
-def test_sections_that_are_not_crossed_are_named(run: Run, circle: tuple[Path, Path]) -> None:
-    measured, commanded = circle
-    lines = measured.read_text().splitlines()
-    measured.write_text("\n".join([lines[0], *lines[200:901]]) + "\n")
-    ended = run("performance", measured, "--command", commanded, "--json")
-    assert ended.json["left_out"][:3] == ["1", "2", "3"]
-    assert "of 361 sections are not crossed by every pass and left out" in ended.err
-
-
 def test_a_path_that_cannot_be_judged_names_the_file(run: Run, circle: tuple[Path, Path]) -> None:
     measured, commanded = circle
     header, *rows = measured.read_text().splitlines()
@@ -138,24 +99,6 @@ def test_a_path_that_cannot_be_judged_names_the_file(run: Run, circle: tuple[Pat
     ended = run("performance", measured, "--command", commanded)
     assert (ended.status, ended.out) == (1, "")
     assert f"error: {measured}: pass 0 crosses no plane normal to the path" in ended.err
-
-
-def test_a_file_that_is_not_there(run: Run, tmp_path: Path) -> None:
-    ended = run("performance", tmp_path / "none.csv", "--json")
-    assert (ended.status, ended.out) == (1, "")
-    assert "none.csv: cannot be read" in ended.err
-
-
-def test_rotations_are_reported_about_the_axes(run: Run, tmp_path: Path) -> None:
-    half = np.radians(0.5) / 2.0
-    quaternion = f"{np.sin(half)},0,0,{np.cos(half)}"
-    rows = [f"P1,left,{cycle},0,0,0,0,0,0,1,0,0,0,{quaternion}" for cycle in range(3)]
-    command = "command_x_mm,command_y_mm,command_z_mm,command_qx,command_qy,command_qz,command_qw"
-    (tmp_path / "p.csv").write_text("\n".join([f"pose,direction,cycle,{command},x_mm,y_mm,z_mm,qx,qy,qz,qw", *rows]))
-    (pose,) = run("performance", tmp_path / "p.csv", "--json").json["poses"]
-    assert pose["AP_rx_deg"] == pytest.approx(0.5)
-    assert [pose["AP_ry_deg"], pose["AP_rz_deg"]] == pytest.approx([0.0, 0.0])
-    assert not any(key.endswith(("_a_deg", "_b_deg", "_c_deg")) for key in pose)
 
 
 def test_the_page_says_what_the_terminal_says(run: Run, poses: Path, circle: tuple[Path, Path], tmp_path: Path) -> None:

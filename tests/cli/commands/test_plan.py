@@ -164,12 +164,6 @@ def test_either_a_robot_or_a_calibration(run: Run, ask: list[object], cell: Path
     assert run("plan", "--calibration", tmp_path / "nowhere.json", *ask[3:]).status == 1
 
 
-def test_another_criterion_and_a_model_error_in_millimetres(run: Run, ask: list[object], alone: Alone) -> None:
-    result = run(*ask, "--criterion", "D", "--model-error-mm", "0.1", "--json").json
-    assert (result["criterion"], result["model_error_mm"]) == ("D", pytest.approx(0.1))
-    assert alone[0]["expected_error_mm"] < result["expected_error_mm"] < result["before_mm"]
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -184,33 +178,6 @@ def test_wrong_usage(run: Run, ask: list[object], options: list[str], said: str)
     ended = run(*ask, *options)
     assert (ended.status, ended.out) == (2, "")
     assert said in ended.err
-
-
-def test_plan_and_page_are_two_files(run: Run, ask: list[object], tmp_path: Path) -> None:
-    assert run(*ask, "--report", tmp_path / "plan.csv").status == 2
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (("1711.0", "8711.0"), "does not reach the tool pose at x 8711"),
-        (("[500.0, 700.0, 500.0]", "[0.0, 700.0, 500.0]"), "size_mm 1: must be 1e-06 or more (got 0.0)"),
-        (("position_mm = 0.1", "position_mm = 0.00001"), "accuracy of 1e-05 mm is out of reach"),
-        (
-            ("quaternion", "quarternion"),
-            "bad.toml: workspace, orientation 1: 'quarternion' is not a known key; did you mean 'quaternion'",
-        ),
-        (("[workspace]", "[workspace"), "is not TOML"),
-    ],
-)
-def test_tasks_that_cannot_be_planned_for(
-    run: Run, ask: list[object], cell: Path, tmp_path: Path, change: tuple[str, str], said: str
-) -> None:
-    (tmp_path / "bad.toml").write_text((cell / "task.toml").read_text().replace(*change))
-    ended = run(*ask, "--task", tmp_path / "bad.toml", "--json")
-    assert (ended.status, ended.out) == (1, "")
-    assert said in ended.err
-    assert not (tmp_path / "plan.csv").exists()
 
 
 @pytest.mark.parametrize(
@@ -231,20 +198,6 @@ def test_stations_that_see_nothing_or_are_none(
     ended = run(*ask, "--station", tmp_path / "station.toml", "--json")
     assert (ended.status, ended.out) == (1, "")
     assert said in ended.err
-
-
-def test_limits_that_contradict_each_other(run: Run, ask: list[object], tmp_path: Path) -> None:
-    import taskcal
-
-    source = (Path(taskcal.__file__).parent / "robot" / "catalogue" / f"{IRB6660}.toml").read_text(encoding="utf-8")
-    for change, said in (
-        (("[-42.0, 85.0]", "[85.0, -42.0]"), "joint 2: the lower limit 85 must be below the upper limit -42"),
-        (("[-70.0, 70.0]", "[200.0, 210.0]"), "widen the limits in the robot file"),
-    ):
-        (tmp_path / "robot.toml").write_text(source.replace(*change), encoding="utf-8")
-        ended = run(*ask, "--robot", tmp_path / "robot.toml", "--json")
-        assert (ended.status, ended.out) == (1, "")
-        assert said in ended.err
 
 
 def test_numbers_of_poses_that_cannot_be_had(run: Run, ask: list[object]) -> None:

@@ -118,15 +118,6 @@ def test_a_calibration_of_frames_alone(run: Run, cell: Path, tmp_path: Path) -> 
     assert figures(tmp_path / "r.html") == 8
 
 
-def test_poses_and_several_targets_too(run: Run, cell: Path, tmp_path: Path) -> None:
-    for name in ("poses", "three"):
-        calibration = tmp_path / f"{name}.json"
-        assert run("identify", "--robot", IRB6660, cell / f"{name}.csv", "-o", calibration).status == 0
-        ended = run("report", calibration, "--task", cell / "task.toml", "-o", tmp_path / "r.html", "--json")
-        assert ended.status == 0
-        assert ended.json["after_mm"] < ended.json["before_mm"]
-
-
 def test_the_page_of_sensitivity(run: Run, cell: Path, path: Path, tmp_path: Path) -> None:
     page = tmp_path / "s.html"
     of_robot = ["sensitivity", "--robot", IRB6660, "--count", "20", "--report", page]

@@ -1,6 +1,5 @@
 """taskcal robots."""
 
-import json
 from pathlib import Path
 
 import pytest
@@ -60,34 +59,6 @@ def test_a_table_becomes_a_robot(run: Run, tmp_path: Path) -> None:
     assert run("robots", robot, "--json").json["notes"] == ["coupled axes"]
 
 
-def test_a_table_with_json(run: Run, tmp_path: Path) -> None:
-    (tmp_path / "table.csv").write_text(TABLE)
-    robot = tmp_path / "robot.toml"
-    ended = run("robots", "import", tmp_path / "table.csv", "--convention", "mdh", "-o", robot, "--json")
-    assert ended.json == {"robot": str(robot), "name": "table", "joints": ["J1", "J2", "J3", "J4", "J5", "J6"]}
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("a_mm,", "", "has no column 'a_mm'"),
-        ("2,-90,312", "2,-90,3l2", "table.csv:3: column 'a_mm': '3l2' is not a number"),
-        ("-(J2+J3)", "J2*J3", "'J2*J3' is not linear"),
-        ("-(J2+J3)", "-(J2+J9)", "no joint 'J9'"),
-    ],
-)
-def test_a_table_that_is_wrong(run: Run, tmp_path: Path, old: str, new: str, message: str) -> None:
-    text = TABLE.replace(old, new)
-    if old == "a_mm,":
-        lines = [line.split(",") for line in TABLE.splitlines()]
-        text = "\n".join(",".join(cells[:2] + cells[3:]) for cells in lines)
-    (tmp_path / "table.csv").write_text(text)
-    ended = run("robots", "import", tmp_path / "table.csv", "--convention", "mdh", "-o", tmp_path / "robot.toml")
-    assert (ended.status, ended.out) == (1, "")
-    assert message in ended.err
-    assert not (tmp_path / "robot.toml").exists()
-
-
 def test_an_unknown_robot_brings_a_suggestion(run: Run) -> None:
     ended = run("robots", "abb-irb6660-205-1.8")
     assert (ended.status, ended.out) == (1, "")
@@ -104,42 +75,11 @@ def test_a_table_given_as_a_robot_says_how_to_import_it(run: Run, tmp_path: Path
     assert "taskcal robots import" in ended.err
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("name = 'x'\n[[joint]\n", "is not TOML"),
-        ("name = 'x'\n", "joint: is missing"),
-        (
-            "name = 'x'\n[[joint]]\nname = 'J1'\nlimits_deg = [10, -10]\n",
-            "the lower limit 10 must be below the upper limit -10",
-        ),
-    ],
-)
-def test_a_robot_file_that_is_wrong(run: Run, tmp_path: Path, text: str, message: str) -> None:
-    (tmp_path / "robot.toml").write_text(text)
-    ended = run("robots", tmp_path / "robot.toml")
-    assert ended.status == 1
-    assert f"{tmp_path / 'robot.toml'}:" in ended.err
-    assert message in ended.err
-
-
 def test_a_robot_file_must_end_in_toml(run: Run, tmp_path: Path) -> None:
     (tmp_path / "table.csv").write_text(TABLE)
     ended = run("robots", "import", tmp_path / "table.csv", "--convention", "mdh", "-o", tmp_path / "robot.json")
     assert ended.status == 2
     assert not (tmp_path / "robot.json").exists()
-
-
-def test_limits_that_are_not_stated_are_null(run: Run, tmp_path: Path) -> None:
-    (tmp_path / "robot.toml").write_text("name = 'x'\n[[joint]]\nname = 'J1'\n")
-    assert run("robots", tmp_path / "robot.toml", "--json").json["joint_table"][0]["limits_deg"] == [None, None]
-    assert "none stated" in run("robots", tmp_path / "robot.toml").out
-
-
-def test_json_is_alone_on_standard_output(run: Run) -> None:
-    ended = run("robots", "ur5", "--json")
-    assert ended.err == ""
-    assert json.loads(ended.out)["name"] == "ur5"
 
 
 def test_stated_weights_and_drives_are_shown(run: Run, tmp_path: Path) -> None:

@@ -57,12 +57,6 @@ def test_exactly_one_source_of_poses(run: Run, given: list[str]) -> None:
     assert "exactly one" in ended.err
 
 
-def test_a_task_out_of_reach(run: Run, cell: Path) -> None:
-    ended = run("sensitivity", "--robot", "ur5", "--task", cell / "task.toml")
-    assert (ended.status, ended.out) == (1, "")
-    assert "ur5 does not reach" in ended.err
-
-
 def test_a_task_partly_out_of_reach_says_so(run: Run, cell: Path, tmp_path: Path) -> None:
     task = (cell / "task.toml").read_text().replace("[500.0, 700.0, 500.0]", "[3000.0, 700.0, 500.0]")
     (tmp_path / "wide.toml").write_text(task)
@@ -96,9 +90,3 @@ def test_a_campaign_s_own_uncertainty_is_the_noise_of_what_it_tells_apart(run: R
     own, modelled = run(*asked, tmp_path / "stated.csv").json, run(*asked, cell / "one.csv").json
     assert own["told_apart"]["noise_mm"] == pytest.approx(0.5)
     assert own["told_apart"]["count"] < modelled["told_apart"]["count"]
-
-
-def test_a_negative_model_error_is_refused(run: Run, cell: Path) -> None:
-    ended = run("sensitivity", "--robot", IRB6660, "--task", cell / "task.toml", "--model-error-mm", "-1")
-    assert ended.status == 2
-    assert "--model-error-mm" in ended.err

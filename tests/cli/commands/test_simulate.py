@@ -23,12 +23,6 @@ def test_the_truth_explains_the_campaign(cell: Path) -> None:
     assert np.abs(campaign.points[:, 0] - ends[:, :3, 3]).max() < 2e-4
 
 
-def test_three_reflectors_and_poses(cell: Path) -> None:
-    robot = load_robot(IRB6660)
-    assert read_campaign(cell / "three.csv", robot).targets == ("smr1", "smr2", "smr3")
-    assert read_campaign(cell / "poses.csv", robot).rotations is not None
-
-
 def test_the_same_seed_gives_the_same_file(run: Run, cell: Path, tmp_path: Path) -> None:
     written = []
     for name, seed in (("a.csv", 3), ("b.csv", 3), ("c.csv", 4)):
@@ -36,15 +30,6 @@ def test_the_same_seed_gives_the_same_file(run: Run, cell: Path, tmp_path: Path)
         assert run("simulate", "--robot", IRB6660, *task, "-o", tmp_path / name).status == 0
         written.append((tmp_path / name).read_bytes())
     assert written[0] == written[1] != written[2]
-
-
-def test_json(run: Run, cell: Path, tmp_path: Path) -> None:
-    path = tmp_path / "c.csv"
-    ended = run("simulate", "--robot", IRB6660, "--task", cell / "task.toml", "--count", 8, "-o", path, "--json")
-    assert ended.err == ""
-    assert ended.json["campaign"] == str(path)
-    assert ended.json["rows"] == 8
-    assert ended.json["unreachable_share"] == 0.0
 
 
 @pytest.mark.parametrize(
@@ -57,25 +42,6 @@ def test_inconsistent_options(
     ended = run("simulate", "--robot", IRB6660, "--task", cell / "task.toml", "-o", "c.csv", *options)
     assert ended.status == 2
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ('shape = "box"', 'shape = "ball"', "workspace, shape: must be 'box' or 'cylinder' (got 'ball')"),
-        ("0.296]", "0.9]", "has length 1.3"),
-        ("size_mm = [500.0, 700.0, 500.0]", "", "a box has size_mm"),
-        ("[workspace]", "[workspace", "is not TOML"),
-        ('frame = "base"', 'frame = "vice"', "the workspace's frame 'vice' is not defined; known: base"),
-    ],
-)
-def test_a_task_file_that_is_wrong(run: Run, cell: Path, tmp_path: Path, old: str, new: str, message: str) -> None:
-    path = tmp_path / "task.toml"
-    path.write_text((cell / "task.toml").read_text().replace(old, new))
-    ended = run("simulate", "--robot", IRB6660, "--task", path, "-o", tmp_path / "c.csv")
-    assert (ended.status, ended.out) == (1, "")
-    assert f"error: {path}:" in ended.err
-    assert message in ended.err
 
 
 def test_a_folder_that_is_missing_is_found_before_anything_is_computed(

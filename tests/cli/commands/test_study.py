@@ -114,16 +114,6 @@ def test_what_cannot_be_studied(run: Run, ask: list[object], cell: Path, tmp_pat
         assert said in ended.err
 
 
-def test_a_robot_without_publication_has_no_published_model(
-    run: Run, ask: list[object], cell: Path, tmp_path: Path
-) -> None:
-    task = (cell / "task.toml").read_text().replace("[1711.0, 30.0, 1489.0]", "[300.0, 200.0, 400.0]")
-    (tmp_path / "near.toml").write_text(task.replace("[500.0, 700.0, 500.0]", "[100.0, 100.0, 100.0]"))
-    ended = run(*ask, "--robot", "ur5", "--task", tmp_path / "near.toml", "--models", "published")
-    assert ended.status == 1
-    assert "nothing is published of ur5" in ended.err
-
-
 @pytest.mark.slow
 def test_a_cluster_of_other_processes_gives_the_same_rows(run: Run, ask: list[object], tmp_path: Path) -> None:
     small = [*ask, "--robots", "2", "--counts", "10", "--plans", "random"]

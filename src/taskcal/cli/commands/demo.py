@@ -138,7 +138,7 @@ def _show(procedure: "Procedure") -> None:
     tell()
     for table in overview(procedure):
         show(table, note=True)
-    say("In short")
+    say("Summary")
     for point in summary_points(procedure):
         say(f"- {point}")
     tell()
