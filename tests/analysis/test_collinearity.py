@@ -21,7 +21,8 @@ def columns(rng: np.random.Generator, noise: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.05])
-def test_a_combination_is_found_with_its_coefficients_and_its_share(noise):
+def test_collinearity_finds_coefficients_and_share(noise):
+    """A combination is found with its coefficients and its share."""
     (found,) = find_collinearities(columns(np.random.default_rng(0), noise), NAMES, ["b", "d", "e", "f"])
     assert (found.name, list(found.by)) == ("e", ["a", "c"])
     assert found.by == pytest.approx({"a": 3.0, "c": -20.0})
@@ -48,7 +49,8 @@ def test_inflation_is_that_of_a_regression_on_all_others():
         assert found[NAMES[k]].inflation == pytest.approx(expected, rel=1e-6)
 
 
-def test_an_exact_repeat_has_no_finite_inflation_and_leaves_that_of_others_alone():
+def test_exact_repeat_has_infinite_inflation():
+    """An exact repeat has no finite inflation and leaves that of others alone."""
     matrix = np.random.default_rng(2).normal(size=(9, 4))
     matrix[:, 3] = -2.0 * matrix[:, 0]
     matrix[:, 2] = matrix[:, 1] + 0.05 * matrix[:, 2]
@@ -61,7 +63,8 @@ def test_an_exact_repeat_has_no_finite_inflation_and_leaves_that_of_others_alone
     assert 100 < found["b"].inflation < 1e5
 
 
-def test_in_a_small_workspace_effects_repeat_offsets_and_over_a_large_one_they_do_not():
+def test_small_workspace_makes_effects_repeat_offsets():
+    """In a small workspace effects repeat offsets and over a large one they do not."""
     model = ErrorModel(load_robot("abb-irb120")) + Harmonics(orders=(1,)) + Compliance() + Coupling()
     rng = np.random.default_rng(0)
     small = identifiability(model, rng.uniform(-0.15, 0.15, (80, 6)), frames=True)
@@ -75,7 +78,7 @@ def test_in_a_small_workspace_effects_repeat_offsets_and_over_a_large_one_they_d
     assert large.collinear(model.effect_names, against=geometry) == ()
 
 
-def test_gravity_on_an_upright_arm_is_a_harmonic_of_its_axis_at_any_pose():
+def test_gravity_of_an_upright_arm_is_a_harmonic():
     """The upper arm of the IRB 120 is 0.27 m long: what hangs on its end pulls with a lever of 0.27·cos of its angle."""
     model = ErrorModel(load_robot("abb-irb120")) + Harmonics(orders=(1,)) + Compliance(joints=("J2",))
     rng = np.random.default_rng(0)

@@ -23,7 +23,8 @@ def test_a_combination_in_words(terms: dict[str, float], words: str) -> None:
     assert describe_combination(terms, {"a": "A"}) == words
 
 
-def test_every_parameter_has_a_row_and_the_fate_that_its_poses_give_it() -> None:
+def test_every_parameter_has_a_row_of_the_table() -> None:
+    """Every parameter has a row and the fate that its poses give it."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     rng = np.random.default_rng(0)
     table = tabulate_elimination(model, {"some": irb6660_positions(rng, 30), "others": irb6660_positions(rng, 30)})

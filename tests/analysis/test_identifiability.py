@@ -43,7 +43,7 @@ def test_relations_of_made_columns_are_those_they_were_made_with(rng, p):
     np.testing.assert_allclose(found.relations(), np.c_[np.eye(p), np.where(zero, 0.0, made)], rtol=1e-9, atol=1e-12)
 
 
-def test_a_column_of_pure_rounding_has_no_effect_and_a_small_one_has():
+def test_rounding_column_has_no_effect():
     """A column counts against the largest: rounding leaves 1e-16 of it, the smallest that counts is 1e-9."""
     rng = np.random.default_rng(0)
     J = np.linalg.qr(rng.normal(size=(30, 4)))[0]
@@ -60,7 +60,7 @@ def test_a_column_of_pure_rounding_has_no_effect_and_a_small_one_has():
 
 
 @pytest.mark.parametrize("components", ["position", "pose"])
-def test_the_rank_with_frames_is_that_of_derivatives_by_differences(components):
+def test_rank_with_frames_is_that_of_differences(components):
     """Of base, robot and target moved one after another, without the columns that are written down for them."""
     rng = np.random.default_rng(3)
     model = ErrorModel(robot_from(industrial(rng)))
@@ -97,7 +97,8 @@ def with_rod(millimetres):
     return ErrorModel(robot_from({**description, "four_bar": {**description["four_bar"], "rod_mm": millimetres}}))
 
 
-def test_a_rod_a_tenth_of_a_millimetre_longer_adds_to_the_exact_rank_and_nothing_that_is_told_apart():
+def test_longer_rod_adds_rank_and_nothing_distinguishable():
+    """A rod a tenth of a millimetre longer adds to the exact rank and nothing that is told apart."""
     q = irb6660_positions(np.random.default_rng(0), 60)
     ideal, longer = (identifiability(with_rod(rod), q) for rod in (700.0, 700.1))
     assert (ideal.rank, longer.rank) == (25, 26)

@@ -23,13 +23,15 @@ def test_tracker_and_model_error_add_in_squares():
     assert said["noise_mm"] ** 2 == pytest.approx(said["tracker_mm"] ** 2 + said["model_error_mm"] ** 2)
 
 
-def test_a_campaign_s_stated_uncertainties_count_instead_of_the_tracker_s():
+def test_stated_uncertainties_replace_the_trackers():
+    """A campaign's stated uncertainties count instead of the tracker's."""
     campaign, _ = simulate(MODEL, Q, rng=np.random.default_rng(1))
     stated = replace(campaign, uncertainty=np.full((8, 1), 7e-5))
     assert measuring_noise(MODEL, Q, stated).tracker == pytest.approx(7e-5)
     assert measuring_noise(MODEL, Q, campaign).tracker < 3e-5
 
 
-def test_a_robot_that_states_no_model_error_has_that_of_a_typical_one():
+def test_unstated_model_error_is_typical():
+    """A robot that states no model error has that of a typical one."""
     robot = replace(MODEL.robot, model_error=None)
     assert measuring_noise(ErrorModel(robot), Q).model_error is TYPICAL

@@ -10,7 +10,8 @@ from taskcal.geometry import se3
 from taskcal.robot.error_model import ErrorModel
 
 
-def test_a_way_whose_start_is_not_known_is_assessed_at_its_end_only(robot, make_moves, middle):
+def test_unknown_start_is_assessed_at_the_end_only(robot, make_moves, middle):
+    """A way whose start is not known is assessed at its end only."""
     moves = make_moves([middle @ se3.translation(0.05 * k, 0.0, 0.0) for k in range(3)])
     trajectory = simulate_controller(robot, moves)
     placed = Placed(

@@ -71,7 +71,8 @@ def test_the_true_tool_is_where_the_program_wants_it(true_robot, name, in_hand):
         assert np.abs(move.end.T - wanted.end.T).max() > 1e-5
 
 
-def test_the_true_part_in_a_kukas_hand_is_where_the_program_wants_it(true_robot):
+def test_true_part_in_a_kukas_hand_is_as_programmed(true_robot):
+    """The true part in a KUKA's hand is where the program wants it."""
     calibration, chain, q = true_robot
     robot = calibration.model.robot
     flange = chain.pose(q) @ np.linalg.inv(robot.T_flange_tool)
@@ -121,7 +122,7 @@ def test_the_true_cutter_of_an_apt_path_is_where_its_points_are(true_robot):
 
 @pytest.mark.parametrize("name", ["p.mod", "p.src"])
 @pytest.mark.parametrize("carries", ["robot", "part"])
-def test_the_true_tool_is_where_the_program_wants_it_on_external_axes(true_robot, name, carries):
+def test_true_tool_is_as_programmed_on_external_axes(true_robot, name, carries):
     """On a track the robot's base moves; on a turntable, in RAPID, the part does."""
     if carries == "part" and name == "p.src":
         pytest.skip("a base that moves is named by machine data, which tests/robot_programs/krl reads")
@@ -228,7 +229,7 @@ def test_the_true_tool_is_where_a_krl_loop_wants_it(true_robot):
 
 
 @pytest.mark.parametrize("name", ["p.mod", "p.src"])
-def test_the_true_tool_is_where_the_program_wants_it_on_a_pedestal(true_robot, name):
+def test_true_tool_is_as_programmed_on_a_pedestal(true_robot, name):
     """Its base is in MOC.cfg or $machine.dat; a pure rotation at the end goes at the stated speed."""
     calibration, chain, q = true_robot
     robot = calibration.model.robot

@@ -42,7 +42,8 @@ def test_a_cell_reads_back_as_it_was_written(tmp_path):
     assert found.tool("unknown").reflectors == {}
 
 
-def test_the_robots_base_and_its_external_axes_read_back_as_they_were_written(tmp_path):
+def test_base_and_external_axes_survive_the_cell_file(tmp_path):
+    """The robot's base and its external axes read back as they were written."""
     axes = (
         ExternalAxis(number=1, carries="robot", direction=np.array([0.0, 0.6, 0.8])),
         ExternalAxis(

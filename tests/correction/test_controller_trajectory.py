@@ -91,9 +91,7 @@ def test_a_posture_that_is_not_there_is_refused(robot, make_moves, middle, shift
 
 
 @pytest.mark.parametrize(("off", "binds", "taken"), [(30.0, True, True), (60.0, True, False), (60.0, False, True)])
-def test_the_nearest_posture_is_taken_where_the_controller_takes_it(
-    off, binds, taken, robot, make_moves, middle, model
-):
+def test_nearest_posture_is_taken_as_the_controller_does(off, binds, taken, robot, make_moves, middle, model):
     """A target whose configuration is one quadrant off: up to 45° it is accepted, and always where nothing checks it."""
     (move,) = make_moves([middle])
     own = min(find_postures(model, middle), key=lambda p: abs(p[0]))
@@ -109,7 +107,8 @@ def test_the_nearest_posture_is_taken_where_the_controller_takes_it(
     assert f"{off:.0f}° from it" in text
 
 
-def test_a_line_that_leads_to_another_posture_than_it_says_is_remarked(robot, make_moves, middle, shifted):
+def test_line_to_another_posture_is_reported(robot, make_moves, middle, shifted):
+    """A line that leads to another posture than it says is remarked."""
     first, second = make_moves([middle, shifted(30, 0, 0)])
     sign = float(np.sign(simulate_controller(robot, [first, second]).end[1][4]))
     trajectory = simulate_controller(robot, [first, replace(second, end=replace(second.end, posture=Elbow(-sign)))])

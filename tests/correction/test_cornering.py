@@ -42,7 +42,8 @@ def square(make_moves, shifted):
     return build
 
 
-def test_the_joints_bring_the_nominal_tool_along_the_rounded_path(robot, model, square):
+def test_joints_follow_the_rounded_path(robot, model, square):
+    """The joints bring the nominal tool along the rounded path."""
     moves = square(Zone(distance=0.01, turn_distance=0.015))
     trajectory = simulate_controller(robot, moves)
     path = RoundedPath(segments=trajectory.segments, corners=trajectory.corners)
@@ -115,7 +116,8 @@ def pocket(robot, square, shifted):
     return build
 
 
-def test_a_calibration_that_found_nothing_changes_no_byte_and_no_corner(pocket, nominal):
+def test_zero_calibration_changes_no_byte_and_no_corner(pocket, nominal):
+    """A calibration that found nothing changes no byte and no corner."""
     program = pocket("z10")
     found = correct(nominal, program)
     assert found.sources[0].text == program.sources[0].text

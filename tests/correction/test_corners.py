@@ -36,7 +36,8 @@ def test_a_corner_takes_what_its_zone_says_of_both_motions(corners):
     assert found.before.tolist() == [-1, -1, 1, -1]
 
 
-def test_no_corner_takes_more_than_half_of_the_shorter_motion_and_none_overlap(corners):
+def test_corners_take_half_of_the_shorter_motion(corners):
+    """No corner takes more than half of the shorter motion and none overlap."""
     wide = Zone(distance=0.2, turn_distance=0.3)
     found = corners(SQUARE, [None, wide, wide, None])
     np.testing.assert_allclose(found.exit[1], 0.3)
@@ -71,7 +72,8 @@ def test_motions_with_another_tool_do_not_share_a_corner(robot, corners):
     assert corners(SQUARE, [None, zone, zone, None], changed).after.tolist() == [-1, -1, -1, -1]
 
 
-def test_where_it_is_not_known_which_motion_comes_next_there_is_no_corner(corners):
+def test_unknown_next_motion_has_no_corner(corners):
+    """Where it is not known which motion comes next there is no corner."""
     both = lambda moves: [*moves[:3], replace(moves[3], follows=1)]  # noqa: E731
     zone = Zone(distance=0.01)
     assert (corners(SQUARE, [None, zone, None, None], both).after == -1).all()
@@ -87,7 +89,7 @@ def test_turns_on_the_spot_have_zones_of_their_own(robot, make_moves, middle):
     np.testing.assert_allclose(found.entry[2], 0.2)
 
 
-def test_a_motion_of_the_joints_is_left_and_joined_on_its_own_way(robot, make_moves, shifted):
+def test_joint_motion_is_left_and_joined_on_its_path(robot, make_moves, shifted):
     """Where it is left, the joints are at the same share of their way."""
     moves = make_moves([shifted(*point) for point in SQUARE])
     moves = [replace(move, kind="joint", zone=Zone(distance=0.02)) for move in moves]

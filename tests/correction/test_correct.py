@@ -76,7 +76,8 @@ def test_the_true_tool_goes_to_the_targets(pocket, calibration, robot):
     assert found.after.length[found.after.at_target].max() < 2e-9
 
 
-def test_a_correction_is_the_error_with_the_other_sign_to_first_order(pocket, calibration, robot):
+def test_correction_is_the_negative_error_to_first_order(pocket, calibration, robot):
+    """A correction is the error with the other sign to first order."""
     program = read_program(pocket, robot=robot)
     found = correct(calibration, program, bounds=Bounds(tolerance=1.0))
     moved = np.array([new.end.T[:3, 3] - old.end.T[:3, 3] for old, new in zip(program.moves, found.moves, strict=True)])
@@ -89,7 +90,8 @@ def test_a_correction_is_the_error_with_the_other_sign_to_first_order(pocket, ca
     np.testing.assert_allclose(found.shift, np.maximum(np.linalg.norm(moved, axis=1), on_the_way), atol=2e-8)
 
 
-def test_lines_and_arcs_are_cut_until_the_true_tool_keeps_to_them(pocket, calibration, robot):
+def test_segments_are_divided_until_the_tool_keeps_to_them(pocket, calibration, robot):
+    """Lines and arcs are cut until the true tool keeps to them."""
     program = read_program(pocket, robot=robot)
     coarse = correct(calibration, program, bounds=Bounds(tolerance=1.0))
     between = coarse.after.length[~coarse.after.at_target].max()
@@ -120,7 +122,8 @@ def test_what_would_move_too_far_is_left_and_named(pocket, calibration, robot):
     assert "would turn by" in turned.rejected[0]
 
 
-def test_targets_out_of_reach_are_refused_and_the_rest_is_corrected(tmp_path, shifted, calibration, robot):
+def test_targets_out_of_reach_are_refused_alone(tmp_path, shifted, calibration, robot):
+    """Targets out of reach are refused and the rest is corrected."""
     poses = [shifted(0, 0, 0), shifted(50, 0, 0), shifted(3000, 0, 0), shifted(0, 50, 0), shifted(0, 90, 0)]
     path = write_path(tmp_path / "far.csv", poses)
     found = correct(calibration, read_program(path, robot=robot))
@@ -202,7 +205,8 @@ def test_an_arc_whose_start_is_not_known_stays_an_arc(calibration, robot, make_m
     assert "begins where the text does not tell" in str(found.diagnostics[0])
 
 
-def test_a_part_that_is_stated_elsewhere_is_reported_as_a_move_too_far(tmp_path, nominal, robot, shifted):
+def test_misplaced_part_is_reported_as_a_large_shift(tmp_path, nominal, robot, shifted):
+    """A part that is stated elsewhere is reported as a move too far."""
     path = write_path(tmp_path / "part.csv", [shifted(0, 0, 0), shifted(20, 0, 0)])
     table = Frame(name="table", T=np.eye(4))
     program = read_program(path, robot=robot, tool=Frame(name="spindle", T=robot.T_flange_tool), part=table)
@@ -217,7 +221,8 @@ def test_a_part_that_is_stated_elsewhere_is_reported_as_a_move_too_far(tmp_path,
             assert "cell file" in why
 
 
-def test_joints_that_would_swing_near_a_singular_posture_are_refused(tmp_path, calibration, robot):
+def test_swinging_joints_near_singular_are_refused(tmp_path, calibration, robot):
+    """Joints that would swing near a singular posture are refused."""
     path = tmp_path / "wrist.csv"
     path.write_text("J1_deg,J2_deg,J3_deg,J4_deg,J5_deg,J6_deg\n0,10,20,0,-40,0\n0,10,20,0,0.05,0\n")
     found = correct(calibration, read_program(path, robot=robot))
@@ -227,7 +232,8 @@ def test_joints_that_would_swing_near_a_singular_posture_are_refused(tmp_path, c
     assert not correct(calibration, read_program(path, robot=robot), keep_joints=True).rejected
 
 
-def test_a_program_of_which_nothing_can_be_driven_is_refused_line_by_line(tmp_path, calibration, robot, shifted):
+def test_undrivable_program_is_refused_by_line(tmp_path, calibration, robot, shifted):
+    """A program of which nothing can be driven is refused line by line."""
     path = write_path(tmp_path / "far.csv", [shifted(9000, 0, 0), shifted(9100, 0, 0)])
     found = correct(calibration, read_program(path, robot=robot))
     assert sorted(found.rejected) == [0, 1]

@@ -30,7 +30,7 @@ def program(make_moves, shifted):
     return Motions(sources=(source,), moves=moves, diagnostics=())
 
 
-def test_diagnose_unchanged_files_names_files_without_corrected_motion(program):
+def test_diagnose_unchanged_files_names_them(program):
     """A file of motions whose points stand in another one, as in KRL, keeps its text and is not named."""
     two = replace(program, sources=(*program.sources, Source.of(Path("points.dat"), b"")))
     assert diagnose_unchanged_files(two, {0, 1}) == []
@@ -64,20 +64,23 @@ def test_a_motion_that_leaves_its_path_is_named_by_its_line(robot, program, corr
     assert said(program, corrected, calm(robot), deviation=(0.0, 3e-5, 1e-5), tolerance=1e-4) == ()
 
 
-def test_joints_that_would_have_to_be_too_fast_are_named_with_how_much(robot, program, corrected):
+def test_too_fast_joints_are_named_with_their_ratio(robot, program, corrected):
+    """Joints that would have to be too fast are named with how much."""
     speed = np.zeros(len(robot.joints))
     speed[2] = 1.5 * robot.speed_limits[2]
     (diagnostic,) = said(program, corrected, calm(robot, speed=speed))
     assert diagnostic.text.startswith(f"{robot.joint_names[2]} would have to turn 1.50 times as fast as it can")
 
 
-def test_a_singular_posture_is_named_by_the_motion_that_passes_it(robot, program, corrected):
+def test_singular_posture_is_named_by_its_motion(robot, program, corrected):
+    """A singular posture is named by the motion that passes it."""
     (diagnostic,) = said(program, corrected, calm(robot, conditioning=0.01, nearest_singular=2))
     assert diagnostic.place == program.moves[2].place
     assert "passes near a singular posture (ratio 0.010)" in diagnostic.text
 
 
-def test_tools_and_parts_that_no_motion_has_are_named_with_those_that_it_has(program):
+def test_unused_frames_are_named_with_the_used_ones(program):
+    """Tools and parts that no motion has are named with those that it has."""
     cell = Cell(tools={"spindle": Measured(name="spindle"), "spidnle": Measured(name="spidnle")})
     (diagnostic,) = diagnose_unused_frames(cell, program)
     assert diagnostic.text == "no motion has the cell's tool 'spidnle'; the program's: spindle"

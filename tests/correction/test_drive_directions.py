@@ -38,7 +38,8 @@ def test_directions_are_those_of_the_moves_between_targets(robot, make_moves, sh
     assert (found[1:][clear] < 0).any()
 
 
-def test_a_drive_that_turns_over_does_so_evenly_and_one_at_rest_does_not(robot, make_moves, shifted):
+def test_reversing_drive_turns_over_evenly(robot, make_moves, shifted):
+    """A drive that turns over does so evenly and one at rest does not."""
     moves = make_moves(zigzag(shifted))
     trajectory = simulate_controller(robot, moves)
     directions = drive_directions(robot, moves, trajectory)
@@ -63,7 +64,7 @@ def test_after_a_gap_nothing_is_known(robot, make_moves, shifted):
     assert np.abs(directions.at(np.array([4]), np.ones(1)).approach).max() == 1.0
 
 
-def test_a_corrected_program_meets_its_targets_from_the_side_each_drive_comes(tmp_path, lost_motion, robot, shifted):
+def test_corrected_targets_are_met_from_each_side(tmp_path, lost_motion, robot, shifted):
     """The true robot's drives stand where the controller, running the corrected program, drove them to last."""
     program = read_program(write_path(tmp_path / "zigzag.csv", zigzag(shifted)), robot=robot)
     assert uses_directions(lost_motion.model)
@@ -87,7 +88,8 @@ def test_a_corrected_program_meets_its_targets_from_the_side_each_drive_comes(tm
     assert correction.after.length[correction.after.at_target].max() < 5e-9
 
 
-def test_a_calibration_without_lost_motion_asks_for_no_directions(calibration):
+def test_no_lost_motion_needs_no_directions(calibration):
+    """A calibration without lost motion asks for no directions."""
     assert not uses_directions(calibration.model)
 
 
@@ -99,9 +101,7 @@ def test_lines_stay_within_the_tolerance_where_drives_turn_over(tmp_path, lost_m
     assert correction.pieces.max() < 100
 
 
-def test_a_touched_part_is_where_the_drives_stood_when_it_was_touched(
-    calibration, lost_motion, robot, measured, make_moves, middle
-):
+def test_touched_part_counts_the_drives_directions(calibration, lost_motion, robot, measured, make_moves, middle):
     """Touched in another order, points are reached from other sides; without lost motion that is all the same."""
     touches, probe = measured[[0, 9, 23, 41]], Measured(name="probe", controller=robot.T_flange_tool)
     move = make_moves([middle])[0]
@@ -116,7 +116,8 @@ def test_a_touched_part_is_where_the_drives_stood_when_it_was_touched(
     assert np.linalg.norm(place(lost_motion, again) - place(lost_motion, touches)) > 1e-5
 
 
-def test_the_uncertainty_counts_what_is_not_known_of_the_lost_motion(lost_motion, measured, make_moves, middle):
+def test_uncertainty_counts_the_lost_motions(lost_motion, measured, make_moves, middle):
+    """The uncertainty counts what is not known of the lost motion."""
     frames = calibrate_frames(lost_motion, make_moves([middle])[0], Cell())
     q = measured[:5]
     not_told = frames.variances(q, Conditions(approach=np.zeros_like(q)))

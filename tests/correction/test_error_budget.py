@@ -11,7 +11,8 @@ def variances(*micrometres):
     return np.array([micrometres, micrometres], dtype=float) ** 2 * 1e-12
 
 
-def test_expected_errors_contain_the_uncertainty_before_and_after():
+def test_expected_errors_contain_the_uncertainty():
+    """Expected errors contain the uncertainty before and after."""
     found = budget_of(np.array([3e-4, 3e-4]), np.zeros(2), variances(100, 200, 200, 0))
     assert found.uncertainty == pytest.approx(3e-4)
     assert found.after == pytest.approx(3e-4)
@@ -43,7 +44,8 @@ def test_targets_that_are_not_known_do_not_count():
 
 
 @pytest.mark.parametrize("model_error", ["A", "B"])
-def test_the_uncertainty_of_targets_is_what_is_expected_after_the_correction(model_error):
+def test_uncertainty_of_targets_is_the_expected_error(model_error):
+    """The uncertainty of targets is what is expected after the correction."""
     found = budget_of(np.full(2, 1e-3), np.full(2, 4e-5), variances(100, 200, 0, 50))
     budget = found.of_targets(model_error)
     assert budget.combined == pytest.approx(found.after)

@@ -11,7 +11,7 @@ from taskcal.geometry import se3
 from tests.correction.cells import PART, cells
 
 
-def test_a_part_touched_by_the_robot_is_right_where_it_was_touched(calibration, robot, measured, cutting):
+def test_touched_part_is_right_where_touched(calibration, robot, measured, cutting):
     """A controller's frame set from three touched points carries the robot's own errors: there they cancel."""
     q = measured[[0, 9, 23]]
     probe = robot.T_flange_tool @ se3.translation(z=0.05)

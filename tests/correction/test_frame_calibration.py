@@ -95,7 +95,8 @@ def test_the_variance_is_shared_out_among_its_sources(name, calibration, robot, 
         assert tool + part < geometry
 
 
-def test_a_part_in_hand_is_the_same_robot_seen_from_the_other_side(calibration, robot, measured, make_moves, middle):
+def test_part_in_hand_is_the_inverse_view(calibration, robot, measured, make_moves, middle):
+    """A part in hand is the same robot seen from the other side."""
     tool, part = Frame(name="disc", T=middle), Frame(name="blade", T=robot.T_flange_tool)
     (move,) = make_moves([np.eye(4)], tool=tool, part=part, in_hand=True)
     frames = calibrate_frames(calibration, move, Cell())

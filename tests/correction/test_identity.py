@@ -82,7 +82,8 @@ def nothing_of_a_fanuc():
     return identify(model, campaign, keep=[])
 
 
-def test_random_tp_programs_stay_as_they_are_with_the_files_of_their_frames(nothing_of_a_fanuc):
+def test_random_tp_programs_stay_as_they_are(nothing_of_a_fanuc):
+    """Random TP programs stay as they are with the files of their frames."""
     lines = 0
     for seed in range(40):
         sources = generate(np.random.default_rng(seed), trouble=False)

@@ -109,7 +109,8 @@ def test_where_the_robot_stands_is_asked_once(corners, part, robot, conf, calibr
     assert not [diagnostic for diagnostic in stated.diagnostics if "where does it stand" in diagnostic.text]
 
 
-def test_cell_file_and_program_must_not_place_the_robot_differently():
+def test_conflicting_bases_are_refused():
+    """Cell file and program must not place the robot differently."""
     krl = (
         "DEF P( )\nPTP {A1 0,A2 -90,A3 90,A4 0,A5 30,A6 0}\nEND\n",
         "DEFDAT $MACHINE\nFRAME $ROBROOT={X 0,Y 0,Z 500,A 0,B 0,C 0}\nENDDAT\n",

@@ -60,7 +60,7 @@ def test_motions_of_a_tool_path_keep_their_kind(tmp_path, calibration, robot, mi
 
 
 @pytest.mark.parametrize("into", WORDS)
-def test_corners_that_only_the_new_program_rounds_are_said_with_how_much(tmp_path, calibration, robot, shifted, into):
+def test_new_corners_are_reported_with_their_distance(tmp_path, calibration, robot, shifted, into):
     """At a right angle, zones of 0.3 mm pass by at a quarter of the square's diagonal."""
     poses = [shifted(x, y, 0) for x, y in ((0, 0), (40, 0), (40, 30), (90, 30), (90, 80))]
     path = write_path(tmp_path / "path.csv", poses)

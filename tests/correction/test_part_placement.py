@@ -54,7 +54,7 @@ def test_a_placement_is_the_program_with_its_frame_moved(calibration, program):
     assert 0.0 < placed.after < placed.before
 
 
-def test_a_touched_part_is_left_with_what_its_targets_do_not_have_in_common(calibration, program, robot):
+def test_touched_part_keeps_relative_errors_only(calibration, program, robot):
     """Robots drawn from the covariance, their targets brought back by the nearest rigid motion, by SciPy."""
     whole = place(calibration, program, NOWHERE).now
     touched = place(calibration, program, NOWHERE, touched_off=True).now
@@ -75,7 +75,8 @@ def test_a_touched_part_is_left_with_what_its_targets_do_not_have_in_common(cali
     np.testing.assert_allclose(np.sqrt(touched.after**2 - white), np.sqrt(np.mean(squares)), rtol=0.1)
 
 
-def test_moving_the_robot_as_a_whole_is_no_error_of_a_touched_part(robot):
+def test_rigid_motion_is_no_error_of_a_touched_part(robot):
+    """Moving the robot as a whole is no error of a touched part."""
     points = np.random.default_rng(1).standard_normal((7, 3)) + 5.0
     twists = np.random.default_rng(2).standard_normal((6, 4))
     errors = se3.by_twist(points) @ twists

@@ -9,7 +9,8 @@ from tests.robot_programs.rapid.samples import POINTS, module
 
 
 @pytest.mark.parametrize(("off_mm", "fine"), [(0.0, True), (0.02, True), (0.05, False)])
-def test_a_target_that_reads_beside_what_was_to_be_written_is_an_error(off_mm, fine):
+def test_read_back_beside_the_target_is_an_error(off_mm, fine):
+    """A target that reads beside what was to be written is an error."""
     moves = read_rapid([module("MoveL p1,v5,fine,tool0;MoveL p2,v5,fine,tool0;MoveL p3,v5,fine,tool0;", POINTS)]).moves
     T = moves[2].end.T.copy()
     T[0, 3] += off_mm * 1e-3

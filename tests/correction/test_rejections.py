@@ -15,7 +15,8 @@ from taskcal.correction.correction import Bounds
     ],
     ids=["shift", "turn", "joint"],
 )
-def test_only_the_motion_beyond_a_bound_is_rejected_and_says_which(robot, corrected, bounds, words):
+def test_motion_beyond_a_bound_is_rejected_alone(robot, corrected, bounds, words):
+    """Only the motion beyond a bound is rejected and says which."""
     trajectory, subdivision = corrected([0.0, 1e-3, 2e-3], [0.0, 0.01, 0.02], [0.0, 0.02, 0.04])
     changes = target_changes(robot, subdivision, trajectory)
     rejected = find_rejections(robot, subdivision, changes, bounds)

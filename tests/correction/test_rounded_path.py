@@ -68,7 +68,8 @@ def test_the_tool_point_goes_as_under_constant_acceleration(seed):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_corner_lies_in_the_triangle_of_where_it_begins_its_target_and_where_it_ends(seed):
+def test_corner_lies_in_its_triangle(seed):
+    """The corner lies in the triangle of where it begins its target and where it ends."""
     path, lengths, near, _ = random_corner(seed)
     P = path.segments.end[0, :3, 3]
     A = P + near / lengths[0] * (path.segments.start[0, :3, 3] - P)
@@ -108,7 +109,7 @@ def test_place_and_orientation_run_on_without_a_step_or_a_kink(seed):
         np.testing.assert_allclose(turns[0], turns[1], atol=1e-10)
 
 
-def test_the_orientation_begins_to_change_where_its_own_zone_begins():
+def test_orientation_changes_from_its_own_zone_on():
     """About one axis it turns at a rate that changes evenly, from the edge of the wider zone on."""
     z = np.array([0.0, 0.0, 1.0])
     poses = [
@@ -134,7 +135,9 @@ def test_a_turn_on_the_spot_is_rounded_too():
 
 
 @pytest.mark.parametrize("half", [0.1, 0.3])
-def test_between_two_pieces_of_one_arc_the_path_keeps_to_the_circle(half):
+def test_corner_between_arc_pieces_keeps_to_the_circle(half):
+    """Between two pieces of one arc the path keeps to the circle."""
+
     def on(angle):
         return np.array([np.cos(angle), np.sin(angle), 0.0])
 

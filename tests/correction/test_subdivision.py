@@ -44,13 +44,15 @@ def test_nodes_are_met_and_the_path_between_them_is_kept(problem, tolerance):
     np.testing.assert_array_equal(np.bincount(nodes.move), subdivision.pieces * per_piece)
 
 
-def test_a_tighter_tolerance_takes_more_pieces_and_a_motion_of_all_joints_none(problem):
+def test_tighter_tolerance_takes_more_pieces(problem):
+    """A tighter tolerance takes more pieces and a motion of all joints none."""
     wide, tight = (subdivide(problem(tolerance)).pieces for tolerance in (1e-4, 3e-7))
     assert wide[0] == tight[0] == 1
     assert (tight[1:] > wide[1:]).all()
 
 
-def test_a_program_that_would_grow_too_much_is_divided_less_up_to_the_widest_tolerance(problem):
+def test_growth_widens_the_tolerance_to_its_bound(problem):
+    """A program that would grow too much is divided less up to the widest tolerance."""
     fine = subdivide(problem(1e-7))
     assert fine.tolerance == 1e-7
     assert fine.pieces.sum() > 6

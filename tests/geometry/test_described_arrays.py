@@ -11,7 +11,8 @@ from tests.laws.robots import generators
 
 
 @given(generators)
-def test_an_array_comes_back_from_its_lists_and_null_is_not_a_number(rng):
+def test_array_survives_its_lists(rng):
+    """An array comes back from its lists and null is not a number."""
     array = rng.normal(size=(3, 2))
     np.testing.assert_array_equal(array_of("key", array.tolist(), (3, 2)), array)
     assert np.isnan(array_of("key", [[None, 1.0]], (1, 2))[0, 0])
@@ -31,7 +32,8 @@ def test_another_shape_is_refused(values, message):
 
 
 @given(generators)
-def test_rigid_transforms_pass_and_what_scales_mirrors_or_shears_does_not(rng):
+def test_only_rigid_transforms_pass(rng):
+    """Rigid transforms pass and what scales mirrors or shears does not."""
     T = np.stack([random_pose(rng, 2.0) for _ in range(3)])
     assert rigid("key", T) is T
     scale, mirror, shear = np.eye(4), np.diag([1.0, 1.0, -1.0, 1.0]), np.eye(4)

@@ -150,7 +150,8 @@ def test_the_rocker_follows_the_crank_through_whole_turns(turns):
     np.testing.assert_allclose(again - once, 2 * np.pi * turns, atol=1e-12)
 
 
-def test_a_loop_that_cannot_close_names_the_first_such_pose_and_its_angles():
+def test_open_loop_names_its_first_pose():
+    """A loop that cannot close names the first such pose and its angles."""
     bar = replace(PARALLELOGRAM, rod=0.9)
     alpha = np.zeros(5)
     kappa = np.radians([0.0, 10.0, 75.0, 0.0, 80.0])
@@ -182,7 +183,8 @@ def with_lengths(loop, change, out):
 
 
 @given(generators)
-def test_a_loop_that_is_lengthened_inside_a_kernel_is_the_one_with_those_lengths(rng):
+def test_compiled_lengths_are_those_of_the_loop(rng):
+    """A loop that is lengthened inside a kernel is the one with those lengths."""
     crank, rod, rocker, arm = rng.uniform(0.3, 1.2, size=4)
     bar, side = FourBar(crank=crank, rod=rod, rocker=rocker, arm=arm), Side(lever=1.0, turn=-1.0)
     change, out = rng.normal(scale=0.2, size=3), np.empty(10)

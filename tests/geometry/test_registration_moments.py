@@ -17,7 +17,8 @@ def residuals(R, p, y, target, Z, t, offsets):
 
 @settings(max_examples=20)
 @given(generators, st.integers(1, 3))
-def test_translation_and_offsets_are_the_linear_least_squares_of_a_rotation(rng, count):
+def test_offsets_are_the_least_squares_of_a_rotation(rng, count):
+    """Translation and offsets are the linear least squares of a rotation."""
     R, p, y, target, (Z, _, _) = cloud(rng, count=count, noise=1e-2)
     moments = Moments.of(R, p, y, target, count)
     t, offsets = moments.offsets(Z)
@@ -44,7 +45,8 @@ def test_the_sum_of_squares_and_its_fall_are_those_of_the_points(rng, count):
 
 @settings(max_examples=20)
 @given(generators)
-def test_a_direction_that_is_held_leaves_the_offsets_at_zero_along_it(rng):
+def test_held_direction_keeps_offsets_at_zero(rng):
+    """A direction that is held leaves the offsets at zero along it."""
     R, p, y, target, (Z, _, _) = cloud(rng, count=2)
     moments = Moments.of(R, p, y, target, 2)
     axis = rng.normal(size=6)

@@ -48,7 +48,8 @@ def test_the_alternation_alone_finds_both_rotations_from_near_by(rng, away):
 
 @settings(max_examples=20)
 @given(generators)
-def test_the_closed_form_of_rotations_alone_is_exact_without_noise(rng):
+def test_closed_form_of_rotations_is_exact(rng):
+    """The closed form of rotations alone is exact without noise."""
     R = Rotation.random(20, random_state=rng).as_matrix()
     Z, X = Rotation.random(2, random_state=rng).as_matrix()
     found = closed_form_rotations(R, Z @ R @ X)

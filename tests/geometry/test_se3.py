@@ -77,7 +77,8 @@ def test_apply_moves_points_as_homogeneous_coordinates_do(rng):
 
 
 @given(generators)
-def test_fitted_points_agree_with_scipy_and_are_carried_onto_each_other(rng):
+def test_fit_points_agrees_with_scipy(rng):
+    """Fitted points agree with SciPy and are carried onto each other."""
     a, T = rng.normal(size=(5, 3)), rigid(rng)
     np.testing.assert_allclose(se3.fit_points(a, se3.apply(T, a)), T, atol=1e-10)
     b = se3.apply(T, a) + 0.1 * rng.normal(size=a.shape)

@@ -76,7 +76,8 @@ def box_distance(points: np.ndarray, box: Box) -> np.ndarray:
 
 
 @given(generators)
-def test_a_capsule_is_clear_of_a_box_if_no_point_of_its_axis_is_within_its_radius(rng):
+def test_capsule_is_clear_of_a_box_beyond_its_radius(rng):
+    """A capsule is clear of a box if no point of its axis is within its radius."""
     links, box = random_links(rng), random_box(rng)
     share = np.linspace(0, 1, 400)[:, None]
     along = links.start[:, :, None] + share * (links.end - links.start)[:, :, None]
@@ -93,7 +94,8 @@ def test_a_capsule_is_clear_of_a_box_if_no_point_of_its_axis_is_within_its_radiu
 
 
 @given(generators)
-def test_a_robot_is_clear_of_itself_if_no_links_meet_but_neighbours(rng):
+def test_robot_is_clear_of_itself_but_neighbours(rng):
+    """A robot is clear of itself if no links meet but neighbours."""
     links = random_links(rng, count=5)
     lengths = np.linalg.norm(links.end - links.start, axis=2).max(axis=0)
     share = np.linspace(0, 1, 60)[:, None]
@@ -166,7 +168,8 @@ def test_moving_everything_together_changes_nothing(rng):
 
 @given(generators)
 @settings(max_examples=10)
-def test_links_run_from_the_base_over_the_joints_to_the_tool_point(rng):
+def test_links_run_from_base_to_tool_point(rng):
+    """Links run from the base over the joints to the tool point."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = irb6660_positions(rng, 5)
     links = place_links(model, q)
@@ -180,7 +183,8 @@ def test_links_run_from_the_base_over_the_joints_to_the_tool_point(rng):
     np.testing.assert_allclose(lengths[:, :6], np.broadcast_to(expected, (5, 6)), atol=1e-12)
 
 
-def test_a_folded_robot_is_in_its_own_way_and_a_stretched_one_is_not():
+def test_folded_robot_meets_itself():
+    """A folded robot is in its own way and a stretched one is not."""
     fold = Links(
         start=np.array([[[0, 0, 0], [0, 0, 1], [1, 0, 1], [1, 0, 0.9]]], dtype=float),
         end=np.array([[[0, 0, 1], [1, 0, 1], [1, 0, 0.9], [0, 0, 0.5]]], dtype=float),

@@ -13,7 +13,8 @@ from taskcal.robot.robot_file import robot_from
 from tests.laws.robots import irb6660_description
 
 
-def test_poses_at_which_the_loop_is_singular_are_told_apart_and_not_reached():
+def test_singular_loop_poses_are_not_reached():
+    """Poses at which the loop is singular are told apart and not reached."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = np.zeros((3, 6))
     q[1, 2] = np.radians(90.0)  # rod and arm in line with the levers
@@ -22,7 +23,8 @@ def test_poses_at_which_the_loop_is_singular_are_told_apart_and_not_reached():
     assert solve_near(model, T, q).reached.tolist() == [True, False, True]
 
 
-def test_conditioning_falls_to_zero_at_singular_postures_and_where_the_loop_is_open():
+def test_conditioning_is_zero_where_singular_or_open():
+    """Conditioning falls to zero at singular postures and where the loop is open."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = np.radians(np.tile([0.0, 10.0, 40.0, 10.0, 45.0, 20.0], (4, 1)))
     q[1, 4], q[2, 4], q[3, 2] = np.radians(1.0), 0.0, q[3, 1] + np.radians(90.0)

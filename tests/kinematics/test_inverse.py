@@ -84,7 +84,7 @@ def test_the_parallelogram_is_solved_through_its_closure(rng):
 
 
 @given(generators)
-def test_a_robot_with_effects_is_solved_where_its_joints_truly_stand(rng):
+def test_solve_near_knows_the_effects(rng):
     """The joints' deflections are added by hand, and far larger than real ones."""
     description = limited(rng)
     robot = robot_from(description)
@@ -192,7 +192,7 @@ def test_found_postures_are_inside_all_limits_and_coupled_limits():
 
 @given(generators)
 @settings(max_examples=8)
-def test_followed_poses_are_met_and_continuous_in_the_branch_of_the_start(rng):
+def test_followed_poses_stay_on_the_branch(rng):
     """Poses of a small ball are neighbours of each other in the joints as well."""
     description = limited(rng)
     model = ErrorModel(robot_from(description))
@@ -283,7 +283,7 @@ def test_a_tip_in_the_tool_is_brought_to_the_pose(rng):
 
 @given(generators)
 @settings(max_examples=15)
-def test_a_free_spin_reaches_where_a_fixed_one_would_pass_a_limit(rng):
+def test_free_spin_reaches_beyond_a_limit(rng):
     """Only point and axis are met, near the seed; the same pose with its spin is outside the last joint's limits."""
     description = limited(rng)
     model = ErrorModel(robot_from(description))
@@ -306,7 +306,8 @@ def test_a_free_spin_reaches_where_a_fixed_one_would_pass_a_limit(rng):
     np.testing.assert_allclose(at[:, :3, 2], moved[:, :3, 2], rtol=0.0, atol=1e-9)
 
 
-def test_poses_solved_on_threads_equal_those_solved_a_few_at_a_time():
+def test_threads_solve_the_same_poses():
+    """Poses solved on threads equal those solved a few at a time."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = irb6660_positions(np.random.default_rng(0), 20_000)
     q[::7, 2] = q[::7, 1] + np.radians(95.0)  # where the loop does not close

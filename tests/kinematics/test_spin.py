@@ -50,7 +50,8 @@ def check(model: ErrorModel, T: np.ndarray, spun, tip: np.ndarray | None = None)
 
 @given(generators)
 @settings(max_examples=4)
-def test_paths_that_a_robot_can_follow_are_followed_whatever_spin_they_are_given_with(rng):
+def test_spin_of_the_given_path_does_not_matter(rng):
+    """Paths that a robot can follow are followed whatever spin they are given with."""
     model = ErrorModel(ROBOT)
     a = rng.uniform(np.radians([-90, -30, -40, -80, 40, -90]), np.radians([90, 40, 20, 80, 90, 90]))
     b = a + rng.uniform(-0.6, 0.6, 6)
@@ -74,7 +75,8 @@ def test_a_constant_spin_is_preferred():
     np.testing.assert_allclose(spun.T[:, :3, :3], np.broadcast_to(spun.T[0, :3, :3], (40, 3, 3)), atol=1e-12)
 
 
-def test_a_spin_that_turns_with_the_arm_reaches_where_none_that_stays_does():
+def test_turning_spin_reaches_where_a_constant_fails():
+    """A spin that turns with the arm reaches where none that stays does."""
     model = narrowed(J4=(-30.0, 30.0), J6=(-25.0, 25.0))
     T = arc(120, 2.0)
     spun = choose_spin(model, T)

@@ -50,7 +50,8 @@ def curve(rng: np.random.Generator, start: np.ndarray, n: int) -> np.ndarray:
 
 @given(generators)
 @settings(max_examples=8)
-def test_a_path_is_met_with_defects_and_effects_and_without_jumps(rng):
+def test_path_is_met_with_defects_and_effects(rng):
+    """A path is met with defects and effects and without jumps."""
     description = industrial(rng)
     model = ErrorModel(robot_from(description)) + Compliance() + Harmonics()
     x = rng.normal(size=len(model)) * model.tolerances
@@ -68,7 +69,8 @@ def test_a_path_is_met_with_defects_and_effects_and_without_jumps(rng):
     np.testing.assert_allclose(again.q, q, atol=1e-6)
 
 
-def test_a_sparse_path_is_followed_straight_from_pose_to_pose_as_a_dense_one_is():
+def test_sparse_path_is_followed_as_a_dense_one():
+    """A sparse path is followed straight from pose to pose as a dense one is."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     middle = reference_task().workspace.middle()[0]
     corners = np.tile(middle, (4, 1, 1))
@@ -87,7 +89,7 @@ def test_a_sparse_path_is_followed_straight_from_pose_to_pose_as_a_dense_one_is(
 
 @given(generators, st.sampled_from([0.0, 1e-6, 1e-4, 1e-3, 1e-2, 0.03, 0.1]))
 @settings(max_examples=12)
-def test_a_path_by_the_wrists_singular_posture_is_continuous_or_refused_there(rng, aside):
+def test_path_by_a_singular_wrist_has_no_jump(rng, aside):
     """Joint 5 passes through zero; the tool is tilted aside of that by more or less, so that joints 4 and 6 have to turn."""
     description = industrial(rng)
     model = ErrorModel(robot_from(description))
@@ -111,7 +113,7 @@ def test_a_path_by_the_wrists_singular_posture_is_continuous_or_refused_there(rn
 @pytest.mark.parametrize(
     ("aside", "passes"), [(0.0, True), (1e-3, False), (1e-2, False), (0.03, True), (0.1, True), (0.2, True)]
 )
-def test_joints_4_and_6_turn_by_the_singular_posture_as_fast_as_is_stated_and_no_faster(aside, passes):
+def test_wrist_joints_turn_no_faster_than_stated(aside, passes):
     """Aside by an angle, they turn by half a turn while the tool turns by about as much: too fast when the angle is small."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = np.tile(np.radians([0.0, 10.0, 30.0, 20.0, 0.0, 10.0]), (2000, 1))
@@ -130,7 +132,8 @@ def test_joints_4_and_6_turn_by_the_singular_posture_as_fast_as_is_stated_and_no
         assert turn > 2.0 if aside else turn < 1e-6
 
 
-def test_a_path_that_leaves_the_reach_names_the_poses_and_is_taken_up_again():
+def test_path_out_of_reach_is_taken_up_again():
+    """A path that leaves the reach names the poses and is taken up again."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     middle = reference_task().workspace.middle()[0]
     T = np.tile(middle, (301, 1, 1))
@@ -181,7 +184,7 @@ def test_coupled_limits_and_the_loop_are_reported():
     assert "J3 - J2" in rejections(model.robot, traced)[0][1]
 
 
-def test_with_seeds_on_two_branches_the_step_between_them_is_solved_anew():
+def test_seeds_on_two_branches_are_solved_again():
     """The seeds change to the other wrist halfway; the joints must not follow them without a word."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = np.tile(np.radians([0.0, 10.0, 40.0, 10.0, 45.0, 20.0]), (100, 1))
@@ -201,7 +204,7 @@ def test_with_seeds_on_two_branches_the_step_between_them_is_solved_anew():
     assert np.abs(np.diff(kept.q, axis=0)).max() > JUMP_RAD
 
 
-def test_seeds_that_change_branch_where_a_limit_ends_the_first_are_refused_there():
+def test_seeds_past_a_limit_are_refused_there():
     """Joint 6 comes to its limit; the seeds go on with the wrist turned over. The limit is named."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = np.tile(np.radians([0.0, 10.0, 40.0, 10.0, 45.0, 0.0]), (100, 1))
@@ -218,7 +221,8 @@ def test_seeds_that_change_branch_where_a_limit_ends_the_first_are_refused_there
     np.testing.assert_allclose(traced.q[first + 1 :], near[first + 1 :], atol=1e-7)
 
 
-def test_far_apart_a_seed_that_leads_elsewhere_is_replaced_by_the_straight_way():
+def test_misleading_seed_is_replaced_by_the_straight_path():
+    """Far apart a seed that leads elsewhere is replaced by the straight way."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = np.radians([[0.0, 10.0, 40.0, 10.0, 45.0, 20.0], [15.0, 15.0, 40.0, 10.0, 45.0, 20.0]])
     near = q.copy()
@@ -234,7 +238,8 @@ def test_far_apart_a_seed_that_leads_elsewhere_is_replaced_by_the_straight_way()
     assert first.reached.tolist() == [False, True]  # of the first pose there is nothing to start from
 
 
-def test_where_both_ways_never_agree_one_pose_is_refused_and_a_new_stretch_begins(monkeypatch):
+def test_disagreeing_branches_refuse_one_pose(monkeypatch):
+    """Where both ways never agree one pose is refused and a new stretch begins."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = np.tile(np.radians([0.0, 10.0, 40.0, 10.0, 45.0, 20.0]), (120, 1))
     q[:, 0] = np.linspace(0.0, 0.06, 120)

@@ -16,7 +16,8 @@ TURN = 2.0 * np.pi
 
 @given(generators)
 @settings(max_examples=8)
-def test_turned_postures_are_all_those_inside_the_limits_and_leave_the_tool_where_it_is(rng):
+def test_turned_postures_leave_the_tool_in_place(rng):
+    """Turned postures are all those inside the limits and leave the tool where it is."""
     description = industrial(rng)
     wide = [float(rng.choice([100.0, 190.0, 400.0])) for _ in range(6)]
     joints = [{**j, "limits_deg": [-half, half]} for j, half in zip(description["joint"], wide, strict=True)]
@@ -40,7 +41,8 @@ def test_turned_postures_are_all_those_inside_the_limits_and_leave_the_tool_wher
         assert np.all(np.diff(np.abs(found - q).sum(axis=1)) >= 0.0)
 
 
-def test_joints_that_move_axes_by_a_ratio_turn_by_the_period_of_all_they_move():
+def test_ratio_joints_turn_by_the_common_period():
+    """Joints that move axes by a ratio turn by the period of all they move."""
     names = ["J1", "J2", "J3"]
     description = industrial(np.random.default_rng(0))
     joints = [
@@ -62,7 +64,8 @@ def test_joints_that_move_axes_by_a_ratio_turn_by_the_period_of_all_they_move():
         np.testing.assert_allclose(plain.pose(description, row), plain.pose(description, q), rtol=0.0, atol=1e-11)
 
 
-def test_a_joint_without_limits_is_turned_once_either_way_and_a_sliding_one_not_at_all():
+def test_unlimited_joint_is_turned_once_either_way():
+    """A joint without limits is turned once either way and a sliding one not at all."""
     description = industrial(np.random.default_rng(0))
     joints = description["joint"][:2]
     joints[0] = {"name": "J1", "type": "prismatic", "mdh": {}, "limits_mm": [-9000.0, 9000.0]}

@@ -74,7 +74,8 @@ def test_an_arm_of_any_joints_has_as_many_as_its_formula_says(kinds, rng):
 
 
 @pytest.mark.parametrize(("joints", "pose", "targets"), [("six", 30, (27, 30, 33)), ("seven", 34, (31, 34, 37))])
-def test_a_six_axis_arm_of_usual_build_has_thirty_and_a_seventh_axis_four_more(joints, pose, targets):
+def test_six_axes_have_30_and_a_seventh_4_more(joints, pose, targets):
+    """A six axis arm of usual build has thirty and a seventh axis four more."""
     rng = np.random.default_rng(0)
     description, q = industrial(rng), industrial_positions(rng, 80)
     if joints == "seven":  # an elbow that turns, as lightweight arms have
@@ -89,7 +90,7 @@ def test_a_six_axis_arm_of_usual_build_has_thirty_and_a_seventh_axis_four_more(j
 @pytest.mark.parametrize(
     ("loop", "more"), [({}, 2), ({"rod_mm": 730.0}, 3), (None, 0)], ids=["parallelogram", "other loop", "open chain"]
 )
-def test_a_parallelogram_adds_two_and_a_loop_of_other_lengths_three(loop, more):
+def test_parallelogram_adds_two_other_loops_three(loop, more):
     """A parallelogram's crank and rocker count as one."""
     description = irb6660_description()
     bar = description.pop("four_bar")
@@ -100,7 +101,8 @@ def test_a_parallelogram_adds_two_and_a_loop_of_other_lengths_three(loop, more):
     assert [count(of_targets(model, q, TARGETS[:k])) - more for k in (1, 2, 3)] == [27, 30, 33]
 
 
-def test_one_point_on_the_last_axis_tells_two_less_and_beside_another_nothing_less():
+def test_point_on_the_last_axis_loses_two():
+    """One point on the last axis tells two less and beside another nothing less."""
     rng = np.random.default_rng(0)
     model = ErrorModel(robot_from({**industrial(rng), "tool": [{"tz_mm": 150.0}]}))
     q, on_axis = industrial_positions(rng, 80), np.zeros((1, 3))

@@ -46,7 +46,8 @@ def test_the_mechanism_is_overconstrained_to_degree_three(model):
     assert (len(found.motorised), found.passive) == (6, ("J7", "J8", "J9"))
 
 
-def test_forty_five_parameters_and_the_thirty_three_that_were_kept(model):
+def test_irb6660_keeps_33_of_45_parameters(model):
+    """Forty five parameters and the thirty three that were kept."""
     assert len(model) == 45
     assert symbols(model, model.robot.published.redundant) == set(REDUNDANT)
     assert symbols(model, set(model.names) - set(published_kept(model))) == set(LEFT_OUT)
@@ -62,7 +63,8 @@ def test_each_published_redundant_parameter_is_redundant(model, several):
     assert np.linalg.matrix_rank(J[:, kept], tol=1e-9 * np.linalg.norm(J, 2)) == rank == 25
 
 
-def test_full_elimination_finds_seventeen_dependent_and_three_without_effect(model, several):
+def test_elimination_finds_17_dependent_and_3_zero(model, several):
+    """Full elimination finds seventeen dependent and three without effect."""
     found = identifiability(model, several)
     assert found.agrees
     assert (len(found.dependent), len(found.zero), len(found.kept)) == (17, 3, 25)
@@ -80,7 +82,8 @@ def test_exact_repeats_are_the_publication_s_nine_and_two_more(model, poses, req
 
 
 @pytest.mark.parametrize(("poses", "smallest"), [("one", 2.3e-4), ("several", 2.0e-3)])
-def test_the_singular_values_about_the_cut_are_those_that_the_theory_page_quotes(model, poses, smallest, request):
+def test_singular_values_at_the_cut_are_as_quoted(model, poses, smallest, request):
+    """The singular values about the cut are those that the theory page quotes."""
     found = identifiability(model, request.getfixturevalue(poses))
     s = found.singular_values / found.singular_values[0]
     assert f"{s[found.rank - 1]:.1e}" == f"{smallest:.1e}"

@@ -56,7 +56,8 @@ def test_the_printed_matrix_is_no_rotation(one):
 
 @pytest.mark.parametrize("poses", ["one", "several"])
 @pytest.mark.parametrize("loop", [(0.5, 0.7001, 0.5), (0.5, 0.7, 0.501), (0.49, 0.72, 0.5)])
-def test_as_printed_and_without_an_exact_parallelogram_the_published_twelve_are_dropped(symbols, loop, poses, request):
+def test_printed_chain_drops_the_published_twelve(symbols, loop, poses, request):
+    """As printed and without an exact parallelogram the published twelve are dropped."""
     q = request.getfixturevalue(poses)
     assert dropped(PrintedChain(misprint=True, loop=loop).sensitivity(q), symbols) == set(LEFT_OUT)
 

@@ -30,7 +30,7 @@ def test_reversed_joints_count_in_the_controllers_sense():
     assert conditions_in_order(arm("-J1"), q).approach[1, 0] == 1.0
 
 
-def test_the_drive_of_a_coupled_joint_turns_with_the_joint_it_stands_on():
+def test_coupled_drive_turns_with_its_own_joint():
     """θ3 = −(J2 + J3): when J2 alone moves, the third drive has to turn as well."""
     robot = arm("J1", "J2", "-(J2 + J3)")
     q = np.radians([[0, 0, 0], [0, 10, 0], [0, 20, -15]])

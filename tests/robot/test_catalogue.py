@@ -70,7 +70,8 @@ def test_the_irb6660s_parallelogram_is_nominally_exact():
 
 
 @pytest.mark.parametrize("name", NAMED)
-def test_a_robot_file_written_from_a_description_is_the_same_robot(name, tmp_path):
+def test_written_robot_file_is_the_same_robot(name, tmp_path):
+    """A robot file written from a description is the same robot."""
     robot = load_robot(name)
     path = tmp_path / "robot.toml"
     path.write_text(robot_toml(dict(robot.description)), encoding="utf-8")

@@ -56,7 +56,8 @@ def test_a_robot_stands_where_another_description_of_it_does(name, data_folder):
 
 
 @pytest.mark.realdata
-def test_the_panda_stands_where_its_measured_ones_nominal_description_does(data_folder):
+def test_panda_agrees_with_the_measured_ones_urdf(data_folder):
+    """The panda stands where its measured ones nominal description does."""
     tree = Referee(data_folder / "panda_sockets" / "nominal.urdf").tree
     last = [joint for joint in tree.path_to(tree.leaves[0]) if joint.moves][-1].child
     other, robot = robot_from(describe_tree(tree, tip=last)), load_robot("franka-panda")

@@ -22,7 +22,8 @@ def test_some_poses_keep_what_is_known_of_them():
     assert some.time is None
 
 
-def test_the_mean_temperature_is_that_of_the_poses_where_it_is_known():
+def test_mean_temperature_is_of_known_poses():
+    """The mean temperature is that of the poses where it is known."""
     assert Conditions(temperature=np.array([20.0, np.nan, 21.11])).mean_temperature == 20.6
     for unknown in (Conditions(), Conditions(temperature=np.full(3, np.nan))):
         with pytest.raises(TaskcalError, match="no pose has a temperature"):

@@ -97,7 +97,8 @@ def test_a_name_over_two_lines_is_unknown(tmp_path):
         )
 
 
-def test_what_size_does_not_tell_is_asked_for_and_taken_when_stated(tmp_path):
+def test_ambiguous_unit_is_requested(tmp_path):
+    """What size does not tell is asked for and taken when stated."""
     toy = ROWS * [1.0, 0.03, 0.03, 1.0]  # 62 mm, or a robot of 62 m
     with pytest.raises(FileError, match=r"the unit of a, d is not stated, .* \(mm or m\) with --units"):
         read_dh_table(write(tmp_path, "alpha,a,d,theta", toy), "dh")

@@ -12,7 +12,8 @@ from tests.laws.robots import NAMED, Case, cases
 
 
 @given(cases())
-def test_each_error_frame_has_six_slots_and_moves_nothing_at_zero(case: Case):
+def test_error_frames_of_zero_move_nothing(case: Case):
+    """Each error frame has six slots and moves nothing at zero."""
     assert_frames_move_nothing(case.robot)
 
 

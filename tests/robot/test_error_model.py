@@ -19,7 +19,9 @@ def close(actual, desired, relative=1e-10):
 
 
 @pytest.mark.parametrize("kind", ANY)
-def test_poses_are_the_plain_product_with_an_error_frame_behind_each_joint_and_the_tool(kind):
+def test_poses_are_the_product_with_error_frames(kind):
+    """Poses are the plain product with an error frame behind each joint and the tool."""
+
     @given(ANY[kind])
     def law(case):
         close(case.model.poses(case.q, case.x), plain.poses(case.description, case.q, case.x))
@@ -56,7 +58,9 @@ def test_sensitivities_are_written_where_one_says():
 
 
 @pytest.mark.parametrize("kind", ANY)
-def test_joint_jacobian_is_the_derivative_by_the_controllers_joints(kind):
+def test_joint_jacobian_is_the_derivative_by_joints(kind):
+    """Joint jacobian is the derivative by the controller's joints."""
+
     @given(ANY[kind])
     def law(case):
         J = case.model.joint_jacobian(case.q, case.x)
@@ -75,7 +79,8 @@ def test_parameters_are_six_a_joint_then_six_of_the_tool(case):
     assert [p.unit for p in model.parameters] == ["m", "m", "m", "rad", "rad", "rad"] * (len(joints) + 1)
 
 
-def test_the_irb6660_has_the_publications_45_parameters_under_its_symbols():
+def test_irb6660_has_the_published_45_parameters():
+    """The IRB 6660 has the publication's 45 parameters under its symbols."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     per_joint = [f"{s.format(j)}" for j in range(1, 7) for s in ("t{}x", "t{}y", "t{}z", "ti{}", "psi{}", "alf{}")]
     expected = [*per_joint, "tbx", "tby", "tbz", "tib", "psib", "alfb", "L1", "L2", "L3"]
@@ -100,7 +105,8 @@ def lengths_pose(x, q):
     return plain.pose({**description, "joint": joints}, q)
 
 
-def test_the_model_of_nominal_lengths_has_the_publications_six_and_their_derivatives():
+def test_lengths_model_has_the_published_six():
+    """The model of nominal lengths has the publication's six and their derivatives."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"), lengths_only=True)
     assert model.names == ("RL1", "d2", "d3", "d4", "RL4", "RL6")
     assert {p.unit for p in model.parameters} == {"m"}
@@ -114,7 +120,8 @@ def test_the_model_of_nominal_lengths_has_the_publications_six_and_their_derivat
 
 
 @pytest.mark.parametrize("name", NAMED)
-def test_the_model_of_lengths_has_a_column_for_every_length_of_a_catalogue_robot(name):
+def test_lengths_model_has_a_column_per_length(name):
+    """The model of lengths has a column for every length of a catalogue robot."""
     model = ErrorModel(load_robot(name), lengths_only=True)
     assert len(model) > 0
     J = model.jacobian(np.zeros((1, len(model.robot.joints))))
@@ -192,7 +199,7 @@ def test_parameters_of_another_number_are_refused():
 
 
 @pytest.mark.parametrize("name", NAMED)
-def test_no_defect_moves_the_first_axis_in_the_base_and_those_of_a_joint_move_the_next(name):
+def test_defects_move_the_next_axis_not_the_first(name):
     """The defects of a joint follow its motion: joint 1 turns the tool about its nominal axis, whatever they are."""
     model, rng = ErrorModel(load_robot(name)), np.random.default_rng(0)
     q, x = (
@@ -209,7 +216,8 @@ def test_no_defect_moves_the_first_axis_in_the_base_and_those_of_a_joint_move_th
         assert np.abs(turned(joint, x) - turned(joint, 0.0 * x)).max() > 1e-6
 
 
-def test_the_nominal_model_has_no_effect_that_is_nothing_there_and_the_same_poses():
+def test_nominal_model_drops_idle_effects():
+    """The nominal model has no effect that is nothing there and the same poses."""
     model = elastic_model(load_robot("abb-irb6660-205-1.9")) + EncoderGain()
     q = np.random.default_rng(0).uniform(-0.3, 0.3, (5, 6))
     sag = next(effect for effect in model.effects if isinstance(effect, Compliance))

@@ -41,7 +41,8 @@ def expressions(draw, depth=4):
 
 
 @given(expressions())
-def test_any_way_of_writing_a_linear_expression_gives_its_coefficients(case):
+def test_linear_expression_gives_its_coefficients(case):
+    """Any way of writing a linear expression gives its coefficients."""
     text, coefficients = case
     np.testing.assert_allclose(parse_linear(text, NAMES), coefficients, rtol=1e-12, atol=1e-300)
 

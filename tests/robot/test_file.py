@@ -237,7 +237,8 @@ def test_a_pattern_of_symbols_knows_no_other_braces(pattern):
     assert robot_from(edited("symbols", value={"tx": pattern})).symbols["J1.tx"] == pattern
 
 
-def test_an_endless_name_of_a_joint_is_refused_with_a_short_message():
+def test_endless_joint_name_gets_a_short_message():
+    """An endless name of a joint is refused with a short message."""
     with pytest.raises(RobotError) as caught:
         robot_from(edited("joint", 0, "name", value="J" * 5000))
     assert "joint 1, name: is not a name" in str(caught.value)

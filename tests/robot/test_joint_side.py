@@ -22,7 +22,8 @@ def drive(bar: FourBar) -> FourBarDrive:
 
 
 @pytest.mark.parametrize("apart", [100.0, -100.0, 91.0, -170.0])
-def test_a_parallelogram_past_its_singular_position_is_refused_with_the_pose(apart):
+def test_parallelogram_past_singular_is_refused(apart):
+    """A parallelogram past its singular position is refused with the pose."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = np.zeros((4, 6))
     q[2, 2] = np.radians(apart)
@@ -33,7 +34,8 @@ def test_a_parallelogram_past_its_singular_position_is_refused_with_the_pose(apa
 
 
 @given(generators, st.floats(-89.9, 89.9))
-def test_a_parallelogram_closes_as_such_up_to_its_singular_position(rng, apart):
+def test_parallelogram_closes_up_to_singular(rng, apart):
+    """A parallelogram closes as such up to its singular position."""
     q = np.array([[0.0, np.radians(apart)]]) + rng.uniform(-np.pi, np.pi)
     assert drive(PARALLELOGRAM).closes(q, np.zeros(3)).all()
     np.testing.assert_allclose(drive(PARALLELOGRAM).shift(q, np.zeros(3)).value, 0.0, atol=1e-12)
@@ -60,9 +62,8 @@ def test_any_loop_follows_its_crank_from_where_it_was_built(rng):
 @example((1.0, 1.0, 1.0, 1.0), 1, -90.0)
 @example((1.0, 1.0, 1.0, 1.0), 1, 90.0)
 @settings(max_examples=40)
-def test_a_loop_of_any_lengths_closes_on_one_unbroken_way_without_dead_points_or_a_change_of_assembly(
-    L, assembly, lever
-):
+def test_any_loop_closes_on_one_unbroken_branch(L, assembly, lever):
+    """A loop of any lengths closes on one unbroken way without dead points or a change of assembly."""
     crank_lever, rocker_lever, n = np.radians(lever), -np.pi / 2, 3600
     bar = FourBar(crank=L[0], rod=L[1], rocker=L[2], arm=L[3], crank_angle=crank_lever, assembly=assembly)
     kappa = np.arange(n) * 2.0 * np.pi / n
@@ -97,7 +98,7 @@ def test_a_loop_in_its_mirrored_position_is_refused():
         loop.shift(np.c_[0.0 * kappa, kappa], np.zeros(3))
 
 
-def test_a_loop_that_was_built_crossed_turns_against_its_crank_up_to_its_singular_positions():
+def test_crossed_loop_turns_against_its_crank():
     """Crank and rocker on opposite sides of the arm, square to it as the file says."""
     rod = np.hypot(0.6, 0.95)
     bar = FourBar(crank=0.5, rod=rod, rocker=0.45, arm=0.6, rocker_angle=np.pi / 2, assembly=-1)
@@ -136,7 +137,8 @@ def test_coordinates_are_those_of_the_map_and_the_loop(rng, coordinates, n):
 
 
 @given(generators, st.integers(1, 3 * LANES))
-def test_what_comes_out_for_a_pose_does_not_depend_on_those_beside_it(rng, n):
+def test_pose_does_not_depend_on_other_rows(rng, n):
+    """What comes out for a pose does not depend on those beside it."""
     side, q = side_of(rng, 3), rng.uniform(-0.5, 0.5, (n, 2))
     used = np.ones(len(side.four_bar.pairs), dtype=bool)
     together = side.at(q, np.zeros(3), used, 3)

@@ -19,13 +19,15 @@ def with_loop(crank, rod, rocker, arm=700.0):
 
 
 @pytest.mark.parametrize("lengths", [(500.0, 1300.0, 400.0), (200.0, 750.0, 600.0), (650.0, 900.0, 660.0, 100.0)])
-def test_a_loop_that_does_not_close_at_home_has_the_mobility_of_any_other(lengths):
+def test_loop_open_at_home_has_the_same_mobility(lengths):
+    """A loop that does not close at home has the mobility of any other."""
     found = analyse_mechanism(with_loop(*lengths))
     assert (found.mobility, found.overconstraint, found.loop_rank) == (6, 3, 3)
 
 
 @given(st.tuples(*[st.floats(100.0, 1500.0)] * 4))
-def test_a_loop_of_any_lengths_has_one_degree_of_freedom_or_is_refused(lengths):
+def test_any_loop_has_one_freedom_or_is_refused(lengths):
+    """A loop of any lengths has one degree of freedom or is refused."""
     longest = max(lengths)
     # within a millimetre of a stretched loop there is hardly an angle at which it closes
     assume(abs(2.0 * longest - sum(lengths)) > 1.0)

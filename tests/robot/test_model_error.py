@@ -37,7 +37,7 @@ def test_a_typical_robot_is_the_median_of_the_measured_ones():
     assert (min(stated), max(stated)) == pytest.approx((0.064e-3, 1.34e-3))
 
 
-def test_the_publications_residuals_are_those_of_the_stated_model_error():
+def test_stated_model_errors_are_the_published_residuals():
     """The largest of 60 residuals per axis and in space, of a fit with 35 unknowns, with a tracker four metres away."""
     robot = load_robot("abb-irb6660-205-1.9")
     rng = np.random.default_rng(0)
@@ -51,7 +51,8 @@ def test_the_publications_residuals_are_those_of_the_stated_model_error():
     assert np.median(in_space) < 0.180 < np.percentile(in_space, 95)
 
 
-def test_what_is_given_comes_first_then_the_file_then_a_typical_robot(tmp_path):
+def test_model_error_given_then_file_then_typical(tmp_path):
+    """What is given comes first then the file then a typical robot."""
     path = tmp_path / "slide.toml"
     path.write_text(LINE)
     assert model_error_of(read_robot(path)) is TYPICAL

@@ -66,7 +66,8 @@ def test_random_chains_stand_where_pinocchio_puts_them(joints, tmp_path_factory)
 
 @pytest.mark.slow
 @pytest.mark.realdata
-def test_every_link_of_every_published_description_stands_where_pinocchio_puts_it(data_folder):
+def test_published_links_agree_with_pinocchio(data_folder):
+    """Every link of every published description stands where Pinocchio puts it."""
     paths = sorted((data_folder / "urdf").glob("*.urdf"))
     assert len(paths) >= 18
     for path in paths:
@@ -120,7 +121,8 @@ def test_an_axis_that_points_backwards_turns_backwards(tmp_path):
     np.testing.assert_allclose(backward.poses(q * [1, -1]), forward.poses(q), atol=1e-15)
 
 
-def test_a_joint_that_mimics_another_of_the_chain_is_driven_by_it(tmp_path):
+def test_mimic_joint_is_driven_by_its_leader(tmp_path):
+    """A joint that mimics another of the chain is driven by it."""
     level = '<joint name="level" type="revolute"><parent link="fore"/><child link="flat"/><axis xyz="0 1 0"/>'
     text = ARM.replace("</robot>", f'{level}<mimic joint="elbow" multiplier="-1"/></joint><link name="flat"/></robot>')
     robot = load_robot(write(tmp_path, text), tip="flat")

@@ -26,7 +26,8 @@ ARM = """<robot name="arm">
 </robot>"""
 
 
-def test_meshes_stand_where_the_file_says_and_links_follow_their_joints(tmp_path: Path) -> None:
+def test_meshes_follow_their_links(tmp_path: Path) -> None:
+    """Meshes stand where the file says and links follow their joints."""
     path = tmp_path / "arm.urdf"
     path.write_text(ARM)
     looks = read_looks(path)
@@ -41,7 +42,8 @@ def test_meshes_stand_where_the_file_says_and_links_follow_their_joints(tmp_path
     np.testing.assert_allclose(poses["finger"][:3, 3], [-0.1 - 0.1 * np.pi, 0.0, 0.3], atol=1e-12)  # along -x by now
 
 
-def test_a_mesh_whose_place_is_not_numbers_is_named_with_its_line(tmp_path: Path) -> None:
+def test_mesh_without_numbers_is_refused_by_line(tmp_path: Path) -> None:
+    """A mesh whose place is not numbers is named with its line."""
     path = tmp_path / "arm.urdf"
     path.write_text(ARM.replace('xyz="0.1 0 0.2"', 'xyz="0.1 0 high"'))
     with pytest.raises(FileError, match=r"arm\.urdf:3: .*'high' is not a number"):

@@ -20,7 +20,8 @@ def with_backlash(name: str, joint: int) -> tuple[ErrorModel, np.ndarray, np.nda
     return model, q, x
 
 
-def test_from_above_and_below_a_joint_stops_on_either_side_of_the_middle():
+def test_backlash_stops_on_either_side_of_the_middle():
+    """From above and below a joint stops on either side of the middle."""
     model, q, x = with_backlash("ur5", 1)
     turned = np.eye(6)[1] * B
     for side in (1.0, -1.0):
@@ -44,7 +45,7 @@ def test_lost_motion_is_that_of_the_motor(name):
     np.testing.assert_allclose(reached, model.poses(q + turned), atol=1e-7)
 
 
-def test_where_only_the_controller_counts_joints_together_a_drive_moves_its_own_axis_alone():
+def test_controller_coupling_moves_the_own_axis_alone():
     """The FANUC's third angle is −(J2 + J3): its second drive's lost motion is one of J2 that J3 takes back."""
     model, q, x = with_backlash(COUPLED, 1)
     turned = np.zeros_like(q)

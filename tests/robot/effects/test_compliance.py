@@ -27,7 +27,8 @@ def reference(name: str, rng: np.random.Generator):
 
 
 @pytest.mark.parametrize("name", ["industrial", "parallelogram", "ur5", "fanuc-r2000ic-165f"])
-def test_a_robot_of_stated_stiffness_comes_to_rest_where_its_energy_is_least(name):
+def test_stated_stiffness_rests_at_least_energy(name):
+    """A robot of stated stiffness comes to rest where its energy is least."""
     description, q = reference(name, np.random.default_rng(0))
     description = {**description, "gravity": [0.3, -0.2, -1.0]}
     model = ErrorModel(robot_from(description)) + Compliance(load=LOAD)
@@ -40,7 +41,8 @@ def test_a_robot_of_stated_stiffness_comes_to_rest_where_its_energy_is_least(nam
         np.testing.assert_allclose(T[:3, 3] - nominal[:3, 3], moved, atol=3e-3 * np.linalg.norm(moved))
 
 
-def test_a_robot_on_the_wall_yields_as_one_that_stands_and_is_turned_with_its_gravity():
+def test_wall_mounted_robot_yields_as_turned_gravity():
+    """A robot on the wall yields as one that stands and is turned with its gravity."""
     rng = np.random.default_rng(3)
     description = statics.weighed(robots.industrial(rng), rng)
     row = description["joint"][0]["mdh"]
@@ -60,7 +62,8 @@ def test_a_robot_on_the_wall_yields_as_one_that_stands_and_is_turned_with_its_gr
     assert np.abs((ErrorModel(robot_from(without)) + Compliance()).poses(q) - hung.poses(q)).max() > 1e-5
 
 
-def test_tolerances_come_from_the_stated_stiffness_or_from_the_largest_torque_and_not_from_the_load():
+def test_compliance_tolerances_ignore_the_load():
+    """Tolerances come from the stated stiffness or from the largest torque and not from the load."""
     rng = np.random.default_rng(5)
     description = statics.weighed(robots.industrial(rng), rng)
     stated = ErrorModel(robot_from(description)) + Compliance()
@@ -78,7 +81,8 @@ def test_tolerances_come_from_the_stated_stiffness_or_from_the_largest_torque_an
     assert (under.names, under.tolerances.tolist()) == (model.names, model.tolerances.tolist())
 
 
-def test_a_model_under_another_load_keeps_its_parameters_and_moves_by_the_added_torque():
+def test_another_load_adds_its_torque_only():
+    """A model under another load keeps its parameters and moves by the added torque."""
     rng = np.random.default_rng(6)
     description = statics.weighed(robots.industrial(rng), rng)
     model = ErrorModel(robot_from(description)) + Compliance()

@@ -14,7 +14,8 @@ UR5 = load_robot("ur5")
 
 
 @given(generators)
-def test_a_joint_errs_by_a_cosine_and_a_sine_of_multiples_of_its_angle(rng: np.random.Generator) -> None:
+def test_harmonics_are_cosines_and_sines_of_the_angle(rng: np.random.Generator) -> None:
+    """A joint errs by a cosine and a sine of multiples of its angle."""
     nominal = ErrorModel(UR5)
     model = nominal + Harmonics(orders=(1, 3), joints=(UR5.joint_names[1],))
     assert [name.partition(".")[2] for name in model.names[len(nominal) :]] == ["cos1", "sin1", "cos3", "sin3"]

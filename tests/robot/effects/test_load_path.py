@@ -30,7 +30,7 @@ EFFECTS = (*BESIDE, Spring(joints=("J2",)))
     ],
     ids=str,
 )
-def test_the_slope_of_what_goes_through_the_load_path_is_that_of_differences(name, effect):
+def test_load_path_slope_is_that_of_differences(name, effect):
     """Differences of two steps, extrapolated (Richardson), as the referee; dressed robots have masses, springs and gears."""
     robot = dressed(name.removeprefix("dressed ")) if name in DRESSED else load_robot(name)
     if "J2" not in robot.joint_names and effect.joints:
@@ -76,7 +76,7 @@ def _by_coordinate(model, q):
     return model.joint_jacobian(q) @ np.linalg.inv(model.robot.joint_map.matrix)
 
 
-def test_through_a_parallelogram_the_forearms_moment_goes_to_the_cranks_motor():
+def test_parallelogram_moment_goes_to_the_crank():
     """The lower arm's motor does not feel how far the forearm reaches out; the crank's motor does."""
     robot = load_robot("abb-irb6660-205-1.9")
     term = Compliance().term(robot)

@@ -9,7 +9,7 @@ from taskcal.robot.robot_file import robot_from
 
 
 @pytest.mark.parametrize("name", ["ur5", "abb-irb6660-205-1.9"])
-def test_weights_at_the_joints_are_a_combination_of_lumped_weights(name):
+def test_lumped_weights_span_weights_at_the_joints(name):
     """Masses at the origins of joints 2 to 6: each lumped parameter is then compliance times weight."""
     description = load_robot(name).description
     joints = [

@@ -15,7 +15,8 @@ from tests.robot.effects.loads import CUT, LOAD, PAYLOAD
 
 
 @given(robots.cases(max_joints=6))
-def test_the_torque_is_what_the_energy_loses_in_a_turn_of_the_motor(case):
+def test_torque_is_the_loss_of_energy_per_turn(case):
+    """The torque is what the energy loses in a turn of the motor."""
     rng = np.random.default_rng(1)
     description = {**statics.weighed(case.description, rng), "gravity": rng.normal(size=3).tolist()}
     robot = robot_from(description)

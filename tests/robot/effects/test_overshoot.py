@@ -8,7 +8,8 @@ from taskcal.robot.effects import Overshoot
 from taskcal.robot.error_model import ErrorModel
 
 
-def test_a_joint_overshoots_by_its_share_of_the_farthest_move_however_far_that_is():
+def test_overshoot_is_a_share_of_the_farthest_move():
+    """A joint overshoots by its share of the farthest move however far that is."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9")) + Overshoot()
     rng = np.random.default_rng(2)
     q = rng.uniform(-0.3, 0.3, (3, 6))

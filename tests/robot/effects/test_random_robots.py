@@ -23,7 +23,8 @@ def slopes(poses, count):
 
 @settings(max_examples=4)
 @given(cases(poses=2), generators)
-def test_both_jacobians_are_the_derivatives_with_effects_beside_large_defects(case: Case, rng: np.random.Generator):
+def test_jacobians_with_effects_are_the_derivatives(case: Case, rng: np.random.Generator):
+    """Both jacobians are the derivatives with effects beside large defects."""
     model = case.model + EncoderGain() + Harmonics(orders=(1, 3)) + JointField(features=2)
     x = np.concatenate([case.x, 0.05 * rng.normal(size=len(model) - len(case.x))])
     T = model.poses(case.q, x)

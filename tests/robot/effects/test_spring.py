@@ -58,7 +58,8 @@ def test_the_compliance_of_known_masses_yields_to_the_spring_too():
         np.testing.assert_allclose(found, statics.torques(description, row, NONE), atol=1e-8)
 
 
-def test_an_ideal_spring_of_unknown_size_is_a_harmonic_of_a_plain_axis():
+def test_unknown_spring_is_a_harmonic_of_a_plain_axis():
+    """An ideal spring of unknown size is a harmonic of a plain axis."""
     model = ErrorModel(robot_from(described("industrial"))) + Harmonics(orders=(1,), joints=("J2",)) + Spring()
     assert model.effect_names == ("J2.cos1", "J2.sin1", "J2.spring_cos", "J2.spring_sin")
     found = identifiability(model, positions("industrial", 60))
@@ -66,7 +67,7 @@ def test_an_ideal_spring_of_unknown_size_is_a_harmonic_of_a_plain_axis():
     assert found.repeats["J2.spring_sin"] == ("J2.sin1", pytest.approx(1.0))
 
 
-def test_behind_a_parallelogram_a_spring_is_no_harmonic_of_the_joint():
+def test_spring_of_a_parallelogram_is_no_harmonic():
     """Its drive turns the lower arm, and the forearm keeps its direction."""
     model = ErrorModel(robot_from(described("parallelogram"))) + Spring(joints=("J2",))
     q = positions("parallelogram")

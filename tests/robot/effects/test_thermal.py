@@ -9,7 +9,8 @@ from tests.robot.effects.warm_robots import thermal
 
 
 @given(cases())
-def test_at_the_reference_temperature_and_without_one_the_robot_is_as_it_was(case: Case):
+def test_thermal_is_nothing_at_the_reference(case: Case):
+    """At the reference temperature and without one the robot is as it was."""
     model = thermal(case.model)
     x = np.concatenate([case.x, np.full(7, 1e-4)])
     plain = case.model.poses(case.q, case.x)

@@ -18,7 +18,7 @@ from tests.robot.effects.warm_robots import REVOLUTE, WARMTH, positions, thermal
 
 
 @pytest.mark.parametrize("name", REVOLUTE)
-def test_a_robot_whose_lengths_all_grow_is_the_same_robot_enlarged(name):
+def test_uniform_growth_enlarges_the_robot(name):
     """Angles do not change, a parallelogram's neither."""
     plain = ErrorModel(load_robot(name))
     model, q = thermal(plain), positions(plain)
@@ -35,7 +35,8 @@ def test_a_model_of_lengths_alone_grows_too():
     np.testing.assert_allclose(model.poses(q, with_value(model, thermal__expansion=2e-5), warm(q)), larger, atol=1e-12)
 
 
-def test_a_link_that_grows_by_itself_is_one_that_was_built_longer():
+def test_growing_link_equals_a_longer_link():
+    """A link that grows by itself is one that was built longer."""
     plain = ErrorModel(load_robot("ur5"))
     model, q = thermal(plain, ("J2",)), positions(plain)
     assert model.effect_names[0] == "J2.expansion"
@@ -90,7 +91,8 @@ def test_joints_that_cannot_be_meant_are_refused():
         ErrorModel(robot) + Thermal(joints=("J2", "J4"))
 
 
-def test_a_model_grows_with_the_temperature_or_the_time_but_not_with_both():
+def test_thermal_and_warm_up_exclude_each_other():
+    """A model grows with the temperature or the time but not with both."""
     with pytest.raises(TaskcalError, match=r"two effects have a parameter 'thermal\.expansion'"):
         ErrorModel(load_robot("ur5")) + Thermal() + WarmUp()
 
