@@ -171,7 +171,7 @@ def open_backup(path: str | Path) -> tuple[Backup, tuple[Source, ...]]:
 
 
 def _loaded(path: Path, sources: Sequence[Source]) -> list[Source]:
-    """Of an ABB controller's backup what it has loaded: modules in RAPID, and its configuration; HOME holds copies and drafts.
+    """Loaded files of an ABB controller's backup: modules in RAPID, and its configuration; HOME holds copies and drafts.
 
     Where there is no folder RAPID, all that is given.
     """

@@ -52,7 +52,7 @@ class Arc:
 
     @property
     def second(self) -> bool:
-        """It passes the line to its end once before it ends there."""
+        """Whether it passes the line to its end once before it ends there."""
         return self.sweep > np.pi
 
 

@@ -85,7 +85,7 @@ def stated_frame(statement: Statement) -> Float[np.ndarray, "3 4"] | None:
 
 @dataclass(kw_only=True)
 class StatedFrames:
-    """What CSYS and TRNTYP have stated so far; `docs/reference/programs-apt.md` says how it is understood."""
+    """Frames that CSYS and TRNTYP have stated so far; `docs/reference/programs-apt.md` says how it is understood."""
 
     first: Float[np.ndarray, "3 4"] | None = None
     in_world: bool = False
@@ -193,7 +193,7 @@ class LoadedTool:
 
 
 def tool_key(name: str) -> str:
-    """How tools are told apart: in small letters, numbers without zeros in front."""
+    """Key of a tool: in small letters, numbers without zeros in front."""
     return str(int(name)) if name.isascii() and name.isdecimal() else name.casefold()
 
 
@@ -202,7 +202,7 @@ def tool_key(name: str) -> str:
 
 @dataclass(kw_only=True)
 class Reading:
-    """What was read so far of all files."""
+    """Motions read so far of all files."""
 
     part: Frame
     moves: list[Move] = field(default_factory=list[Move])
@@ -218,7 +218,7 @@ OTHER_FRAME = "another frame is stated than the first, the part's"
 
 @dataclass(kw_only=True)
 class Resolver:
-    """What the statements of one file have set so far."""
+    """Settings of the statements of one file so far."""
 
     reading: Reading
     source: Source
@@ -247,7 +247,7 @@ class Resolver:
     unknown: set[str] = field(default_factory=set[str])
 
     def place(self, statement: Statement) -> Place:
-        """Where a statement stands."""
+        """Place of a statement."""
         return self.source.place(statement.start)
 
     def diagnose(self, statement: Statement, text: str) -> None:

@@ -59,7 +59,7 @@ def rewrite(
 def _start(
     move: Move, instruction: Instruction, waypoints: Mapping[int, tuple[Waypoint, ...]]
 ) -> Float[np.ndarray, " 3"] | None:
-    """Where a motion starts in the rewritten program."""
+    """Start of a motion in the rewritten program."""
     if move.follows is None or move.follows not in waypoints:
         return instruction.begin
     T = waypoints[move.follows][-1].T
@@ -105,7 +105,7 @@ class _Writing:
 
     @property
     def decimals(self) -> int:
-        """Of lengths, in the program's unit."""
+        """Decimals of lengths, in the program's unit."""
         return MM if self.instruction.unit <= 1e-3 else INCHES
 
     def edits(self, begin: Float[np.ndarray, " 3"] | None, path: Sequence[Waypoint]) -> list[Edit]:

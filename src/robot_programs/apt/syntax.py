@@ -23,7 +23,7 @@ class Token:
 
     @property
     def number(self) -> float | None:
-        """Its value; None where it is not a number, or a larger one than any path has."""
+        """Value as a number; None where it is not a number, or a larger one than any path has."""
         if not _NUMBER.fullmatch(self.text):
             return None
         value = float(self.text)
@@ -66,7 +66,7 @@ class Statement:
 
     @property
     def arguments(self) -> tuple[Token, ...] | None:
-        """What stands between commas behind the slash; None where it is not so simple."""
+        """Arguments between commas after the slash; None where it is not so simple."""
         behind = self.tokens[2:]
         if len(self.tokens) < 2 or self.tokens[1].text != "/":
             return () if len(self.tokens) == 1 else None

@@ -110,7 +110,7 @@ HOUR = 3600.0
 
 
 def beside(path: Path) -> str:
-    """How the name begins of what this process lays beside a file or a folder; it ends in `PART`."""
+    """Beginning of the name of a file that this process lays beside a file or a folder; it ends in `PART`."""
     return f".{_short(path)}.{os.getpid()}-{_machine()}."
 
 
@@ -177,7 +177,7 @@ _FAR = 0xFFFFFFFF
 
 @dataclass(frozen=True, kw_only=True)
 class ZipKind:
-    """What a zip file should be, and how large that may become."""
+    """Kind of a zip file, and bounds on its size."""
 
     name: str = "zip file"
     """For messages."""
@@ -194,7 +194,7 @@ class ZipKind:
     """An entry that is read whole."""
 
     def unpacked_mb(self, size: int) -> float:
-        """What a zip file of so many bytes may unpack to, 10⁶ bytes."""
+        """Bound on the unpacked size of a zip file of so many bytes, 10⁶ bytes."""
         return min(self.largest_mb, self.small_mb + self.most_ratio * size / 1e6)
 
 
@@ -318,7 +318,7 @@ def _check_directory(path: Path, kind: ZipKind, stream: io.BufferedIOBase, size:
 
 
 def _checked_entries(path: Path, kind: ZipKind, packed: zipfile.ZipFile, size: int) -> tuple[ZipEntry, ...]:
-    """What a zip file lists.
+    """Entries of a zip file.
 
     Raises:
         FileError: as `open_zip`.

@@ -40,7 +40,7 @@ JUMPED = "it can be reached by a GOTO"
 def with_called(
     own: Mapping[R, tuple[frozenset[Thing], frozenset[R]]],
 ) -> dict[R, frozenset[Thing]]:
-    """What each routine has, by itself or by those that it calls.
+    """Properties of each routine, of itself or of those that it calls.
 
     Args:
         own: of each routine what it has by itself, and which it calls; those that are not keys count for nothing.
@@ -83,7 +83,7 @@ class Label:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Leave:
-    """What control does not go on behind."""
+    """Statement after which control does not go on."""
 
     line: Any
     way: Literal["return", "exit", "jump", "stop"]
@@ -136,7 +136,7 @@ class Loop:
 
     @cached_property
     def size(self) -> int:
-        """How many lines it has, itself included."""
+        """Number of lines, its own included."""
         return 1 + sum(1 for _ in lines_in(self.body))
 
 
@@ -146,7 +146,7 @@ Block = tuple[Node, ...]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Body:
-    """What a routine consists of."""
+    """Nodes of a routine."""
 
     nodes: Block
     handlers: tuple[Block, ...] = ()
@@ -160,7 +160,7 @@ class Body:
 
 
 def bodies_of(node: Node) -> tuple[Block, ...]:
-    """What stands inside a node, branch by branch."""
+    """Blocks inside a node, branch by branch."""
     match node:
         case Branches():
             return tuple(arm.body for arm in node.arms)
@@ -205,7 +205,7 @@ def leaves_loop(nodes: Iterable[Node]) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class State(ABC):
-    """What holds at a place of a program; languages add what they know."""
+    """State at a place of a program; languages add what they know."""
 
     last: int | None = None
     """Number of the motion that ends where the robot is; None where that is not known."""
@@ -214,7 +214,7 @@ class State(ABC):
 
     @abstractmethod
     def joined(self, others: Sequence[Any], why: str) -> Self:
-        """What holds behind any of several ways.
+        """Join the states after several ways.
 
         Args:
             others: what holds behind the others; all are reached.
@@ -226,11 +226,11 @@ class State(ABC):
         """Whether the same holds."""
 
     def lost_in(self, joined: Any) -> Any:
-        """What does not hold any more in a state that was joined from this one."""
+        """Facts of this state that a state joined from it has lost."""
         return None
 
     def without(self, lost: Any, why: str) -> Self:
-        """What holds without what `lost_in` gave; None for nothing."""
+        """State without the facts that `lost_in` gave; None for nothing."""
         return self
 
 
@@ -239,7 +239,7 @@ S = TypeVar("S", bound=State)
 
 @dataclass(frozen=True, kw_only=True)
 class Counts:
-    """How a counted loop counts."""
+    """Bounds and step of a counted loop."""
 
     first: float
     last: float
@@ -251,7 +251,7 @@ class Counts:
 
     @property
     def turns(self) -> float:
-        """How many turns there are; NaN or infinite where the bounds are."""
+        """Number of turns; NaN or infinite where the bounds are."""
         ratio = (self.last - self.first) / self.step + COUNT_TOLERANCE
         return 0.0 if ratio < 0.0 else ratio // 1.0 + 1.0
 
@@ -276,11 +276,11 @@ class Flow(ABC, Generic[S, R]):
 
     @abstractmethod
     def body(self, routine: R) -> Body:
-        """What a routine consists of; the same each time."""
+        """Nodes of a routine; the same each time."""
 
     @abstractmethod
     def name(self, routine: R) -> str:
-        """Of a routine, for messages."""
+        """Name of a routine, for messages."""
 
     @abstractmethod
     def walk(self, routine: R, inside: tuple[R, ...]) -> "Walk[S, R]":
@@ -293,22 +293,22 @@ class Flow(ABC, Generic[S, R]):
 
     @abstractmethod
     def anything(self, why: str) -> S:
-        """Where anything may hold."""
+        """State in which anything may hold."""
 
     @abstractmethod
     def start(self, routine: R) -> S:
-        """What holds where a routine begins that nothing calls."""
+        """State where a routine begins that nothing calls."""
 
     @abstractmethod
     def found_all(self, routine: R) -> bool:
         """Whether all motions of a routine were found."""
 
     def called_anywhere(self, routine: R, why: str) -> S:
-        """What holds where a routine begins of which it is not followed how it is called."""
+        """State where a routine begins of which it is not followed how it is called."""
         return self.anything(why)
 
     def through(self, routine: R, entry: S, inside: tuple[R, ...] = ()) -> tuple[S, Any]:
-        """What holds behind a routine, and what it returns; None where that is not known.
+        """State after a routine, and what it returns; None where that is not known.
 
         Args:
             routine: the routine.
@@ -372,21 +372,21 @@ class Walk(ABC, Generic[S, R]):
 
     @property
     def body(self) -> Body:
-        """What the routine consists of."""
+        """Nodes of the routine."""
         return self.flow.body(self.routine)
 
     @property
     @abstractmethod
     def unreached(self) -> S:
-        """Where control does not come."""
+        """State of places that control does not reach."""
 
     @abstractmethod
     def step(self, line: Any, state: S) -> S:
-        """What holds behind a motion, an assignment, a call or another step."""
+        """State after a motion, an assignment, a call or another step."""
 
     @abstractmethod
     def asked(self, line: Any, state: S) -> S:
-        """What holds behind the functions in the conditions of a line."""
+        """State after the functions in the conditions of a line."""
 
     @abstractmethod
     def truth(self, condition: Any, state: S) -> bool | None:
@@ -398,18 +398,18 @@ class Walk(ABC, Generic[S, R]):
 
     @abstractmethod
     def widened(self, state: S, nodes: Sequence[Node], why: str) -> S:
-        """Where some lines may have changed all that they change."""
+        """State after lines that may have changed all that they change."""
 
     @abstractmethod
     def counts(self, loop: Loop, state: S) -> Counts | None:
-        """How a loop counts; None where the text does not tell."""
+        """Bounds and step of a loop; None where the text does not tell."""
 
     @abstractmethod
     def counting(self, loop: Loop, state: S, count: float | None) -> S:
-        """Where the counter of a loop has a value; None for any."""
+        """State in which the counter of a loop has a value; None for any."""
 
     def counted(self, loop: Loop, state: S, count: float) -> float | None:
-        """What the counter holds at the end of a turn; None where the turn made it something that is not known."""
+        """Value of the counter at the end of a turn; None where the turn made it something that is not known."""
         return count
 
     def by_turns(self, loop: Loop, turns: int) -> bool:
@@ -417,33 +417,33 @@ class Walk(ABC, Generic[S, R]):
         return True
 
     def unknown(self, line: Any, state: S) -> S:
-        """What holds behind text that was not understood."""
+        """State after text that was not understood."""
         return self.flow.anything("the text before it is not understood")
 
     def within(self, group: Group, state: S) -> S:
-        """What holds behind lines that belong together."""
+        """State after lines that belong together."""
         return self.block(group.body, state)
 
     def between(self, state: S) -> S:
-        """What holds before a line, where something may have happened beside the lines."""
+        """State before a line, where something may have happened beside the lines."""
         return state
 
     def behind(self, state: S) -> S:
-        """What holds behind the last line of a block."""
+        """State after the last line of a block."""
         return state
 
     def at_error(self, entry: S) -> S:
-        """What holds where an error handler begins, given what holds at the start of the routine."""
+        """State where an error handler begins, given what holds at the start of the routine."""
         return entry
 
     def returned(self, line: Any, state: S) -> Any:
-        """What a line gives back that leaves the routine."""
+        """Value returned by a line that leaves the routine."""
         return None
 
     # What all languages have in common.
 
     def through(self, entry: S) -> tuple[S, Any]:
-        """What holds behind the routine, and what it returns; None where that is not known."""
+        """State after the routine, and what it returns; None where that is not known."""
         end = self.block(self.body.nodes, entry)
         for handler in self.body.handlers:
             self.block(handler, self.at_error(entry))
@@ -453,7 +453,7 @@ class Walk(ABC, Generic[S, R]):
         return self.merged(states, f"it differs between the ends of {self.flow.name(self.routine)}"), value
 
     def merged(self, ways: Iterable[S], why: str) -> S:
-        """What holds behind any of some ways."""
+        """Join the states after some ways."""
         states = [state for state in ways if state.reached]
         if not states:
             return self.unreached
@@ -461,7 +461,7 @@ class Walk(ABC, Generic[S, R]):
         return first.joined(others, why) if others else first
 
     def block(self, nodes: Block, state: S, start: int = 0) -> S:
-        """What holds behind some nodes, from one of them on."""
+        """State after some nodes, from one of them on."""
         for i in range(start, len(nodes)):
             node = nodes[i]
             match node:
@@ -520,7 +520,7 @@ class Walk(ABC, Generic[S, R]):
         return self.merged([*ends, state], why)
 
     def _at_label(self, label: Label, state: S) -> S:
-        """What holds at a label, where the lines before it and all jumps so far lead to it."""
+        """State at a label, where the lines before it and all jumps so far lead to it."""
         waiting = self.jumps.setdefault(label.name, [])
         state = self.merged([state, *waiting], JUMPED)
         waiting.clear()
@@ -529,7 +529,7 @@ class Walk(ABC, Generic[S, R]):
         return state
 
     def _again_from(self, nodes: Block, i: int, label: Label, state: S) -> S:
-        """From a label on, to which lines behind it may lead back."""
+        """State after the lines from a label on, to which lines after it may lead back."""
         flow, rest = self.flow, nodes[i + 1 :]
         if flow.scouting or flow.all_ways:
             return self._once_from(nodes, i, label, self.widened(state, rest, JUMPED))[0]
@@ -547,7 +547,7 @@ class Walk(ABC, Generic[S, R]):
         return self._once_from(nodes, i, label, self.widened(state, rest, JUMPED))[0]
 
     def _once_from(self, nodes: Block, i: int, label: Label, state: S) -> tuple[S, S]:
-        """What holds behind the lines from a label on, and what held there or holds where they lead back to it."""
+        """State after the lines from a label on, and what held there or holds where they lead back to it."""
         end = self.block(nodes, state, i + 1)
         waiting = self.jumps[label.name]
         joined = self.merged([state, *waiting], JUMPED)
@@ -573,7 +573,7 @@ class Walk(ABC, Generic[S, R]):
         return self.merged([end, *self.exits.pop()], f"it differs between the ways out of the {loop.name} before")
 
     def turn(self, loop: Loop, state: S) -> S:
-        """What holds behind one turn of a loop, and behind the functions that its conditions ask then."""
+        """State after one turn of a loop, and behind the functions that its conditions ask then."""
         state = self.block(loop.body, state)
         for line in (loop.line, loop.end) if state.reached else ():
             state = self.asked(line, state) if line is not None else state
@@ -640,7 +640,7 @@ class Walk(ABC, Generic[S, R]):
         return self._some_turns(loop, state)
 
     def _some_turns(self, loop: Loop, state: S) -> S:
-        """What holds behind a loop of which it is not known how often it is gone through, if nothing leaves it inside."""
+        """State after a loop of which it is not known how often it is gone through, if nothing leaves it inside."""
         head = self._stable(self.counting(loop, state, None), loop, "it is set further down in the same loop")
         end = self.turn(loop, head)
         match loop.kind:
@@ -652,7 +652,7 @@ class Walk(ABC, Generic[S, R]):
                 return head
 
     def _stable(self, entry: S, loop: Loop, why: str) -> S:
-        """What holds each time that a turn of a loop begins."""
+        """State each time that a turn of a loop begins."""
         for _ in range(0 if self.flow.scouting else self.SCOUTS):
             if not self.flow.may(1 + loop.size):
                 break
@@ -681,7 +681,7 @@ class Walk(ABC, Generic[S, R]):
                 states[:] = jumps.get(name, [])
 
     def follow(self, routines: Sequence[R], entry: Callable[[R], S]) -> tuple[S, Any] | None:
-        """What holds behind a call, and what it returns; None where it is not followed.
+        """State after a call, and what it returns; None where it is not followed.
 
         It is not where several routines have the name, where it leads into itself, and where too much was followed already.
 
@@ -730,7 +730,7 @@ class Ordered(Generic[M]):
 
 @dataclass(eq=False, kw_only=True)
 class Findings(Generic[T, M]):
-    """What was found so far."""
+    """Motions found so far."""
 
     occurrences: list[Occurrence[T, M]] = field(default_factory=list[Any])
     by_meaning: dict[tuple[object, ...], int] = field(default_factory=dict[tuple[object, ...], int])

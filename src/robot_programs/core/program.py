@@ -22,7 +22,7 @@ from robot_programs.core.source import Backup, Place, Source
 
 @dataclass(frozen=True, kw_only=True)
 class Zone:
-    """Where on its path a motion may be left for the next one.
+    """Section of its path in which a motion may be left for the next one.
 
     The tool leaves the path where every size allows it, and at most half of the path before the target. With all sizes
     zero it goes through the target.
@@ -67,11 +67,11 @@ class GradedPosture(Posture, Protocol):
 
     @property
     def tolerated(self) -> float:
-        """How far off the controller still takes the nearest posture, radians."""
+        """Largest deviation at which the controller still takes the nearest posture, radians."""
         ...
 
     def miss(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
-        """How far each posture is from the one meant: the joints' largest angle to it, radians; zero where it agrees."""
+        """Deviation of each posture from the one meant: the joints' largest angle to it, radians; zero where it agrees."""
         ...
 
 
@@ -95,7 +95,7 @@ class Frame:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Target:
-    """Where a motion goes: a pose, or joint positions."""
+    """Target of a motion: a pose, or joint positions."""
 
     name: str
     """Of its declaration, with the index of an element; empty where it is written in the instruction itself."""
@@ -173,7 +173,7 @@ class Move:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Waypoint:
-    """Where one motion of a rewritten program ends."""
+    """End of one motion of a rewritten program."""
 
     kind: MoveKind
     q: Float[np.ndarray, " joints"]
@@ -214,7 +214,7 @@ class Visit:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Program(ABC):
-    """What was read from one or several files of a robot program."""
+    """Robot program read from one or several files."""
 
     sources: tuple[Source, ...]
     moves: tuple[Move, ...]
@@ -278,7 +278,7 @@ class Program(ABC):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Surroundings:
-    """What a program does not say itself, where its language cannot."""
+    """Robot and frames that a language does not state itself."""
 
     robot: Robot | None = None
     """Whose own tool moves where none is given, and whose joints columns name."""

@@ -23,7 +23,7 @@ class Robot(Protocol):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Of its joints, in order from the base."""
+        """Names of its joints, in order from the base."""
         ...
 
     @property

@@ -31,7 +31,7 @@ class Edit:
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """Where something stands."""
+    """Place in a file."""
 
     path: Path
     line: int
@@ -87,7 +87,7 @@ class Source:
 
     @cached_property
     def newline(self) -> str:
-        """How the file ends its lines."""
+        """Line end of the file."""
         return "\r\n" if "\r\n" in self.text else "\n"
 
     @cached_property
@@ -99,7 +99,7 @@ class Source:
         return bisect_right(self._starts, position)
 
     def place(self, position: int) -> Place:
-        """Where a character stands."""
+        """Place of a character."""
         return Place(path=self.path, line=self.line(position))
 
     def indent(self, position: int) -> str:
@@ -188,7 +188,7 @@ class FreshNames:
     """Names that no word of a program's files has, letter case aside."""
 
     def __init__(self, words: Iterable[str], *, longest: int, usual: int | None = None, reserved: Iterable[str] = ()):
-        """What is in use.
+        """Take note of the names in use.
 
         Args:
             words: all of the program's; read when the first name is asked for.

@@ -200,7 +200,7 @@ def _check_quotes(table: Table) -> None:
 
 
 def _delimiter_of(text: str) -> str:
-    """What separates the cells, by the header."""
+    """Separator of the cells, by the header."""
     # one after another: of a large file all lines take far more memory than its text
     lines = (line[0] for line in _LINE.finditer(_SEPARATOR_LINE.sub("", text, count=1)))
     header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
@@ -214,7 +214,7 @@ def _counts(row: Row) -> bool:
 
 
 def _filled(row: Row) -> int:
-    """How many cells a row has up to its last filled one."""
+    """Number of cells of a row up to its last filled one."""
     return next((k for k in range(len(row.texts), 0, -1) if row.texts[k - 1]), 0)
 
 
@@ -307,7 +307,7 @@ class Columns:
 
     @property
     def pose(self) -> tuple[str, ...]:
-        """Those of a pose."""
+        """Columns of a pose."""
         return self.position + self.rotation
 
 
@@ -396,7 +396,7 @@ class PathTable:
 
     @property
     def rows(self) -> tuple[Row, ...]:
-        """Where they stand."""
+        """Rows with their places."""
         return self.table.rows
 
     def error(self, message: str, row: int, column: str | None = None) -> FileError:
@@ -404,7 +404,7 @@ class PathTable:
         return self.table.error(message, row, column)
 
     def place(self, row: int) -> Place:
-        """Where a row stands."""
+        """Place of a row."""
         return Place(path=self.source.path, line=self.rows[row].line)
 
     def cell(self, row: int, column: str) -> tuple[int, int]:
@@ -579,7 +579,7 @@ def _edits(path_table: PathTable, row: int, waypoint: Waypoint, word: str) -> li
 
 
 def _word(path_table: PathTable, row: int) -> str:
-    """What a row's column 'move' says, or means where it is empty."""
+    """Content of a row's column 'move', or its meaning where it is empty."""
     return path_table.word(row, "move").lower() if path_table.kind(row) == "circular" else path_table.kind(row)
 
 

@@ -88,7 +88,7 @@ class Datum:
 
     @property
     def place(self) -> Place:
-        """Where it stands."""
+        """Place of its declaration."""
         return self.file.source.place(self.start)
 
 
@@ -296,7 +296,7 @@ READ = frozenset({*POSE, *AXES, *EXTERNAL, "S", "T", "TOOL_NO", "BASE_NO", "IPO_
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Data:
-    """What the data lists of a program say, and what its code changes of it."""
+    """Data lists of a program, and what its code changes of them."""
 
     files: tuple[File, ...]
     roots: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
@@ -432,7 +432,7 @@ class Data:
 
     @cached_property
     def robroot(self) -> Float[np.ndarray, "4 4"] | None:
-        """Where the robot stands in the world: $ROBROOT of $machine.dat, or as code sets it once; None where neither says it.
+        """Pose of the robot in the world: $ROBROOT of $machine.dat, or as code sets it once; None where neither says it.
 
         Raises:
             Unresolved: code sets it in several ways, or to something that is no frame.
@@ -519,7 +519,7 @@ def _lines_of(routine: str, files: tuple[File, ...]) -> Iterator[Statement]:
 
 
 def _element(line: Assignment) -> tuple[str, ...]:
-    """What an assignment changes: one element of an array, or all of a variable; nothing where no motion reads that component."""
+    """Names that an assignment changes: an element, or all of a variable; none where no motion reads that component."""
     name, bracket, rest = line.name.partition("[")
     index, _, behind = rest.partition("]")
     component = (behind if bracket else name).rpartition(".")[2] if "." in line.name else ""

@@ -39,7 +39,7 @@ WHOLE_PERCENT = 200.0
 
 @dataclass(frozen=True, kw_only=True)
 class Approximation:
-    """What $APO holds; None where the text does not tell."""
+    """Value of $APO; None where the text does not tell."""
 
     distance: float | None = None
     """CDIS, millimetres."""
@@ -47,7 +47,7 @@ class Approximation:
     """CPTP, percent."""
 
     def zone(self, passing: Sequence[str], kind: MoveKind) -> Zone | None:
-        """How near a motion passes by its target; None where the text does not tell.
+        """Zone in which a motion passes by its target; None where the text does not tell.
 
         Args:
             passing: its words for that.
@@ -64,7 +64,7 @@ class Approximation:
         return None  # from which speed or orientation on is not a place that the text gives
 
     def after_assignment(self, line: Assignment, known: Known) -> "Approximation":
-        """Behind an assignment."""
+        """Approximation after an assignment."""
         match line.name:
             case "$APO.CDIS":
                 return replace(self, distance=_size(line.words, known))
@@ -82,7 +82,7 @@ class Approximation:
                 return self
 
     def after_bas(self, line: Call, known: Known) -> "Approximation":
-        """Behind a call of BAS."""
+        """Approximation after a call of BAS."""
         match line.command:
             case "#CP_PARAMS" | "#CP_DAT":
                 return replace(self, distance=_component("LDAT_ACT", known)[0])
@@ -147,7 +147,7 @@ EVERYTHING = frozenset({"tool", "base", "mode", "parameters", "speed", "approxim
 
 @dataclass(frozen=True, kw_only=True)
 class FrameVariable:
-    """What a frame variable holds."""
+    """Value of a frame variable."""
 
     frame: Frame | None
     """None where the text does not tell."""
@@ -160,7 +160,7 @@ class FrameVariable:
 
 @dataclass(frozen=True, kw_only=True)
 class State(flow.State):
-    """What the lines before have set."""
+    """State set by the lines before."""
 
     tool: FrameVariable
     base: FrameVariable
@@ -189,12 +189,12 @@ class State(flow.State):
         )
 
     def forgotten(self, reason: str, what: frozenset[str] = EVERYTHING) -> Self:
-        """Where some of `EVERYTHING` may have become anything."""
+        """State in which some of `EVERYTHING` may have become anything."""
         fields = [name for name, group in _GROUPS.items() if group in what]
         return self._unknown(fields, reason) if fields else self
 
     def joined(self, others: Sequence[Self], why: str) -> Self:
-        """What holds behind any of several ways; see `flow.State.joined`."""
+        """Join states; see `flow.State.joined`."""
         differing = [name for name in _GROUPS if any(getattr(self, name) != getattr(other, name) for other in others)]
         states = (self, *others)
         return replace(
@@ -208,12 +208,12 @@ class State(flow.State):
         return self == other
 
     def lost_in(self, joined: Self) -> tuple[frozenset[str], frozenset[str]]:
-        """What of `EVERYTHING`, and which variables, do not hold any more in a state that was joined from this one."""
+        """Groups of `EVERYTHING` and variables of this state that a state joined from it has lost."""
         what = {group for name, group in _GROUPS.items() if getattr(self, name) != getattr(joined, name)}
         return frozenset(what), frozenset(self.variables.keys() - joined.variables.keys())
 
     def without(self, lost: tuple[frozenset[str], frozenset[str]] | None, why: str) -> Self:
-        """What holds without what `lost_in` gave."""
+        """State without the facts that `lost_in` gave."""
         what, keys = lost or (frozenset[str](), frozenset[str]())
         if not what and not keys:
             return self
@@ -254,7 +254,7 @@ _STEERED_ELSEWHERE = {
 
 
 def coupled(words: Sequence[Word]) -> tuple[Word, ...] | FrameVariable | None:
-    """What ``$BASE`` is set to, where a function couples it to something that moves.
+    """Frame of ``$BASE`` where a function couples it to something that moves.
 
     Args:
         words: the value.
@@ -278,7 +278,7 @@ def coupled(words: Sequence[Word]) -> tuple[Word, ...] | FrameVariable | None:
 
 
 def _closing(words: Sequence[Word]) -> int:
-    """Where the first pair of parentheses ends."""
+    """Position at which the first pair of parentheses ends."""
     depth = 0
     for i, word in enumerate(words):
         depth += (word.text == "(") - (word.text == ")")
@@ -380,7 +380,7 @@ class Frames:
         return pose(value)
 
     def _base(self, words: Sequence[Word], known: Known) -> FrameVariable:
-        """What $BASE is set to."""
+        """Value of $BASE."""
         inside = coupled(words)
         if inside is None or isinstance(inside, FrameVariable):
             return self.of(words, "$BASE", known) if inside is None else inside
@@ -422,7 +422,7 @@ class Frames:
             return FrameVariable(frame=None, reason=str(trouble))
 
     def of_parameters(self, state: State, parameters: Aggregate | None) -> State:
-        """What a set of frame parameters (FDAT) makes of tool and base."""
+        """State with the tool and base of a set of frame parameters (FDAT)."""
         if parameters is None:
             unknown = FrameVariable(frame=None, reason=state.parameters_reason)
             return replace(state, tool=unknown, base=unknown, fixed_tool=None)

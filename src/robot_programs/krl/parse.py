@@ -253,7 +253,7 @@ def _parameters(words: list[Word]) -> tuple[tuple[str, bool], ...]:
 
 
 def arguments_of(words: Sequence[Word]) -> tuple[tuple[Word, ...], ...]:
-    """What stands between the commas of a pair of parentheses."""
+    """Arguments between the commas of a pair of parentheses."""
     out: list[tuple[Word, ...]] = []
     depth, current = 0, list[Word]()
     for word in words:
@@ -433,7 +433,7 @@ def _arm(opening: Control, line: Control, body: Block) -> Arm:
 
 
 def _name_of_label(line: Control) -> str:
-    """Of a label or a GOTO, in capitals."""
+    """Name of a label or a GOTO, in capitals."""
     return line.words[0].upper if line.words else ""
 
 

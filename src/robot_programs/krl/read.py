@@ -111,11 +111,11 @@ class Flow(flow.Flow[State, Routine]):
         return _Walk(flow=self, routine=routine, inside=inside, tree=self.trees[routine], frames=self.frames(routine))
 
     def anything(self, why: str) -> State:
-        """Where anything may hold, and any action may have been started."""
+        """State in which anything may hold, and any action may have been started."""
         return replace(State.unset().forgotten(why), armed=self.actions.all)
 
     def start(self, routine: Routine) -> State:
-        """What holds where a program begins."""
+        """State where a program begins."""
         return State.unset()
 
     def found_all(self, routine: Routine) -> bool:
@@ -131,20 +131,20 @@ class Flow(flow.Flow[State, Routine]):
         return self.idle_calls[name] > MAX_IDLE_CALLS
 
     def forget(self, name: str, state: State) -> State:
-        """What holds behind a routine that is not followed."""
+        """State after a routine that is not followed."""
         if name not in self.routines:
             return state
         self.anywhere.update(self.routines[name])
         return self.lost_by(name, state)
 
     def lost_by(self, name: str, state: State) -> State:
-        """Where a routine may have left anything that it changes."""
+        """State after a routine that may have left anything that it changes."""
         variables = forgotten(state.variables, self.changes[name])
         armed = state.armed | self.actions.by_routine.get(name, frozenset())
         return replace(state.forgotten(f"{name} sets it", self.alters[name]), variables=variables, armed=armed)
 
     def armed_by(self, routine: Routine, lines: Sequence[Statement]) -> frozenset[Text]:
-        """What some lines of a routine may start."""
+        """Actions that some lines of a routine may start."""
         started, by_routine = self.actions.started, self.actions.by_routine
         return frozenset[Text]().union(
             *(started.get((routine.file.number, line.start), frozenset()) for line in lines),
@@ -216,27 +216,27 @@ class _Walk(flow.Walk[State, Routine]):
 
     @property
     def unreached(self) -> State:
-        """Where control does not come."""
+        """State of places that control does not reach."""
         return UNREACHED
 
     def through(self, entry: State) -> tuple[State, AbstractValue | None]:
-        """What holds behind the routine, its own variables included, and what it returns."""
+        """State after the routine, its own variables included, and what it returns."""
         state, value = super().through(entry)
         local = state.armed & self.flow.actions.local.get(self.routine.name, frozenset())
         return replace(state, armed=state.armed - local) if local else state, value
 
     def between(self, state: State) -> State:
-        """What holds where started actions may have run."""
+        """State where started actions may have run."""
         return self.flow.actions.weakened(state)
 
     def behind(self, state: State) -> State:
-        """What holds behind the last line of a block, where started actions may have run."""
+        """State after the last line of a block, where started actions may have run."""
         return self.flow.actions.weakened(state)
 
     # Conditions, and loops that count.
 
     def asked(self, line: Statement, state: State) -> State:
-        """What holds behind functions in the expressions of a line."""
+        """State after functions in the expressions of a line."""
         for name in calls_of(line):
             state = self.flow.forget(name, state)
         return self._forgotten(line.changed, state) if isinstance(line, Control) else state
@@ -256,7 +256,7 @@ class _Walk(flow.Walk[State, Routine]):
         return any(word.kind == "name" for word in condition.words)
 
     def widened(self, state: State, nodes: Sequence[Node], why: str) -> State:
-        """Where some lines may have changed all that they change."""
+        """State after lines that may have changed all that they change."""
         lines = tuple(lines_in(nodes))
         sets = frozenset[str]().union(*(altered_by(line, self.flow.alters) for line in lines))
         keys = frozenset[str]().union(*map(self._keys_changed_by, lines))
@@ -269,7 +269,7 @@ class _Walk(flow.Walk[State, Routine]):
         return state.forgotten(why, sets | {"motion"})
 
     def counts(self, loop: Loop, state: State) -> Counts | None:
-        """How a FOR counts; None where the text does not tell, or no counter is named."""
+        """Bounds and step of a FOR; None where the text does not tell, or no counter is named."""
         words, names = loop.line.words, self.frames.names
         upper = [word.upper for word in words]
         if len(words) < 5 or upper[1] != "=" or "TO" not in upper or names.key(upper[0]) in names.volatile:
@@ -286,7 +286,7 @@ class _Walk(flow.Walk[State, Routine]):
         return Counts(first=first, last=last, step=step) if whole and step else None
 
     def counting(self, loop: Loop, state: State, count: float | None) -> State:
-        """Where the counter of a FOR has a value; None for any."""
+        """State in which the counter of a FOR has a value; None for any."""
         if loop.kind != "counted":
             return state
         if count is None:
@@ -294,7 +294,7 @@ class _Walk(flow.Walk[State, Routine]):
         return replace(state, variables={**state.variables, self._counter(loop): count})
 
     def counted(self, loop: Loop, state: State, count: float) -> float | None:
-        """What the counter holds at the end of a turn: the turn may set it, too."""
+        """Value of the counter at the end of a turn, which may set it, too."""
         now = state.variables.get(self._counter(loop))
         return now if isinstance(now, float) else None
 
@@ -320,7 +320,7 @@ class _Walk(flow.Walk[State, Routine]):
         return keys_changed_by(line, self.frames.names, self.flow.by_value, self.flow.changes)
 
     def _forgotten(self, variables: Sequence[str], state: State) -> State:
-        """Where some variables, by their names in the routine, may hold anything."""
+        """State in which some variables, by their names in the routine, may hold anything."""
         if not variables:
             return state
         keys = map(self.frames.names.key, variables)
@@ -329,18 +329,18 @@ class _Walk(flow.Walk[State, Routine]):
     # Lines.
 
     def within(self, group: Group, state: State) -> State:
-        """What holds behind a SPLINE block."""
+        """State after a SPLINE block."""
         self.in_spline = True
         state = self.block(group.body, replace(state, last=None))
         self.in_spline = False
         return state
 
     def returned(self, line: Control, state: State) -> AbstractValue | None:
-        """What a RETURN gives back."""
+        """Value of a RETURN."""
         return given_by(line.words, self.frames.known(state)) if line.keyword == "RETURN" and line.words else None
 
     def step(self, line: Statement, state: State) -> State:
-        """What holds behind a line."""
+        """State after a line."""
         match line:
             case Motion():
                 return self._motion(line, state)
@@ -415,7 +415,7 @@ class _Walk(flow.Walk[State, Routine]):
         return replace(self._forgotten(arguments.by_reference, state), last=None)
 
     def _followed(self, call: Arguments, state: State) -> tuple[State, AbstractValue | None]:
-        """What holds behind a call of a routine of the files, and what it returns."""
+        """State after a call of a routine of the files, and what it returns."""
         program, known = self.flow, self.frames.known(state)
         left = self._forgotten(call.by_reference, state)
         if program.idle(call.name):
@@ -471,7 +471,7 @@ class _Walk(flow.Walk[State, Routine]):
         return replace(behind, last=number)
 
     def _points_returned(self, line: Motion, state: State) -> tuple[State, dict[int, AbstractValue]]:
-        """What holds behind the program's functions in a motion, and what they return of its points, by their first character."""
+        """State after the program's functions in a motion, and what they return of its points, by their first character."""
         returned: dict[int, AbstractValue] = {}
         for operand in line.operands:
             words = () if operand.parts else line.words_of(operand)
@@ -484,7 +484,7 @@ class _Walk(flow.Walk[State, Routine]):
         return state, returned
 
     def _of_function(self, name: str, value: AbstractValue | None) -> AbstractValue:
-        """What a function returns of a point, whose numbers may take the place of its call."""
+        """Point returned by a function, whose numbers may take the place of its call."""
         if value is None:
             return Lost(reason=f"what {name} returns is known only at run time")
         if not all(only_computes(routine, self.flow.routines) for routine in self.flow.routines[name]):
@@ -502,7 +502,7 @@ routines set is taken as not known, and loops are not taken turn by turn."""
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class KrlProgram(Program):
-    """What was read from ``.src`` and ``.dat`` files."""
+    """KRL program read from ``.src`` and ``.dat`` files."""
 
     sites: tuple[Site, ...]
     """Of the moves, in their order."""
@@ -557,9 +557,7 @@ def read_krl(sources: Sequence[Source]) -> KrlProgram:
     )
     for file in files:
         if not any(isinstance(line, Begin) for line in file.statements):
-            raise FileError(
-                file.source.path, f"is no KRL file: it has no line {'DEFDAT' if file.holds_data else 'DEF'}"
-            )
+            raise FileError(file.source.path, f"is not a KRL file: no {'DEFDAT' if file.holds_data else 'DEF'} line")
     if sources and all(file.holds_data for file in files):
         raise FileError(sources[0].path, "holds data only; pass the .src with the motions, too")
     return _Reading(files=files).program()

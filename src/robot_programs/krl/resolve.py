@@ -97,7 +97,7 @@ def completed_pose(aggregate: Aggregate, before: Move | None) -> Float[np.ndarra
 
 
 def moved_pose(step: Float[np.ndarray, "4 4"], before: Move | None, *, by_tool: bool) -> Float[np.ndarray, "4 4"]:
-    """Where a motion by a distance ends.
+    """End of a motion by a distance.
 
     Args:
         step: the distance, metres.
@@ -130,7 +130,7 @@ def refuse_moved_axes(aggregate: Aggregate) -> None:
 
 
 def moved_axes(aggregate: Aggregate, before: Move | None) -> Float[np.ndarray, " joints"]:
-    """Where a motion by angles of the axes ends.
+    """End of a motion by angles of the axes.
 
     Raises:
         Unresolved: it is not known by its joints where it begins.
@@ -145,7 +145,7 @@ def moved_axes(aggregate: Aggregate, before: Move | None) -> Float[np.ndarray, "
 
 @dataclass(eq=False, kw_only=True)
 class Findings(flow.Findings[Text, tuple[Move, Site]]):
-    """What was found so far."""
+    """Motions found so far."""
 
     diagnostics: list[tuple[int, int, str]] = field(default_factory=list[tuple[int, int, str]])
     """Number of the file, position and text."""
@@ -186,7 +186,7 @@ KINDS: dict[str, MoveKind] = {
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Resolver:
-    """Where the motions of a routine go."""
+    """Resolver of the motions of a routine."""
 
     findings: Findings
     routine: Routine
@@ -213,7 +213,7 @@ class Resolver:
         return (replace(move, divisible=False) if in_spline else move), site
 
     def position(self, state: State) -> Aggregate | None:
-        """Where the robot is, with the tool and base that hold; None where the text does not tell."""
+        """Position of the robot, with the tool and base that hold; None where the text does not tell."""
         before = self._before(state)
         if before is None or before.end.T is None:
             return None
@@ -288,7 +288,7 @@ class Resolver:
         return before if same or before.end.q is not None else None
 
     def _written(self, operand: Operand, known: Known) -> Written:
-        """Where the numbers of a point stand."""
+        """Place of the numbers of a point."""
         parts = [self._part(part, known) for part in operand.parts]
         datum = parts[0] if isinstance(parts[0], Datum) else None
         aggregates = tuple(part.aggregate if isinstance(part, Datum) else part for part in parts)

@@ -80,11 +80,11 @@ class Status:
 
     @property
     def tolerated(self) -> float:
-        """How far off the controller still takes the nearest posture, radians: not at all."""
+        """Largest deviation at which the controller still takes the nearest posture, radians: not at all."""
         return 0.0
 
     def miss(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
-        """How far each posture is from the one meant, radians: the angle of joints to the sign that T states.
+        """Deviation of each posture from the one meant, radians: the angle of joints to the sign that T states.
 
         On the wrong side of what S tells it is half a turn and more.
         """
@@ -114,7 +114,7 @@ class Status:
 
 
 def _bits_miss(value: int, positive: Float[np.ndarray, "n bits"]) -> Float[np.ndarray, "n bits"]:
-    """How far each amount is on the wrong side, zero on the right one."""
+    """Amount by which each value is on the wrong side, zero on the right one."""
     stated = (value >> np.arange(positive.shape[1])) & 1 == 1
     return np.maximum(np.where(stated, -positive, positive), 0.0)
 
@@ -127,7 +127,7 @@ def _with_bits(value: int, positive: Float[np.ndarray, " bits"]) -> int:
 
 
 def _beyond(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3"] | None:
-    """What is positive where bits 0, 1 and 2 of S are set; None for a robot without such a wrist."""
+    """Quantities that are positive where bits 0, 1 and 2 of S are set; None for a robot without such a wrist."""
     geometry = _geometry(robot)
     if geometry is None:
         return None
@@ -569,7 +569,7 @@ class Sharing:
         yield from self._of_elements(sorted(elements), waypoints)
 
     def _alone(self, i: int, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> Iterator[tuple[int, str]]:
-        """What one of several motions of a text cannot become, and what it keeps others from."""
+        """Conflicts of one of several motions of a text, and of those that it affects."""
         site, move = self.sites[i], self.moves[i]
         path = waypoints.get(i)
         if path is not None and stays(move, path):
@@ -625,7 +625,7 @@ class Sharing:
                 yield from ((i, why) for i in changing)
 
     def _other_reading(self, datum: Datum, own: set[tuple[int, int]]) -> Place | None:
-        """Where code names an array beside the motions that go to its elements."""
+        """Place at which code names an array beside the motions to its elements."""
         array = datum.name.partition("[")[0]
         for file, position in mentions_of(array, self.sites, datum.file.module):
             if not file.holds_data and (file.number, position) not in own:

@@ -37,11 +37,11 @@ class Routine:
 
     @property
     def prefix(self) -> str:
-        """Of the keys of its own variables."""
+        """Prefix of the keys of its own variables."""
         return f"{self.name}@{self.file.number}:"
 
     def names(self, data: Data, volatile: frozenset[str] = frozenset()) -> Names:
-        """What names of variables mean in it."""
+        """Meaning of the names of variables in it."""
         declared = [line for line in self.lines if isinstance(line, Declaration)]
         own = {variable.name for line in declared for variable in line.variables}
         return Names(
@@ -96,7 +96,7 @@ _COMMANDS = {
 
 
 def altered_by(line: Statement, routines: Mapping[str, frozenset[str]]) -> frozenset[str]:
-    """What of `EVERYTHING` a line alters, given what routines alter."""
+    """Groups of `EVERYTHING` that a line alters, given what routines alter."""
     match line:
         case Motion():
             own = frozenset({"motion"})
@@ -167,7 +167,7 @@ def only_computes(routine: Routine, routines: Container[str]) -> bool:
 
 
 def altering(routines: Mapping[str, Sequence[Routine]]) -> dict[str, frozenset[str]]:
-    """What the routines of each name alter, by themselves or by those that they call."""
+    """Groups that the routines of each name alter, by themselves or by those that they call."""
     own = {
         name: (
             frozenset[str]().union(*(altered_by(line, {}) for r in same for line in r.lines)),
@@ -470,7 +470,7 @@ class _Meant:
         self.reachable.update(with_called(own))
 
     def by(self, routine: Routine, line: Beside) -> frozenset[Text]:
-        """Of an interrupt those that the routine and the ones it calls declare, else any of that number."""
+        """Declarations of an interrupt in the routine and the ones it calls, else any of that number."""
         if line.keyword != "INTERRUPT":
             if line.verb == "ON":
                 return frozenset({_text(routine, line)}).intersection(self.declared)

@@ -450,7 +450,7 @@ def _number(words: Sequence[Word]) -> float | None:
 
 
 def split_at_commas(words: Sequence[Word]) -> tuple[tuple[Word, ...], ...]:
-    """What stands between commas that are in no bracket."""
+    """Words between commas that are in no bracket."""
     groups: list[list[Word]] = [[]]
     depth = 0
     for word in words:

@@ -60,7 +60,7 @@ _PRIORITY = {sign: level for level, signs in enumerate(_LEVELS) for sign in sign
 
 @runtime_checkable
 class Lookup(Protocol):
-    """Where the values of variables come from."""
+    """Source of the values of variables."""
 
     def value(self, name: str) -> Value:
         """The value of a variable or an element, by its name in capitals with its index as a number.
@@ -148,7 +148,7 @@ def with_values(aggregate: Aggregate, lookup: Lookup) -> Aggregate:
 
 
 def product(left: Aggregate, right: Aggregate) -> Aggregate:
-    """What the geometric operator makes of two frames: the right one, counted in the left; status and turn are the right one's.
+    """Product of two frames by the geometric operator: the right one, counted in the left; status and turn are the right one's.
 
     Raises:
         Unresolved: one is not a complete frame, or states external axes away from zero.
@@ -156,7 +156,7 @@ def product(left: Aggregate, right: Aggregate) -> Aggregate:
     if any(part.value(name) for part in (left, right) for name in EXTERNAL):
         raise Unresolved("a frame with external axes is multiplied")
     if not has_pose(left) or not has_pose(right):
-        raise Unresolved("what ':' joins is not a frame")
+        raise Unresolved("both operands of ':' must be FRAME or POS")
     for value in (part.value(name) for part in (left, right) for name in POSE):
         _in_range(value or 0.0)
     values: dict[str, float | str] = dict(pose_values(pose(left) @ pose(right)))
@@ -167,7 +167,7 @@ def product(left: Aggregate, right: Aggregate) -> Aggregate:
 
 
 def inverse(frame: Value) -> Aggregate:
-    """What INV_POS makes of a frame: F : INV_POS(F) is the zero frame.
+    """Inverse of a frame by INV_POS: F : INV_POS(F) is the zero frame.
 
     Raises:
         Unresolved: it is not a complete frame, or states external axes away from zero.
@@ -311,7 +311,7 @@ def _applied(sign: str, left: Value, right: Value) -> Value:
     if sign == ":":
         if isinstance(left, Aggregate) and isinstance(right, Aggregate):
             return product(left, right)
-        raise Unresolved("what ':' joins is not a frame")
+        raise Unresolved("both operands of ':' must be FRAME or POS")
     if sign in ("AND", "OR", "EXOR"):
         a, b = _truth(left), _truth(right)
         return (a and b) if sign == "AND" else (a or b) if sign == "OR" else a != b
@@ -394,7 +394,7 @@ ZERO = structure("FRAME", dict.fromkeys(("X", "Y", "Z", "A", "B", "C"), 0.0))
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Names:
-    """What names of variables mean in a routine."""
+    """Meaning of the names of variables in a routine."""
 
     prefix: str
     """Of keys of the routine's own variables."""
@@ -412,7 +412,7 @@ class Names:
     """Keys of variables that may change at any time: interrupts and the submit interpreter assign them."""
 
     def key(self, variable: str) -> str:
-        """What a variable is called among all variables of the program."""
+        """Key of a variable among all variables of the program."""
         if variable in self.own:
             return f"{self.prefix}{variable}"
         return f"{self.module}:{variable}" if variable in self.listed else variable
@@ -433,7 +433,7 @@ class Known:
     """The value chooses a way: what data lists state does not, since an operator may set it by hand."""
 
     def assigned(self, name: str) -> Value | None:
-        """What code has assigned to a variable or an element; None where nothing was, or nobody knows.
+        """Value that code has assigned to a variable or an element; None where nothing was, or nobody knows.
 
         Raises:
             Unresolved: something was that the text does not give.
@@ -492,7 +492,7 @@ class Known:
 
 
 def given_by(words: Sequence[Word], known: Known) -> AbstractValue:
-    """What an expression gives."""
+    """Abstract value of an expression."""
     try:
         value = evaluated(words, known)
     except Unresolved as trouble:
@@ -536,7 +536,7 @@ def element_assigned(known: Known, line: Assignment) -> str | None:
 def _assigned(
     known: Known, line: Assignment, name: str, component: str, returned: AbstractValue | None
 ) -> AbstractValue:
-    """What a line makes of a variable or an element."""
+    """Abstract value that a line assigns to a variable or an element."""
     given = given_by(line.words, known) if returned is None else returned
     if isinstance(given, Lost):
         return given
@@ -592,7 +592,7 @@ def bound(known: Known, line: Iterable[tuple[str, tuple[Word, ...]]], names: Nam
 
 
 def _as_declared(given: AbstractValue, parameter: str, names: Names) -> AbstractValue:
-    """What a parameter holds that is given something."""
+    """Abstract value of a parameter that is given something."""
     if isinstance(given, Lost):
         return given
     value = given.value if isinstance(given, Adjustable) else given
@@ -623,7 +623,7 @@ def without_places(variables: Variables) -> Variables:
 
 
 def common(states: Iterable[Variables]) -> Variables:
-    """What is the same after all of some ways through the program."""
+    """Variables that agree after all of some ways through the program."""
     first, *others = states
     if all(other is first for other in others):
         return first
@@ -642,7 +642,7 @@ def _without(variables: Variables, element: str) -> dict[str, AbstractValue]:
 
 
 def _holding(variables: Variables, element: str, value: AbstractValue) -> Variables:
-    """Where a variable, or one element, holds a value."""
+    """Variables with a value for one variable or element."""
     out = _without(variables, element)
     out[element] = value
     return out

@@ -354,7 +354,7 @@ class Use:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Changes:
-    """What a program changes of its data."""
+    """Changes of a program to its data."""
 
     assigned: Mapping[Symbol, str]
     """How each variable is assigned to first, as "is assigned to in part.mod:4"; those that keep their value are missing."""
@@ -365,7 +365,7 @@ class Changes:
 
 
 def changes(everywhere: Iterable[Context]) -> Changes:
-    """What a program changes of its data."""
+    """Changes of a program to its data."""
     everywhere = tuple(everywhere)
     assigned: dict[Symbol, str] = {}
     lent: dict[Routine, dict[Symbol, str]] = {}
@@ -417,7 +417,7 @@ def _assignment(mention: Mention) -> str:
 
 
 def symbol_of(mention: Mention) -> Symbol | None:
-    """What a reference stands for; None where that is not known."""
+    """Data that a reference names; None where that is not known."""
     try:
         return mention.scope.find(mention.reference.name.text)
     except Unresolved:
@@ -562,7 +562,7 @@ def _option(routine: Routine, name: str) -> Parameter | None:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Effects:
-    """What may change where."""
+    """Data that statements and routines may change."""
 
     changes: Changes
     of_routine: Mapping[Routine, frozenset[Symbol]]
@@ -590,7 +590,7 @@ class Effects:
 
 
 def effects_of(everywhere: Iterable[Context], changes: Changes) -> Effects:
-    """What the routines of a program may change."""
+    """Data that the routines of a program may change."""
     own: dict[Routine, tuple[frozenset[Symbol], frozenset[Routine]]] = {}
     handled: dict[Routine, tuple[frozenset[Symbol], frozenset[Routine]]] = {}
     for context in everywhere:

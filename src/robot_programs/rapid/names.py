@@ -189,7 +189,7 @@ class Symbol:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scope:
-    """What names mean at some place: own names first, then those of the module, then those of all modules."""
+    """Meaning of names at some place: own names first, then those of the module, then those of all modules."""
 
     module: Mapping[str, list[Symbol]]
     shared: Mapping[str, list[Symbol]]
@@ -199,7 +199,7 @@ class Scope:
     """All routines of the files."""
 
     def find(self, name: str) -> Symbol | None:
-        """What a name stands for; None where nothing of that name is known.
+        """Symbol of a name; None where nothing of that name is known.
 
         Raises:
             Unresolved: it is declared several times.

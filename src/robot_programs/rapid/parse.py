@@ -185,7 +185,7 @@ class ExpressionParser(Words):
                 raise self.problem("a value is missing before")
 
     def _numbers(self, start: int) -> int:
-        """Behind a list of nothing but numbers; 0 where there is none, or where its signs are nested too deeply."""
+        """End of a list of nothing but numbers; 0 where there is none, or where its signs are nested too deeply."""
         return list_end(self.text, start) if self.depth + 2 <= MAX_DEPTH else 0
 
     def _list(self, closing: str) -> tuple[Expression, ...]:

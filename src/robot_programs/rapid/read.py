@@ -92,7 +92,7 @@ from robot_programs.rapid.values import UNREACHED, AbstractValue, PassedArgument
 def after_assignment(
     assignment: Assignment, scope: Scope, state: State, values: Values, volatile: frozenset[Symbol]
 ) -> State:
-    """What holds behind an assignment.
+    """State after an assignment.
 
     Args:
         assignment: the statement.
@@ -133,7 +133,7 @@ def counting(instruction: Instruction) -> Assignment | None:
 
 
 def _assigned(assignment: Assignment, symbol: Symbol, scope: Scope, values: Values) -> AbstractValue | None:
-    """What data hold of which something is assigned; None where the text does not tell."""
+    """Abstract value of data after an assignment; None where the text does not tell."""
     target, node = assignment.target, assignment.value
     try:
         value = values.of(node, scope)
@@ -175,13 +175,13 @@ def given(instruction: Instruction, routine: Routine) -> Iterator[tuple[Paramete
 
 
 def initial_values(context: Context, volatile: frozenset[Symbol]) -> dict[Symbol, AbstractValue]:
-    """What variables of a module or a routine hold where their declarations are reached, as far as that is known."""
+    """Initial values of the variables of a module or a routine, as far as that is known."""
     values = {symbol: initial(symbol) for symbol in context.declared if symbol not in volatile}
     return {symbol: value for symbol, value in values.items() if value is not None}
 
 
 def initial(symbol: Symbol) -> AbstractValue | None:
-    """What a variable holds where its declaration is reached; None where that is not known, and of other data."""
+    """Initial value of a variable; None where it is not known, and of other data."""
     declaration = symbol.declaration
     if declaration is None or declaration.storage != "var":
         return None
@@ -200,7 +200,7 @@ def own_symbols(context: Context) -> frozenset[Symbol]:
 def passed_arguments(
     instruction: Instruction, called: Context, scope: Scope, file: File, values: Values
 ) -> Iterator[tuple[Symbol, AbstractValue]]:
-    """What the parameters of a routine hold where it is called, as far as the text tells.
+    """Abstract values of the parameters of a routine at a call, as far as the text tells.
 
     Args:
         instruction: the call.
@@ -230,7 +230,7 @@ def passed_arguments(
 
 
 def _argument_value(argument: Argument, scope: Scope, file: File, values: Values) -> AbstractValue:
-    """What an argument gives.
+    """Abstract value of an argument.
 
     Raises:
         Unresolved: the text does not tell.
@@ -359,23 +359,23 @@ class Flow(form.Flow[State, Routine]):
         return _Walk(flow=self, routine=routine, inside=inside, context=context, resumes=resumes)
 
     def anything(self, why: str) -> State:
-        """Where anything may hold."""
+        """State in which anything may hold."""
         return State()
 
     def start(self, routine: Routine) -> State:
-        """What holds where a routine begins that nothing calls; in main variables may have their declared values."""
+        """State where a routine begins that nothing calls; in main variables may have their declared values."""
         if self.all_ways:
             return self.called_anywhere(routine, "")
         self._begin(routine)
         return self.entered(routine, _start(self, self.contexts[routine]))
 
     def called_anywhere(self, routine: Routine, why: str) -> State:
-        """What holds where a routine begins of which it is not followed how it is called."""
+        """State where a routine begins of which it is not followed how it is called."""
         self._begin(routine)
         return self.entered(routine, State())
 
     def entered(self, routine: Routine, state: State) -> State:
-        """What holds at the start of a routine: variables of its own get their declared values there."""
+        """State at the start of a routine: variables of its own get their declared values there."""
         context = self.contexts[routine]
         return state.forgotten(own_symbols(context)).holding(initial_values(context, self.effects.volatile))
 
@@ -406,24 +406,24 @@ class _Walk(form.Walk[State, Routine]):
 
     @property
     def unreached(self) -> State:
-        """Where control does not come."""
+        """State of places that control does not reach."""
         return UNREACHED
 
     def between(self, state: State) -> State:
-        """What holds where an error handler may have moved the robot."""
+        """State where an error handler may have moved the robot."""
         return replace(state, last=None, reached=True) if self.resumes else state
 
     def at_error(self, entry: State) -> State:
-        """What holds where an error handler begins."""
+        """State where an error handler begins."""
         return replace(entry, last=None).forgotten(self.flow.effects.of_routine[self.routine])
 
     def unknown(self, line: Line, state: State) -> State:
-        """What holds behind a label, or text that was not understood."""
+        """State after a label, or text that was not understood."""
         self.flow.anywhere.update(called([line.statement], line.scope))
         return self._lost(state)
 
     def _lost(self, state: State) -> State:
-        """Where control may come from anywhere in the routine: what nothing ever changes still holds."""
+        """State where control may come from anywhere in the routine: only data that nothing changes are known."""
         changes = self.flow.effects.changes
         parameters = {s for s in state.variables if (s.parameter_of, s.name.lower()) in changes.parameters}
         return replace(state, last=None, reached=True).forgotten(changes.assigned.keys() | parameters | {SOFT})
@@ -431,7 +431,7 @@ class _Walk(form.Walk[State, Routine]):
     # Conditions, and loops that count.
 
     def asked(self, line: Line, state: State) -> State:
-        """What holds behind the functions in the expressions of a statement."""
+        """State after the functions in the expressions of a statement."""
         match line.statement:
             case Branches() | Loop():
                 expressions = line.statement.conditions
@@ -465,14 +465,14 @@ class _Walk(form.Walk[State, Routine]):
         return condition.expression is not None and any(isinstance(p, Reference) for p in parts(condition.expression))
 
     def widened(self, state: State, nodes: Sequence[form.Node], why: str) -> State:
-        """Where some lines may have changed all that they change."""
+        """State after lines that may have changed all that they change."""
         lines: list[Line] = list(form.lines_in(nodes))
         state = state.forgotten(frozenset[Symbol]().union(*map(self._changed_by, lines)))
         moving = any(moves([line.statement], line.scope) for line in lines)
         return replace(state, last=None) if moving else state
 
     def counts(self, loop: form.Loop, state: State) -> form.Counts | None:
-        """How a FOR counts; None where the text does not tell."""
+        """Bounds and step of a FOR; None where the text does not tell."""
         line: Line = loop.line
         assert isinstance(line.statement, Loop)
         bounds, scope = line.statement.conditions, line.scope
@@ -487,7 +487,7 @@ class _Walk(form.Walk[State, Routine]):
         return form.Counts(first=first, last=last, step=by) if by else None
 
     def counting(self, loop: form.Loop, state: State, count: float | None) -> State:
-        """Where the counter of a FOR has a value; None for any."""
+        """State in which the counter of a FOR has a value; None for any."""
         line: Line = loop.line
         if line.counter is None:
             return state
@@ -501,7 +501,7 @@ class _Walk(form.Walk[State, Routine]):
     # Statements.
 
     def step(self, line: Line, state: State) -> State:
-        """What holds behind an instruction or an assignment."""
+        """State after an instruction or an assignment."""
         match line.statement:
             case Instruction():
                 return self._instruction(line.statement, line, state)
@@ -690,7 +690,7 @@ def _roots(contexts: Mapping[Routine, Context]) -> frozenset[Routine]:
 
 
 def _start(flow: Flow, context: Context) -> State:
-    """What holds where a root begins: in main the declared values of variables, if it leaves them as they were.
+    """State where a root begins: in main the declared values of variables, if it leaves them as they were.
 
     A controller declares variables anew where the program pointer is moved to main, and keeps them where main begins again
     behind its end.
@@ -822,7 +822,7 @@ def _parsed(source: Source) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:
 
 
 def _settings(everywhere: Iterable[Context], values: Values) -> Settings:
-    """What the instructions of the program set for all of it: where they do so sometimes, they may do so always."""
+    """Settings of the program's instructions for all of it: where they do so sometimes, they may do so always."""
     off: set[str] = set()
     shift = offset = soft = ""
     for file, name, options in _words(everywhere):
@@ -842,7 +842,7 @@ def _settings(everywhere: Iterable[Context], values: Values) -> Settings:
 
 
 def _cautions(everywhere: Sequence[Context]) -> Iterator[Diagnostic]:
-    """What instructions do to motions elsewhere."""
+    """Warnings of instructions that act on motions elsewhere."""
     for file, name, options in _words(everywhere):
         if name.key in SHIFTING:
             text = f"{name.text} begins a program displacement, which may shift any motion to a pose; none is read"

@@ -66,7 +66,7 @@ class Configuration:
 
     @property
     def tolerated(self) -> float:
-        """How far off the controller still takes the nearest posture, radians."""
+        """Largest deviation at which the controller still takes the nearest posture, radians."""
         return MAX_QUADRANT_MISS_RAD
 
     def agrees(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Bool[np.ndarray, " n"]:
@@ -74,7 +74,7 @@ class Configuration:
         return self.miss(robot, q) <= POSTURE_TOLERANCE_RAD
 
     def miss(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
-        """How far each posture is from the one meant, radians: of axes 1, 4 and 6 the angle to their quadrants.
+        """Deviation of each posture from the one meant, radians: of axes 1, 4 and 6 the angle to their quadrants.
 
         On the wrong side of what cfx tells it is half a turn and more.
         """
@@ -178,11 +178,11 @@ class TargetArgument:
 
     @property
     def root(self) -> "TargetArgument":
-        """What is shifted in the end; itself where nothing is."""
+        """Target that is shifted in the end; itself where nothing is."""
         return self if self.base is None else self.base.root
 
     def carried(self, T_base: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "4 4"]:
-        """Where it would be if what it shifts were somewhere else.
+        """Pose that it would have if the target that it shifts were somewhere else.
 
         Raises:
             ValueError: it shifts nothing.
@@ -196,7 +196,7 @@ class TargetArgument:
         return T
 
     def target(self, posture_counts: bool, posture_binds: bool = True) -> Target:
-        """What a motion goes to; without its posture where the controller is told to ignore that and it is not needed."""
+        """Target of a motion, without its posture where the controller is told to ignore that and it is not needed."""
         name, place = self.origin.name if self.origin else "", self.file.source.place(self._written)
         if self.type == "jointtarget":
             return Target(name=name, T=None, q=np.radians(self.meant), posture=None, place=place)
@@ -217,7 +217,7 @@ def configuration(cf: tuple[float, ...]) -> Configuration:
 
 
 def resolve_target(argument: Argument, type_: TargetType, scope: Scope, values: Values, file: File) -> TargetArgument:
-    """What a target argument means.
+    """Meaning of a target argument.
 
     Raises:
         Unresolved: the text does not say.
@@ -250,7 +250,7 @@ def _resolve(
 def _named(
     node: Reference, argument: Argument, type_: TargetType, scope: Scope, values: Values, file: File
 ) -> TargetArgument:
-    """What a name means: declared data, a parameter with the argument that it was given, or what was assigned."""
+    """Target of a name: declared data, a parameter with the argument that it was given, or what was assigned."""
     found = values.found(node, scope)
     if found.type != type_:
         raise Unresolved(f"'{node.name.text}' is {found.type}, not {type_}")
@@ -280,7 +280,7 @@ def _named(
 
 
 def _shifted(call: Call, argument: Argument, scope: Scope, values: Values, file: File) -> TargetArgument:
-    """What Offs or RelTool makes of a target."""
+    """Shift a target by Offs or RelTool."""
     required = [a.value for a in call.arguments if not a.option and a.value is not None]
     options = {a.option: a.value for a in call.arguments if a.option and not a.conditional and a.value is not None}
     if len(required) != 4 or len(required) + len(options) != len(call.arguments):
@@ -352,7 +352,7 @@ _EVERY = frozenset({"conc", "v", "z", "inpos", "wobj", "tload", "noeoffs"})
 
 @dataclass(frozen=True, kw_only=True)
 class MotionForm:
-    """How a motion instruction is written."""
+    """Form of a motion instruction."""
 
     kind: MoveKind
     before: int = 0
@@ -371,7 +371,7 @@ class MotionForm:
     options: frozenset[str] = _EVERY
 
     def counts(self) -> tuple[int, ...]:
-        """How many required arguments it may have."""
+        """Numbers of required arguments that it may have."""
         own = self.before + (self.kind == "circular") + 3 + self.has_zone
         return tuple(own + between + behind for between in self.between for behind in self.behind)
 
@@ -467,12 +467,12 @@ class Layout:
 
     @property
     def behind_to(self) -> int:
-        """Behind the target with its options."""
+        """Position after the target with its options."""
         return self.options["noeoffs"].end if "noeoffs" in self.options else self.to.end
 
     @property
     def behind_zone(self) -> int:
-        """Behind the zone with its options."""
+        """Position after the zone with its options."""
         own = self.tool.start if self.zone is None else self.zone.end
         return max([own, *(self.options[name].end for name in ("z", "inpos") if name in self.options)])
 
@@ -493,7 +493,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Settings:
-    """What holds throughout a program."""
+    """Settings that hold throughout a program."""
 
     values: Values
     postures_off: frozenset[str]

@@ -57,7 +57,7 @@ def agree(target: TargetArgument, texts: Texts, others: Texts) -> bool:
 
 
 def new_texts(target: TargetArgument, waypoint: Waypoint, robot: Robot) -> Texts:
-    """What to write for a waypoint where a target stood."""
+    """Texts of a waypoint in place of a target."""
     if target.type == "jointtarget":
         degrees = np.degrees(waypoint.q)
         return tuple(
@@ -188,7 +188,7 @@ class Want:
 
     @property
     def carrier(self) -> TargetArgument:
-        """What it shifts."""
+        """Target that it shifts."""
         if self.target.base is None:
             raise ValueError("only a target under Offs or RelTool goes with another one")
         return self.target.base
@@ -203,7 +203,7 @@ class Want:
 
     @property
     def home(self) -> Home:
-        """Where its numbers stand."""
+        """Place of its numbers."""
         return home_of(self.target)
 
     def agrees(self, other: "Want") -> bool:
@@ -327,7 +327,7 @@ class Sharing:
     def _other_reading(
         self, group: Sequence[tuple[int, Want]], followed: Sequence[Want], replaced: Sequence[tuple[File, Argument]]
     ) -> Use | None:
-        """What reads a parameter beside the motions that go to it."""
+        """Reference that reads a parameter beside the motions that go to it."""
         argument = group[0][1].target.argument
         known = {(w.motion.file, w.target.read_at) for w in followed if w.carrier.argument is argument}
         parameters: dict[Symbol, None] = {}
@@ -364,7 +364,7 @@ class Sharing:
 
 
 def home_of(target: TargetArgument) -> Home:
-    """Where the numbers of a target stand."""
+    """Place of the numbers of a target."""
     if target.origin is not None:
         return (target.origin.symbol, target.origin.path)
     return (target.argument, target.literal, target.meant if target.literal is None else ())
@@ -373,7 +373,7 @@ def home_of(target: TargetArgument) -> Home:
 def other_use(
     uses: Iterable[Use], path: tuple[int, ...], wants: Iterable[Want], followed: Iterable[Want] = ()
 ) -> Use | None:
-    """What reads a target beside the arguments that change, and those that go with it."""
+    """Reference that reads a target beside the arguments that change and those that go with it."""
     own = [(want.target.argument_file, want.target.argument) for want in wants if want.changes]
     own += [(want.target.argument_file, want.target.argument) for want in followed]
 
@@ -389,7 +389,7 @@ def _all_of(group: Iterable[tuple[int, Want]], why: str) -> Iterator[tuple[int, 
 
 
 def _places(group: Iterable[tuple[int, Want]]) -> str:
-    """Where the motions of a group stand, and where what they are given does."""
+    """Places of the motions of a group and of their arguments."""
     places: dict[str, None] = {}
     for _, want in group:
         places[str(want.motion.move.place)] = None
@@ -460,7 +460,7 @@ def _visits(routine: Routine, stops: Iterable[_Stop]) -> Iterator[Visit]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _RoutineText:
-    """What the motions of a file's routines read."""
+    """References that the motions of a file's routines read."""
 
     file: File
     read: Sequence[tuple[int, Symbol, Use]]
@@ -469,7 +469,7 @@ class _RoutineText:
     numbers: Mapping[Instruction, Sequence[int]]
 
     def stops(self, routine: Routine, unresolved: Container[Instruction]) -> Iterator[_Stop]:
-        """Its motions, in the order of the text."""
+        """Motions in the order of the text."""
         made_of: dict[Symbol, frozenset[tuple[Symbol, tuple[int, ...] | None]]] = {}
         for statement in nested(routine.statements):
             if isinstance(statement, Assignment) and not statement.target.selectors:
@@ -742,7 +742,7 @@ def _clone(want: Want, value: str, fresh: FreshNames, edits: _Edits) -> str:
 
 
 def _behind(declaration: Declaration, source: Source) -> tuple[int, str]:
-    """Where to write a declaration behind another one, and what to write in front of it."""
+    """Position for a declaration after another one, and the text in front of it."""
     text = source.text
     end = text.find("\n", declaration.end)
     end = len(text) if end < 0 else end

@@ -45,7 +45,7 @@ class Token(NamedTuple):
 
     @property
     def end(self) -> int:
-        """Behind its last character."""
+        """Position after its last character."""
         return self.start + len(self.text)
 
 
@@ -79,7 +79,7 @@ def words(text: str, start: int, end: int) -> Iterator[Token]:
 
 
 def list_end(text: str, start: int) -> int:
-    """Behind the list of decimal numbers and nothing else that begins somewhere; 0 where none does, or a long one."""
+    """End of the list of decimal numbers and nothing else that begins somewhere; 0 where none does, or a long one."""
     found = _LIST.match(text, start)
     return found.end() if found else 0
 
@@ -152,7 +152,7 @@ class Aggregate(Node):
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Those of a plain one."""
+        """Numbers of a plain aggregate."""
         return tuple(value for _, _, value in self._listed())
 
     @property
@@ -254,7 +254,7 @@ class Declaration(Node):
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Parameter:
-    """What a routine is given."""
+    """Parameter of a routine."""
 
     name: Token
     type: str
@@ -312,7 +312,7 @@ class Loop(Node):
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Label(Node):
-    """Where a GOTO leads."""
+    """Label of a GOTO."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -363,7 +363,7 @@ class Routine(Node):
 
     @property
     def statements(self) -> "tuple[Statement, ...]":
-        """Those of the body and of all handlers."""
+        """Statements of the body and of all handlers."""
         return (*self.body, *(statement for handler in self.handlers for statement in handler))
 
 

@@ -36,7 +36,7 @@ MAX_SHIFT_MM = 1e6
 
 
 def operated(operator: str, values: Sequence[Value]) -> Value:
-    """What an operator makes of its operands.
+    """Value of an operator applied to its operands.
 
     Raises:
         Unresolved: they are not of the types it needs, or it is not evaluated.
@@ -100,7 +100,7 @@ def _of_numbers(operator: str, given: Sequence[float]) -> Value:
 
 
 def shifted(name: str, T: Float[np.ndarray, "4 4"], by: Sequence[Value], options: Mapping[str, Value]) -> np.ndarray:
-    """What Offs or RelTool makes of a pose.
+    """Shift a pose by Offs or RelTool.
 
     Offs shifts along the axes of the work object; RelTool shifts along those of the tool, then turns about its x, the new y
     and the new z.
@@ -163,7 +163,7 @@ class Frames:
     """Mechanical unit that moves the work object; empty where it stands still."""
 
     def on(self, T_world_base: Float[np.ndarray, "4 4"]) -> "Frames":
-        """What stands still counted in the robot's base instead of the world, which RAPID counts in."""
+        """Frames with the fixed one counted in the robot's base instead of the world, which RAPID counts in."""
         if self.part_in_hand:
             return replace(self, tool=_seen_from(T_world_base, self.tool))
         return self if self.carrier else replace(self, part=_seen_from(T_world_base, self.part))
@@ -415,7 +415,7 @@ COMPUTED: Mapping[str, Function] = {
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Origin:
-    """Where a value is declared."""
+    """Declaration of a value."""
 
     symbol: Symbol
     path: tuple[int, ...]
@@ -428,7 +428,7 @@ class Origin:
 
     @property
     def name(self) -> str:
-        """As ``p{3}`` or ``st{2}.pick``, with the value of each index."""
+        """Name as ``p{3}`` or ``st{2}.pick``, with the value of each index."""
         items, text = iter(self.path), self.symbol.name
         for selector in self.selectors:
             match selector:
@@ -442,7 +442,7 @@ class Origin:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PassedArgument:
-    """How a parameter got what it holds: the argument of a call, and how that is read on the way to where it is used."""
+    """Argument of a call that a parameter holds, and the references by which it is passed on."""
 
     argument: Argument
     """Of the first call, where what is passed on is written."""
@@ -465,7 +465,7 @@ class PassedArgument:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AbstractValue:
-    """What data hold."""
+    """Abstract value of data."""
 
     value: Value
     """Of no meaning where it is the declared one."""
@@ -500,23 +500,23 @@ Variables = Mapping[Symbol, AbstractValue]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class State(flow.State):
-    """What holds at a place of a program."""
+    """State at a place of a program."""
 
     variables: Variables = field(default_factory=dict[Symbol, AbstractValue])
 
     def forgotten(self, symbols: Iterable[Symbol]) -> Self:
-        """Where some data may hold anything."""
+        """State in which some data may hold anything."""
         lost = self.variables.keys() & set(symbols)
         if not lost:
             return self
         return replace(self, variables={k: v for k, v in self.variables.items() if k not in lost})
 
     def holding(self, values: Variables) -> Self:
-        """Where some data hold something else."""
+        """State in which some data hold something else."""
         return replace(self, variables={**self.variables, **values}) if values else self
 
     def joined(self, others: Sequence[Self], why: str) -> Self:
-        """What holds behind any of several ways; see `flow.State.joined`."""
+        """Join states; see `flow.State.joined`."""
         last = self.last if all(other.last == self.last for other in others) else None
         if all(other.variables is self.variables for other in others):
             return replace(self, last=last)
@@ -552,7 +552,7 @@ MAX_ELEMENTS = 1e7
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Found:
-    """What a reference stands for."""
+    """Data that a reference names."""
 
     value: Value
     type: str
@@ -634,7 +634,7 @@ class Values:
                 return False
 
     def found(self, reference: Reference, scope: Scope, depth: int = 0) -> Found:
-        """What a reference stands for.
+        """Data that a reference names.
 
         Raises:
             Unresolved: it is not declared in the files, or its value is not known from the text.
@@ -661,7 +661,7 @@ class Values:
         return _through(known.passed, value, path, type_, reference)
 
     def origin(self, reference: Reference, scope: Scope, depth: int = 0) -> Origin:
-        """Where the value of a reference is declared.
+        """Declaration of the value of a reference.
 
         Raises:
             Unresolved: it is not declared in the files, or its value is not known from the text, or was assigned.
@@ -738,7 +738,7 @@ class Values:
 
 
 def _written_at(symbol: Symbol, path: tuple[int, ...]) -> Expression | None:
-    """What is written at a path of declared data; None where only a larger whole is."""
+    """Expression at a path of declared data; None where only a larger whole is."""
     return _inside(symbol.declaration.value if symbol.declaration else None, path)
 
 
@@ -759,7 +759,7 @@ def _component(value: Value, path: tuple[int, ...], symbol: Symbol) -> Value:
 
 
 def _through(passed: PassedArgument, value: Value, path: tuple[int, ...], type_: str, reference: Reference) -> Found:
-    """What a reference to a parameter stands for, whose argument is written in a call."""
+    """Data that a reference to a parameter names, whose argument is written in a call."""
     literal, origin = _inside(passed.literal, path), passed.origin
     if origin is not None:
         origin = replace(

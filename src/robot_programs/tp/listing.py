@@ -62,7 +62,7 @@ class Register:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Variables:
-    """What the files of variables say."""
+    """Contents of the files of variables."""
 
     frames: dict[int, Float[np.ndarray, "4 4"]] = field(default_factory=dict[int, np.ndarray])
     """User frames in the world, by number, metres."""
@@ -77,7 +77,7 @@ def is_variables(source: Source) -> bool:
 
 
 def read_variables(sources: Sequence[Source]) -> Variables:
-    """What the files of variables among some files say of the robot's group."""
+    """Contents of the files of variables for the robot's group."""
     out = Variables()
     for source in sources:
         if not is_variables(source):
@@ -202,7 +202,7 @@ class Group:
 
     @property
     def is_pose(self) -> bool:
-        """It is stated as a pose, not as joints."""
+        """Whether it is stated as a pose, not as joints."""
         return "X" in self.components
 
     def value(self, name: str) -> float:
@@ -235,7 +235,7 @@ class Group:
         if stated != count:
             raise Unresolved(f"its position has {stated} joints, and the robot {count}")
         if any(self.components[name].millimetres for name in JOINTS[:count]):
-            raise Unresolved("a joint of its position slides, which is not provided for")
+            raise Unresolved("prismatic joints are not supported in TP positions")
         return np.radians([self.value(name) for name in JOINTS[:count]])
 
 
@@ -268,7 +268,7 @@ class Position:
         )
 
     def external_positions(self) -> tuple[float, ...]:
-        """Where the axes beside the robot's own stand, millimetres or degrees; NaN where the listing has stars."""
+        """Positions of the axes beside the robot's own, millimetres or degrees; NaN where the listing has stars."""
         values = (self.groups[number].components[name].value for number, name in self.external)
         return tuple(nan if value is None else value for value in values)
 
@@ -404,7 +404,7 @@ class Listing:
 
     @cached_property
     def sections(self) -> dict[str, tuple[int, int]]:
-        """Where the first section of each name stands, without the line that names it."""
+        """Extent of the first section of each name, without the line that names it."""
         out: dict[str, tuple[int, int]] = {}
         for mark, end in stretches(_SECTION.finditer(self.text), len(self.text)):
             out.setdefault(mark[1].upper(), (mark.end(), end))
@@ -412,7 +412,7 @@ class Listing:
 
     @cached_property
     def positions(self) -> dict[int, Position]:
-        """Those of the section POS, by number."""
+        """Positions of the section POS, by number."""
         return {position.number: position for position in self._blocks}
 
     @cached_property
@@ -420,7 +420,7 @@ class Listing:
         return tuple(read_positions(self.text, *self.sections.get("POS", (0, 0))))
 
     def fault(self) -> tuple[int, str] | None:
-        """Where a position is not whole, or has the number of another one, and what is wrong; None where all are sound."""
+        """Place and fault of a position that is not whole or has the number of another one; None where all are sound."""
         closed = {position.start for position in self._blocks}
         for head in _POSITION.finditer(self.text, *self.sections.get("POS", (0, 0))):
             if head.start("head") not in closed:
@@ -434,13 +434,13 @@ class Listing:
 
     @cached_property
     def name(self) -> str:
-        """Of the program; empty where it is not stated."""
+        """Name of the program; empty where it is not stated."""
         match = _NAME.search(self.text)
         return "" if match is None else match["name"]
 
     @cached_property
     def instructions(self) -> tuple[Instruction, ...]:
-        """Those of the section MN, in their order."""
+        """Instructions of the section MN, in their order."""
         return tuple(_instructions(self.text, *self.sections.get("MN", (0, 0))))
 
 
@@ -545,7 +545,7 @@ class Operand:
 
     @property
     def name(self) -> str:
-        """As the motion calls it."""
+        """Name by which the motion calls it."""
         return f"{'PR' if self.register else 'P'}[{self.number}]"
 
 
@@ -627,7 +627,7 @@ def _operands(text: str, position: int, at: int, count: int) -> tuple[tuple[Oper
 
 
 def _closing(text: str, position: int) -> int:
-    """Where the bracket closes that is open at a position.
+    """Position at which the bracket closes that is open at a position.
 
     Raises:
         Unresolved: it does not.
@@ -672,7 +672,7 @@ def _behind_operands(text: str, position: int, at: int, motion: Motion) -> Motio
 
 
 def _zone(ending: str) -> Zone | None:
-    """Of a termination without blanks: ``CD`` says the distance from the target where the corner begins, millimetres.
+    """Zone of a termination without blanks: ``CD`` states the distance from the target where the corner begins, millimetres.
 
     ``CR`` says a length, too, but no document at hand whether it is that distance or the corner's radius.
     """

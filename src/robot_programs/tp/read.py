@@ -170,7 +170,7 @@ class NearPosture:
 
 @dataclass(kw_only=True)
 class State:
-    """What holds at a point of the program."""
+    """State at a point of the program."""
 
     frame: int | None = None
     """Number of the active user frame; None where the text does not tell."""
@@ -192,7 +192,7 @@ class Assigned:
 
 
 def assigned(listing: Listing) -> Assigned:
-    """What a program sets itself."""
+    """Registers, frames and positions that a program sets itself."""
 
     def number(match: re.Match[str]) -> int | None:
         stated = _STATED.fullmatch(match["inside"])
@@ -236,7 +236,7 @@ class Calls:
 
     @classmethod
     def of(cls, listings: Iterable[Listing]) -> "Calls":
-        """Those of some programs."""
+        """Calls of some programs."""
         called = {
             listing.name.upper(): frozenset(
                 name for instruction in listing.instructions if _is_code(instruction.text)
@@ -251,7 +251,7 @@ class Calls:
         return cls(within=within, around=around)
 
     def behind(self, called: str) -> str:
-        """What may have run behind a call that is not in the files; empty where nothing."""
+        """Name of a program that may have run in a call and is not in the files; empty where nothing."""
         return min(self.within[called], default="") if called in self.within else called
 
 
@@ -261,7 +261,7 @@ def _is_code(text: str) -> bool:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Findings:
-    """What has been read so far."""
+    """Motions read so far."""
 
     moves: list[Move] = field(default_factory=list[Move])
     sites: list[Site] = field(default_factory=list[Site])
@@ -305,7 +305,7 @@ class Resolver:
                 self._call(called, instruction, state)
 
     def _call(self, called: str, instruction: Instruction, state: State) -> None:
-        """What does not hold any more behind a call."""
+        """Update the state after a call."""
         state.strange = self.calls.behind(called) or state.strange
         if called not in self.calls.within:
             text = (
@@ -327,7 +327,7 @@ class Resolver:
             )
 
     def _other(self, text: str, state: State) -> None:
-        """What an instruction that does not move the robot changes."""
+        """Update the state by an instruction that does not move the robot."""
         setting = _SETTING.match(text)
         if setting is not None:
             value = setting["value"].strip()
@@ -444,7 +444,7 @@ class Resolver:
         """
         name = "PR" if operand.register else "P"
         if operand.number is None:
-            raise Unresolved(f"which {name} it goes to is computed")
+            raise Unresolved(f"the {name} index is computed at run time; use a constant index")
         if operand.register:
             return self._register(operand.number, operand, state, offset)
         if {operand.number, None} & self.assigned.positions:
@@ -518,12 +518,12 @@ class Resolver:
         return self.frames.user_frame(frame), self.frames.tool_frame(tool)
 
     def _target(self, written: Written, motion: Motion, tool: Frame, frame: Frame) -> Target:
-        """Where a motion goes."""
+        """Target of a motion."""
         place, name = self.source.place(written.start), written.name
         if written.states_joints:
             q = written.joints(len(self.robot.joint_names))
             if motion.offsets:
-                raise Unresolved("its position is given by joints, and shifted")
+                raise Unresolved("offset of a joint position is not supported; program the position in Cartesian form")
             if motion.keyword == "J":
                 return Target(name=name, T=None, q=q, posture=None, place=place)
             flange = self.robot.tool_poses(q[None])[0] @ se3.inverse(self.robot.T_flange_tool)
@@ -539,7 +539,7 @@ class Resolver:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class TpProgram(Program):
-    """What was read from listings."""
+    """TP program read from listings."""
 
     robot: Robot
     sites: tuple[Site, ...]
@@ -651,7 +651,7 @@ def _check(source: Source, listing: Listing) -> None:
             hint = (
                 "it is binary; save the program as text (.ls)" if "\0" in source.text else f"it has no line /{section}"
             )
-            raise FileError(source.path, f"is no listing of a TP program: {hint}")
+            raise FileError(source.path, f"is not a TP listing: {hint}")
     fault = listing.fault()
     if fault is not None:
         raise FileError(source.path, fault[1], line=source.line(fault[0]))

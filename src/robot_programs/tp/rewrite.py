@@ -49,30 +49,30 @@ class Written:
 
     @property
     def name(self) -> str:
-        """As the motion calls it."""
+        """Name by which the motion calls it."""
         return self.operand.name
 
     @property
     def start(self) -> int:
-        """Where its numbers stand."""
+        """Place of its numbers."""
         return self.operand.start if self.position is None else self.position.start
 
     @property
     def states_joints(self) -> bool:
-        """It is given by joints, not by a pose."""
+        """Whether it is given by joints, not by a pose."""
         if self.group is not None:
             return not self.group.is_pose
         return self.register is not None and self.register.q is not None
 
     @property
     def configuration(self) -> str:
-        """As it is written."""
+        """Configuration as written in the file."""
         if self.group is not None:
             return self.group.configuration
         return "" if self.register is None else self.register.configuration
 
     def pose(self) -> Float[np.ndarray, "4 4"]:
-        """As it is stated, without the motion's shifts, metres.
+        """Pose as stated, without the motion's shifts, metres.
 
         Raises:
             Unresolved: it is not complete.
@@ -299,7 +299,7 @@ class _Rewriting:
         return len(texts)
 
     def _numbered(self, instruction: Instruction, number: int) -> str:
-        """How a line begins, with another number in the columns of its own where there is room."""
+        """Beginning of a line, with another number in the columns of its own where there is room."""
         return str(number).rjust(instruction.number[1] - instruction.start)
 
 

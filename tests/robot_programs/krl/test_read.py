@@ -151,10 +151,10 @@ def test_a_trigger_before_a_motion_is_pointed_out():
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("part.src", "hello\n", r"part\.src: is no KRL file: it has no line DEF"),
-        ("part.dat", "DECL INT I\n", r"part\.dat: is no KRL file: it has no line DEFDAT"),
+        ("part.src", "hello\n", r"part\.src: is not a KRL file: no DEF line"),
+        ("part.dat", "DECL INT I\n", r"part\.dat: is not a KRL file: no DEFDAT line"),
         ("part.dat", "DEFDAT PART\nENDDAT\n", r"part\.dat: holds data only; pass the \.src"),
-        ("part.src", "", "is no KRL file"),
+        ("part.src", "", "is not a KRL file"),
     ],
 )
 def test_files_that_are_no_program_are_refused(name, text, message):

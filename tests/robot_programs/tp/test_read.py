@@ -14,9 +14,9 @@ from tests.robot_programs.tp.samples import POSITIONS, R2000, backup, listing
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("\0\1binary", "bad.ls: is no listing of a TP program: it is binary; save the program as text"),
-        ("SRVO-001 Operator panel E-stop", "bad.ls: is no listing of a TP program: it has no line /MN"),
-        ("/PROG  A\n/MN\n/END\n", "bad.ls: is no listing of a TP program: it has no line /POS"),
+        ("\0\1binary", "bad.ls: is not a TP listing: it is binary; save the program as text"),
+        ("SRVO-001 Operator panel E-stop", "bad.ls: is not a TP listing: it has no line /MN"),
+        ("/PROG  A\n/MN\n/END\n", "bad.ls: is not a TP listing: it has no line /POS"),
         ("/PROG  A\n/MN\n/POS\nP[1]{\n   GP1:\n", "bad.ls:4: the position that begins here is not closed"),
     ],
 )

@@ -64,7 +64,7 @@ def test_registers_count_in_the_active_frames():
 @pytest.mark.parametrize(
     ("instructions", "reason"),
     [
-        (["L P[R[1]] 10mm/sec FINE"], "which P it goes to is computed"),
+        (["L P[R[1]] 10mm/sec FINE"], "the P index is computed at run time; use a constant index"),
         (["L P[9] 10mm/sec FINE"], r"P\[9\] has no position of group 1 in /POS"),
         (["  P[2]=LPOS", "L P[2] 10mm/sec FINE"], r"P\[2\] is set in the program"),
         (["  P[R[1]]=LPOS", "L P[2] 10mm/sec FINE"], r"P\[2\] is set in the program"),
@@ -79,7 +79,7 @@ def test_registers_count_in_the_active_frames():
         (["L P[2] 10mm/sec FINE Offset,PR[4]"], "turns the position"),
         (["L P[2] 10mm/sec FINE Offset,PR[3]"], r"Offset, PR\[3\], is not known"),
         (["  PR[2]=LPOS", "L P[2] 10mm/sec FINE Tool_Offset,PR[2]"], "is set in the program"),
-        (["L P[1] 10mm/sec FINE Offset,PR[2]"], "given by joints, and shifted"),
+        (["L P[1] 10mm/sec FINE Offset,PR[2]"], "offset of a joint position is not supported"),
         (["C P[2]\r\n    :  P[5] 10mm/sec FINE"], "count from different frames"),
         (["L P[6] 10mm/sec FINE"], "UFRAME 7 is not known"),
         (["L P[7] 10mm/sec FINE"], "counts from the active UFRAME"),
