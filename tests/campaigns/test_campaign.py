@@ -44,7 +44,7 @@ def test_taking_rows_takes_them_from_every_array(rows):
     assert some.targets == whole.targets
 
 
-def test_rows_keep_their_number_and_line_however_often_rows_are_taken():
+def test_taken_rows_keep_their_number_and_line():
     whole = replace(campaign(), lines=np.arange(12) * 2 + 3)
     some = whole.take([1, 4, 7, 10]).take(np.array([False, True, True, True])).take(slice(1, None))
     assert [(some.row_of(i), some.line_of(i), some.row(i)) for i in range(2)] == [
@@ -61,7 +61,7 @@ def test_rows_the_campaign_does_not_have_are_refused(rows):
 
 
 @given(st.floats(0.05, 0.95), st.integers(0, 99))
-def test_a_split_puts_every_row_on_one_side_and_repeats_with_its_seed(fraction, seed):
+def test_split_is_a_partition_that_repeats_with_its_seed(fraction, seed):
     whole = campaign()
     fitted, held = whole.split(fraction, np.random.default_rng(seed))
     assert sorted(fitted.ids + held.ids) == sorted(whole.ids)
@@ -86,7 +86,7 @@ def test_targets_are_taken_in_the_order_asked_for():
         whole.of_targets(["smr3"])
 
 
-def test_stated_uncertainty_is_per_axis_and_the_trackers_noise_stands_in_for_it():
+def test_uncertainty_is_stated_per_axis_or_the_trackers():
     stated = campaign()
     covariance = stated.covariances()
     np.testing.assert_allclose(covariance[0, 1], stated.uncertainty[0, 1] ** 2 * np.eye(3))

@@ -52,7 +52,7 @@ def apart(campaign, still):
 
 
 @pytest.mark.slow
-def test_a_wandering_base_is_followed_nearly_to_where_it_would_stand_still():
+def test_wandering_base_is_followed():
     model, moved, still = measured(0)
     found = compensate_drift(moved)
     assert found.followed
@@ -125,7 +125,7 @@ def test_fewer_reference_points_follow_translations_and_say_so(reference_points)
     assert any("fewer than three reference points" in remark for remark in found.remarks)
 
 
-def test_lost_reference_points_are_bridged_and_misplaced_ones_named():
+def test_lost_references_are_bridged_misplaced_ones_named():
     _, moved, still = measured(5)
     reference_points = {name: points.copy() for name, points in moved.reference_points.items()}
     reference_points["base2"][30:33] = np.nan
@@ -138,7 +138,7 @@ def test_lost_reference_points_are_bridged_and_misplaced_ones_named():
     assert uncertainty[31] > uncertainty[29]
 
 
-def test_without_reference_points_or_with_too_few_rows_the_campaign_stays_as_it_is():
+def test_campaign_stays_without_references_or_enough_rows():
     campaign = Campaign(ids=("a", "b"), q=np.zeros((2, 1)), targets=("tool",), points=np.ones((2, 1, 3)))
     assert compensate_drift(campaign).campaign is campaign
     seen = replace(campaign, reference_points={"base": np.zeros((2, 3))})

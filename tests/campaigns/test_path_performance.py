@@ -72,7 +72,7 @@ def test_errors_of_a_line_are_those_across_it_in_any_frame(seed):
 
 
 @pytest.mark.slow
-def test_repeatability_of_normal_noise_is_that_of_the_rayleigh_distribution():
+def test_path_repeatability_of_normal_noise_is_rayleigh():
     """Only what lies in the normal plane counts: two coordinates, not three."""
     rng = np.random.default_rng(0)
     passes = LINE + np.r_["-1", np.zeros((3_000, 11, 1)), 1e-4 * rng.normal(size=(3_000, 11, 2))]
@@ -106,7 +106,7 @@ def test_what_lies_beyond_the_ends_is_no_deviation():
     assert len(found.deviations) == 11
 
 
-def test_a_pass_that_ends_short_by_no_more_than_it_lies_off_is_carried_on():
+def test_pass_that_ends_a_little_short_is_carried_on():
     attained = LINE + np.array([0.0, 2e-4, 0.0])
     attained[0, 0] += 1e-4
     attained[-1, 0] -= 1e-4

@@ -71,7 +71,7 @@ def test_small_angles_are_those_of_the_standard():
     np.testing.assert_allclose(found.orientation, Rotation.from_matrix(rotations).mean().as_matrix(), atol=1e-12)
 
 
-def test_repeatability_of_normal_noise_is_that_of_the_maxwell_distribution():
+def test_pose_repeatability_of_normal_noise_is_maxwell():
     noise = 1e-4 * np.random.default_rng(1).normal(size=(200_000, 3))
     expected = maxwell.mean(scale=1e-4) + 3 * maxwell.std(scale=1e-4)
     assert assess_pose(noise).repeatability == pytest.approx(expected, rel=0.005)
@@ -99,7 +99,7 @@ def test_no_cycle_or_no_number_is_refused():
         assess_pose(np.where(np.arange(4)[:, None] == 2, np.nan, CROSS))
 
 
-def test_rotations_do_not_go_by_the_names_of_the_standards_euler_angles():
+def test_rotations_have_no_names_of_euler_angles():
     """The difference of two Euler angles is another number: tens of degrees for a rotation of half a degree."""
     commanded = Rotation.from_euler("ZYX", [0.0, 89.5, 0.0], degrees=True).as_matrix()
     tilted = Rotation.from_rotvec(np.radians([0.5, 0.0, 0.0])).as_matrix() @ commanded

@@ -31,7 +31,7 @@ def test_poses_are_found_by_their_joints_and_judged_by_target():
     assert found.summary()["rows"] == 3
 
 
-def test_the_deviation_is_that_of_the_noise_however_few_the_cycles():
+def test_deviation_is_the_noise_however_few_the_cycles():
     rng = np.random.default_rng(0)
     q = np.repeat(rng.uniform(-1, 1, (800, 6)), 2, axis=0)
     found = pose_repeatability(campaign(q, 1e-4 * rng.normal(size=(1600, 1, 3))))
@@ -42,7 +42,7 @@ def test_the_deviation_is_that_of_the_noise_however_few_the_cycles():
     assert found.repeatability.mean() < 0.4 * many.repeatability[0]
 
 
-def test_poses_that_do_not_recur_or_were_not_seen_twice_are_refused():
+def test_poses_that_do_not_recur_are_refused():
     q = np.radians([[0.0, 0], [1, 0], [1, 0]])
     with pytest.raises(CampaignError, match=r"no two of the 2 rows measured one pose, with joints within 0\.01°"):
         pose_repeatability(campaign(q[:2], np.zeros((2, 1, 3))))
@@ -53,7 +53,7 @@ def test_poses_that_do_not_recur_or_were_not_seen_twice_are_refused():
 
 
 @pytest.mark.realdata
-def test_a_measured_ur10_repeats_within_its_data_sheet_but_for_four_poses(data_folder):
+def test_measured_ur10_repeats_within_its_data_sheet(data_folder):
     measured = read_campaign(data_folder / "ur10_tmac/measurements.csv", load_robot("ur10"))
     found = pose_repeatability(measured)
     assert len(found) == 290

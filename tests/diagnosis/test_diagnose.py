@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from taskcal.campaigns.campaign import Campaign
+from taskcal.diagnosis import hypotheses
 from taskcal.diagnosis.diagnose import MISTAKES, diagnose
+from taskcal.diagnosis.hypotheses import Hypothesis, JointMap
 from taskcal.errors import CampaignError
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
@@ -65,7 +67,7 @@ def test_a_mistake_is_the_first_finding(name, mistake, said):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("mistake", [pytest.param("target-swapped", marks=pytest.mark.long), "target-slipped"])
-def test_what_happens_to_one_of_several_targets_is_found_and_mended(mistake):
+def test_doctor_mends_what_happens_to_one_of_several_targets(mistake):
     robot = load_robot("kuka-kr16-2")
     sound = virtual("kuka-kr16-2", targets=3)
     found = diagnose(of_id(mistake, sound, robot).campaign, robot)
@@ -82,7 +84,7 @@ def test_mistakes_of_poses(mistake):
 
 
 @pytest.mark.slow
-def test_two_mistakes_are_found_together_and_the_mended_campaign_fits():
+def test_doctor_finds_two_mistakes_together():
     robot = load_robot("abb-irb120")
     sound = virtual("abb-irb120")
     q = sound.q * np.array([1.0, -1.0, 1.0, 1.0, 1.0, 1.0]) + np.array([0.0, 0.0, 0.0, np.pi / 2, 0.0, 0.0])
@@ -171,7 +173,7 @@ def test_doctor_promises_no_smaller_error_if_nothing_helps():
     assert only.error_after is None
 
 
-def test_joint_limits_tell_half_a_turn_from_the_sign_that_leaves_the_same_error():
+def test_joint_limits_distinguish_half_a_turn_from_a_sign():
     robot = load_robot("abb-irb120")
     wrong = of_id("joint-zero", virtual("abb-irb120"), robot, "J2 by 180")
     first, *others = diagnose(wrong.campaign, robot).findings
@@ -214,7 +216,7 @@ def test_poses_in_one_corner_and_in_one_orientation_are_too_few():
     assert {f.id for f in diagnose(campaign, robot).findings} == {"small-workspace", "few-orientations"}
 
 
-def test_findings_are_ranked_shares_of_known_mistakes_with_one_line_that_mends():
+def test_findings_are_ranked_shares_with_one_line_that_mends():
     robot = load_robot("ur5")
     for finding in diagnose(of_id("joint-sign", virtual("ur5"), robot, "J3").campaign, robot).findings:
         assert finding.id in MISTAKES
@@ -233,3 +235,24 @@ def test_doctor_refuses_what_the_controller_calculates():
     shown = replace(sound, points=points, lines=np.arange(len(points)))
     with pytest.raises(CampaignError, match="was calculated, not measured"):
         diagnose(shown, robot)
+
+
+def test_doctor_finds_a_mistake_that_is_only_registered(monkeypatch):
+    """A mistake is one entry: search, ranking, fix and mended campaign follow from its hypotheses."""
+    robot, sound = load_robot("ur5"), virtual("ur5")
+
+    def doubled(case):
+        """The encoder of one joint is behind a gear."""
+        for j, name in enumerate(robot.joint_names):
+            matrix = np.eye(6)
+            matrix[j, j] = 0.5
+            half = JointMap(matrix=matrix, shift=np.zeros(6))
+            yield Hypothesis(id="joint-doubled", subject=(name,), joints=half, fix=f"halve {name}")
+
+    entry = hypotheses.Mistake(id="joint-doubled", part="joints", find=doubled)
+    monkeypatch.setitem(MISTAKES, "joint-doubled", entry)
+    q = sound.q.copy()
+    q[:, 1] *= 2.0
+    found = diagnose(replace(sound, q=q), robot)
+    assert [(f.id, f.subject, f.fix) for f in found.findings] == [("joint-doubled", ("J2",), "halve J2")]
+    np.testing.assert_allclose(found.campaign.q, sound.q, atol=1e-12)

@@ -42,7 +42,7 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_a_mistake_of_the_joints_shows_in_how_the_ball_misses_its_sockets(sockets, name):
+def test_joint_mistake_shows_in_the_misses_of_sockets(sockets, name):
     subject, wrong = MISTAKES[name]
     found = diagnose(replace(sockets, q=wrong(sockets.q)), ROBOT)
     first = found.findings[0]

@@ -22,7 +22,7 @@ COSTLY = {
 
 
 @pytest.mark.parametrize("kind", COSTLY)
-def test_what_once_cost_too_much_is_refused_soon_and_in_little_memory(kind, tmp_path):
+def test_costly_files_are_refused_soon_in_little_memory(kind, tmp_path):
     wanted = set(COSTLY[kind])
     for name, said, content in hostile_files(kind):
         if said in wanted:

@@ -52,7 +52,7 @@ def test_a_robots_own_names_come_first():
     assert [m.index for m in known[:2]] == [0, 1]
 
 
-def test_four_numbered_parts_beside_all_joints_are_a_quaternion_with_its_scalar_first():
+def test_four_numbered_parts_are_a_quaternion_scalar_first():
     known = meanings([*JOINTS, "q1", "q2", "q3", "q4"], [""] * 10, JOINTS)
     assert [(m.kind, m.index) for m in known[6:]] == [("quaternion", k) for k in (3, 0, 1, 2)]
 
@@ -126,7 +126,7 @@ def test_a_joint_too_many_is_one_where_its_unit_is_an_angle():
         ("actual", "measured"),
     ],
 )
-def test_what_the_controller_says_beside_what_was_measured_is_no_target(said, measured):
+def test_controllers_position_beside_a_measured_one_is_no_target(said, measured):
     def kinds(*prefixes):
         names = [f"{prefix}_{axis}_mm" for prefix in prefixes for axis in "xyz"]
         return {m.kind for m in meanings(names, [""] * len(names), JOINTS)[:3]}
@@ -135,7 +135,7 @@ def test_what_the_controller_says_beside_what_was_measured_is_no_target(said, me
     assert kinds(said) == kinds(said, "base1") == {"position"}
 
 
-def test_a_text_too_long_for_a_name_says_nothing_and_costs_little():
+def test_long_column_name_means_nothing_and_costs_little():
     assert split_unit("(" * 100_000) == ("", None)
 
 
@@ -144,7 +144,7 @@ def test_what_a_controller_says_is_never_a_target():
         assert [m.kind for m in meanings([f"{name}_{axis}_mm" for axis in "xyz"], [""] * 3, JOINTS)] == ["nominal"] * 3
 
 
-def test_a_controllers_quaternion_beside_measured_points_is_left_out():
+def test_controllers_quaternion_beside_points_is_left_out():
     names = [*(f"robot_{part}" for part in ("qx", "qy", "qz", "qw")), "smr_x", "smr_y", "smr_z"]
     assert [m.kind for m in meanings(names, [""] * 7, JOINTS)] == ["nominal"] * 4 + ["position"] * 3
 

@@ -243,7 +243,7 @@ def test_controllers_positions_are_taken_where_they_are_chosen(tmp_path):
     assert read_campaign(write(tmp_path, header, rows), ROBOT, targets=["tool"]).targets == ("tool",)
 
 
-def test_numbers_left_out_are_said_first_beside_what_was_measured(tmp_path):
+def test_ignored_numbers_are_reported_first(tmp_path):
     rows = lines(DEG, MM, np.arange(N) * 1.0)
     campaign = read_campaign(write(tmp_path, [*BARE, "X", "Y", "Z", "Probe"], rows), ROBOT)
     assert campaign.notes[0] == "column left out: Probe; measured: X, Y, Z"

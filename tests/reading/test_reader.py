@@ -62,7 +62,7 @@ def test_rows_without_ids_are_numbered(tmp_path):
     assert read_campaign(path, ROBOT).ids == ("1", "2")
 
 
-def test_all_faults_of_a_file_are_told_at_once_and_the_first_twenty_of_many(tmp_path):
+def test_reader_reports_the_first_twenty_faults_at_once(tmp_path):
     rows = ["a,10,20,300,1000,-200,50.5", "b,up,4,0,900,100,60", "c,1,2,3,4,5", "d,1,2,3,lost,5,6"]
     with pytest.raises(FileError) as caught:
         read_campaign(write(tmp_path, rows=rows), ROBOT)
@@ -137,7 +137,7 @@ def test_temperature_may_be_missing_here_and_there(tmp_path):
 APPROACH = f"{HEADER},J1_approach,Elbow_approach,J3_approach"
 
 
-def test_the_approach_is_read_or_else_taken_from_the_order_of_the_rows(tmp_path):
+def test_approach_is_read_or_taken_from_the_row_order(tmp_path):
     rows = ["a,10,20,300,1,2,3", "b,20,20,200,1,2,3", "c,15,30,200,1,2,3"]
     ordered = read_campaign(write(tmp_path, rows=rows), ROBOT)
     np.testing.assert_array_equal(ordered.approach, [[0, 0, 0], [1, 0, -1], [-1, 1, -1]])

@@ -165,7 +165,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_bad_input_is_refused_with_file_line_column_value_and_remedy(tmp_path, case):
+def test_reader_refuses_with_place_value_and_remedy(tmp_path, case):
     header, rows, message = WRONG[case]
     with pytest.raises(FileError, match=rf"campaign\.csv{message}"):
         read_campaign(write(tmp_path, header, rows), ROBOT)
@@ -195,12 +195,12 @@ def test_a_target_that_is_not_there_is_named_with_those_that_are(tmp_path, choic
         read_campaign(write(tmp_path, TARGETS, TARGET_ROW), ROBOT, **choice)
 
 
-def test_a_coordinate_beyond_all_trackers_is_refused_with_its_cell(tmp_path):
+def test_reader_refuses_a_coordinate_beyond_all_trackers(tmp_path):
     with pytest.raises(FileError, match=r"campaign\.csv:3: column 'y_mm': '1e200' is beyond ±100000"):
         read_campaign(write(tmp_path, rows=[ROWS[0], "b,-30.5,4,0,900,1e200,60"]), ROBOT)
 
 
-def test_more_targets_than_a_tool_carries_are_refused_before_their_matrices_are_made(tmp_path):
+def test_reader_refuses_more_targets_than_a_tool_carries(tmp_path):
     columns = ",".join(f"T{i}_{axis}_mm" for i in range(5_000) for axis in "xyz")
     row = "a,10,20,300," + ",".join(["1"] * 15_000)
     with pytest.raises(FileError, match=r"names 5000 targets; Taskcal fits 100 at most: choose some"):

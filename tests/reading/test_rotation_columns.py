@@ -91,7 +91,7 @@ def test_what_too_few_poses_leave_open_is_assumed_and_said(tmp_path, header, ass
     assert note.endswith("state --angles")
 
 
-def test_angles_that_follow_no_known_convention_are_said_to_fit_nowhere(tmp_path):
+def test_angles_of_no_known_convention_are_reported(tmp_path):
     path, _ = angles_of(tmp_path, "W P R", "zxz", poses=8)
     (note,) = read_campaign(path, ROBOT).notes
     assert "none fits the nominal robot" in note
@@ -104,7 +104,7 @@ def test_a_convention_that_is_stated_is_not_questioned(tmp_path):
     assert campaign.notes == ()
 
 
-def test_angles_that_the_nominal_robot_calculates_are_not_taken_for_measured(tmp_path):
+def test_calculated_angles_are_not_taken_for_measured(tmp_path):
     path, _ = angles_of(tmp_path, "Rx Ry Rz", "XYZ", poses=8, noise=0.0)
     campaign = read_campaign(path, ROBOT)
     assert campaign.rotations is None

@@ -51,13 +51,13 @@ def test_rows_whose_target_cannot_be_told_are_refused(columns, rows, words, tmp_
 
 
 @pytest.mark.parametrize(("columns", "rows"), [("A", ["A"]), ("measured", ["A", "B"])])
-def test_columns_may_have_the_name_of_the_one_target_or_one_of_none(columns, rows, tmp_path):
+def test_columns_may_name_the_target_that_rows_name(columns, rows, tmp_path):
     header = f"id target {NAMED} {columns}_x_mm {columns}_y_mm {columns}_z_mm"
     path = write(tmp_path, "l.txt", header, [[f"p0 {name} {JOINTS} 1 2 3"] for name in rows])
     assert read_campaign(path, ROBOT).targets == tuple(rows)
 
 
-def test_poses_of_several_targets_are_refused_and_those_of_one_are_read(tmp_path):
+def test_poses_of_several_targets_are_refused(tmp_path):
     header = f"id target {NAMED} x_mm y_mm z_mm qw qx qy qz"
     rows = [["p0", name, JOINTS, *["1", "2", "3", "1", "0", "0", "0"]] for name in "AB"]
     with pytest.raises(FileError, match="has poses of several targets; choose the rows of one"):

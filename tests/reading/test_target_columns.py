@@ -26,9 +26,7 @@ TARGET_ROW = ["a,0,0,0," + ",".join(map(str, range(1, 13)))]
         (["smr1"], ["smr2"], ("smr1",), {"smr2"}),
     ],
 )
-def test_targets_and_reference_points_are_chosen_by_name_and_reference_points_begin_with_base(
-    tmp_path, targets, reference_points, read, fixed
-):
+def test_targets_and_reference_points_are_chosen_by_name(tmp_path, targets, reference_points, read, fixed):
     campaign = read_campaign(
         write(tmp_path, TARGETS, TARGET_ROW), ROBOT, targets=targets, reference_points=reference_points
     )

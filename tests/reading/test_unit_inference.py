@@ -10,7 +10,7 @@ from tests.reading.measured_files import NAMED, ROBOT, measured, write
 
 @pytest.mark.parametrize("angle", ["deg", "rad"])
 @pytest.mark.parametrize(("length", "per_metre"), [("mm", 1e3), ("m", 1.0), ("in", 1 / 0.0254)])
-def test_units_that_are_stated_nowhere_are_told_by_the_robots_motion(tmp_path, angle, length, per_metre):
+def test_missing_units_are_inferred_from_the_motion(tmp_path, angle, length, per_metre):
     q, _, points = measured()
     joints = np.degrees(q) if angle == "deg" else q
     rows = [[*joints[k], *points["A"][k] * per_metre] for k in range(len(q))]

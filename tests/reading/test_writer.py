@@ -11,8 +11,9 @@ from taskcal.robot.robot_file import robot_from
 ROBOT = robot_from({"name": "arm", "joint": [{"name": "shoulder"}, {"name": "slide", "type": "prismatic"}]})
 
 
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
 @pytest.mark.parametrize("kind", ["one target", "several", "poses"])
-def test_a_written_campaign_reads_back_to_a_nanometre(tmp_path, kind):
+def test_a_written_campaign_reads_back_to_a_nanometre(tmp_path, kind, suffix):
     rng = np.random.default_rng(0)
     targets = ("smr1", "smr2") if kind == "several" else ("tool",)
     points = rng.normal(size=(6, len(targets), 3))
@@ -33,8 +34,9 @@ def test_a_written_campaign_reads_back_to_a_nanometre(tmp_path, kind):
             move=rng.normal(size=(6, 2)),
         ),
     )
-    path = tmp_path / "campaign.csv"
+    path = tmp_path / f"campaign.{suffix}"
     write_campaign(path, campaign, ROBOT)
+    assert (path.read_bytes()[:4] == b"PAR1") == (suffix == "parquet")
     again = read_campaign(path, ROBOT)
     assert (again.ids, again.targets) == (campaign.ids, campaign.targets)
     np.testing.assert_allclose(again.q, campaign.q, atol=1e-9)

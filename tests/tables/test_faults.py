@@ -14,7 +14,7 @@ def fault(line: int) -> FileError:
 
 
 @given(st.lists(st.integers(1, 99), unique=True, min_size=2, max_size=50))
-def test_several_faults_are_one_in_the_order_of_lines_and_the_rest_is_counted(lines: list[int]) -> None:
+def test_faults_are_one_error_in_the_order_of_lines(lines: list[int]) -> None:
     faults = Faults()
     for line in lines:
         with faults.collecting():
@@ -55,7 +55,7 @@ def test_what_is_not_of_the_file_is_not_gathered() -> None:
         raise ZeroDivisionError
 
 
-def test_the_search_ends_after_many_faults_and_says_that_there_may_be_more() -> None:
+def test_search_ends_after_many_faults_and_says_so() -> None:
     faults = Faults()
     for line in range(1, MAX_MET):
         with faults.collecting():

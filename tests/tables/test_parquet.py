@@ -17,7 +17,7 @@ PATH = Path("a.parquet")
 
 
 @given(st.lists(st.tuples(st.floats(allow_nan=False, allow_infinity=False), st.text("ab07", max_size=3)), min_size=1))
-def test_numbers_are_the_same_to_the_last_digit_and_names_stay_as_they_are(rows):
+def test_parquet_keeps_every_digit_and_every_name(rows):
     content = parquet_of(["x_mm", "id"], [[repr(x), name] for x, name in rows])
     header, *cells = read_parquet(PATH, content).rows
     assert header == ("x_mm", "id")
@@ -64,14 +64,14 @@ def written(columns):
     return out.getvalue()
 
 
-def test_one_long_text_in_every_row_is_refused_before_each_has_its_own():
+def test_parquet_refuses_one_long_text_in_every_row():
     content = written({"id": pyarrow.array(["x" * 1_000_000] * 400).dictionary_encode()})
     assert len(content) < 10_000
     with pytest.raises(FileError, match=r"column 'id': has texts of up to 1000000 characters in 400 rows"):
         read_parquet(PATH, content)
 
 
-def test_rows_that_are_all_the_same_cost_no_more_than_rows_that_are_not():
+def test_equal_rows_cost_no_more_than_others():
     content = written({name: pyarrow.array(np.full(300_000, 1.5)) for name in ("x_mm", "y_mm")})
     with pytest.raises(FileError, match=r"300000 rows of 2 columns, more than 50\d\d\d\d cells"):
         read_parquet(PATH, content)
@@ -95,7 +95,7 @@ def test_without_pyarrow_the_extra_is_named(monkeypatch):
         read_parquet(PATH, b"PAR1")
 
 
-def test_a_file_that_is_read_by_parts_has_no_more_rows_than_its_bytes_may_be(tmp_path):
+def test_parquet_rows_are_bounded_by_its_bytes(tmp_path):
     path = tmp_path / "a.parquet"
     path.write_bytes(written({name: pyarrow.array(np.full(300_000, 1.5)) for name in ("x_mm", "y_mm")}))
     for reading in (parquet.count_rows, lambda p: next(parquet.parts_of(p, 10)), lambda p: parquet.every_row(p, 2, 10)):
@@ -103,7 +103,7 @@ def test_a_file_that_is_read_by_parts_has_no_more_rows_than_its_bytes_may_be(tmp
             reading(path)
 
 
-def test_texts_columns_and_directories_are_bounded_before_anything_is_unpacked(monkeypatch):
+def test_parquet_is_bounded_before_it_is_unpacked(monkeypatch):
     content = written({"id": ["x" * 1_000_000] * 2, "x_mm": [1.0, 2.0]})
     monkeypatch.setattr(parquet, "MAX_STATED_TEXT_MB", 0.5)
     with pytest.raises(FileError, match="has texts of 1 MB, more than 0 MB; leave out their columns"):

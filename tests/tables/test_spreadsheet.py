@@ -91,7 +91,7 @@ def test_damaged_workbooks_are_refused_or_read(position, noise):
                 raise
 
 
-def test_a_sheet_that_does_not_state_its_size_ends_with_its_last_cells():
+def test_sheet_without_a_size_ends_with_its_last_cells():
     from openpyxl import Workbook
 
     workbook, packed = Workbook(write_only=True), io.BytesIO()
@@ -102,7 +102,7 @@ def test_a_sheet_that_does_not_state_its_size_ends_with_its_last_cells():
     assert tuple(read_workbook(Path("a.xlsx"), packed.getvalue()).rows) == tuple((str(k), "0.5") for k in range(1500))
 
 
-def test_the_sheet_with_the_numbers_is_read_or_the_one_that_is_named(tmp_path):
+def test_sheet_is_the_named_one_or_the_one_with_numbers(tmp_path):
     path = tmp_path / "a.xlsx"
     path.write_bytes(
         book(("about", [["robot", "UR5"], ["date", "today"]]), SHEET, ("more", [["a", "b"], [1, 2], [3, 4], [5, 6]]))

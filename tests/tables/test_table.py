@@ -73,7 +73,7 @@ def test_numbers_are_those_that_were_written(values: list[float]) -> None:
         ("1000001", "'1000001' is beyond ±1e.06; check the cell and its unit"),
     ],
 )
-def test_a_cell_that_is_not_a_number_is_named_by_line_column_and_value(cell: str, message: str) -> None:
+def test_numbers_refuse_a_cell_by_line_column_and_value(cell: str, message: str) -> None:
     with pytest.raises(FileError, match=message) as raised:
         column("1", cell, "3").numbers("x_mm", remedy="leave the row out")
     assert (raised.value.line, raised.value.column) == (3, "x_mm")

@@ -13,7 +13,7 @@ PATH = Path("wide.csv")
 
 
 @pytest.mark.parametrize("cell", ["1,", "x;", "1.5\t", "a|", "1 ", "1, ", '"",', '"some\nmore lines",'])
-def test_a_line_of_a_million_cells_costs_little_more_than_its_text(cell):
+def test_wide_line_costs_little_more_than_its_text(cell):
     text = "id,x\n" + 1_000_000 * cell
     outcome = in_own_process(lambda: parse_sheet(PATH, text), 10)
     assert "wide.csv:" in outcome.said
@@ -33,5 +33,5 @@ def test_the_line_is_named_wherever_it_stands():
         assert raised.value.line == before + 1
 
 
-def test_a_long_line_that_is_no_table_is_none_of_too_many_columns():
+def test_long_line_without_separators_is_not_wide():
     refuse_wide(PATH, "# " + 10_000_000 * "a" + "\n1,2,3\n" + 1_000_000 * "-")

@@ -214,12 +214,12 @@ def find_swapped(case: Case) -> RowFault | None:
         registration = registered_trimmed(campaign.take(rows), T[rows])
         if registration is None:
             continue
-        kept = _row_errors(registration, campaign.points, T)
-        given = min(given, float(np.nanmean(kept)))
+        as_given = _row_residuals(registration, campaign.points, T)
+        given = min(given, float(np.nanmean(as_given)))
         for a, b in itertools.combinations(range(len(campaign.targets)), 2):
-            exchanged = _row_errors(registration, _exchanged(campaign.points, a, b), T)
-            swapped = exchanged < MAX_EXCHANGED_RATIO * kept
-            error = float(np.nanmean(np.where(swapped, exchanged, kept)))
+            exchanged = _row_residuals(registration, _exchanged(campaign.points, a, b), T)
+            swapped = exchanged < MAX_EXCHANGED_RATIO * as_given
+            error = float(np.nanmean(np.where(swapped, exchanged, as_given)))
             if swapped.any() and (best is None or error < best[0]):
                 best = (error, swapped, (a, b))
     if best is None or best[0] > MAX_SWAPPED_ERROR_RATIO * given:
@@ -247,7 +247,8 @@ def _exchanged(points: np.ndarray, a: int, b: int) -> np.ndarray:
     return out
 
 
-def _row_errors(registration: Registration, points: np.ndarray, T: np.ndarray) -> Float[np.ndarray, " n"]:
+def _row_residuals(registration: Registration, points: np.ndarray, T: np.ndarray) -> Float[np.ndarray, " n"]:
+    """Root mean square distance of each row's points from their prediction, metres."""
     square = np.nansum((points - target_poses(registration, T)[..., :3, 3]) ** 2, axis=(1, 2))
     return np.sqrt(square / np.maximum((~np.isnan(points[..., 0])).sum(axis=1), 1))
 

@@ -5,7 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import islice, tee
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -587,7 +587,10 @@ def _first_table(sheet: Sheet, header: Row, begin: int) -> tuple[Cells, np.ndarr
     others = np.array([row != header for row in rows], dtype=bool)
     if not others.all():
         rows, lines = rows[others], lines[others]
-    for k, (before, row, after) in enumerate(zip(rows, islice(rows, 1, None), islice(rows, 2, None), strict=False), 1):
+    first, second, third = tee(rows, 3)
+    for k, (before, row, after) in enumerate(
+        zip(first, islice(second, 1, None), islice(third, 2, None), strict=False), 1
+    ):
         if _names_anew(before, row, after):
             message = f"names columns again ('{shown(' '.join(row), 40)}'): a second table begins here; give each a file of its own"
             return rows[:k], lines[:k], (FileError(sheet.path, message, line=int(lines[k])),)
