@@ -8,7 +8,7 @@ from scipy.special import chdtri
 
 from taskcal.identification.calibration import load_calibration
 from taskcal.identification.effects import EffectSearch, explain, untried_effects
-from taskcal.identification.group_search import find_one_model
+from taskcal.identification.group_search import find_group_model
 from taskcal.identification.identify import identify
 from taskcal.identification.options import FitOptions
 from taskcal.robot.catalogue import load_robot
@@ -268,7 +268,7 @@ def test_a_socket_left_out_whole_is_found_from_its_own_rows():
     campaign, _ = simulate(model + Harmonics(orders=(1,)), q, rng=rng, observe="socket", places=2)
     (kind,) = campaign.observations
     parts = [np.flatnonzero(kind.of == number) for number in np.unique(kind.of)]
-    one = find_one_model(
+    one = find_group_model(
         identify(model, campaign), campaign, CHEAP, (), parts, FitOptions(), seed=0, progress=lambda _: None
     )
     assert np.nanmean(one.errors.whole) < 2e-3

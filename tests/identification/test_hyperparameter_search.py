@@ -36,7 +36,7 @@ def assert_alike(found, expected) -> None:
 def test_rows_that_are_kept_and_streamed_ones_end_alike(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     model, campaign = measured(kind, 60)
     kept = identify(model, campaign)
-    monkeypatch.setattr(problem, "MOST_NUMBERS", 0)
+    monkeypatch.setattr(problem, "MAX_CACHED_NUMBERS", 0)
     streamed = identify(model, campaign)
     assert streamed.rounds > 1
     assert_alike(kept, streamed)
@@ -53,8 +53,8 @@ def test_many_rows_begin_from_some_of_them_and_end_as_all_do(kind: str, monkeypa
         begun.append(len(part.q))
         return whole(part, *others)
 
-    monkeypatch.setattr(hyperparameter_search, "MANY", 300)
-    monkeypatch.setattr(hyperparameter_search, "SOME", 100)
+    monkeypatch.setattr(hyperparameter_search, "SAMPLED_FROM", 300)
+    monkeypatch.setattr(hyperparameter_search, "SAMPLE", 100)
     monkeypatch.setattr(hyperparameter_search, "fit_with_hyperparameters", noted)
     found = identify(model, campaign)
     assert begun == [100]
@@ -70,8 +70,8 @@ def test_rows_of_a_large_campaign_that_disagree_are_judged_by_some_of_the_others
     points[[5, 90, 333], 0] += [0.0, 0.4, 0.0]
     spoilt = replace(campaign, points=points)
     expected = identify(model, spoilt)
-    monkeypatch.setattr(gross_errors, "MANY", 300)
-    monkeypatch.setattr(gross_errors, "SOME", 100)
+    monkeypatch.setattr(gross_errors, "SAMPLED_FROM", 300)
+    monkeypatch.setattr(gross_errors, "SAMPLE", 100)
     found = identify(model, spoilt)
     assert [row.row for row in found.left_out] == [row.row for row in expected.left_out]
     assert {row.row for row in found.left_out} == set(np.flatnonzero(spoilt.valid[:, 0])) & {5, 90, 333}

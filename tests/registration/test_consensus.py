@@ -70,8 +70,8 @@ def test_of_very_many_rows_a_sample_finds_what_agrees(monkeypatch):
     campaign = replace(campaign, q=spoilt)
     poses = nominal_poses(model, campaign)
     among_all = find_consensus(model, campaign, poses)
-    monkeypatch.setattr(consensus, "MANY", 300)
-    monkeypatch.setattr(consensus, "SOME", 100)
+    monkeypatch.setattr(consensus, "SAMPLED_FROM", 300)
+    monkeypatch.setattr(consensus, "SAMPLE", 100)
     settled: list[int] = []
     settle = consensus._settle
 

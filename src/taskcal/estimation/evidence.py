@@ -18,10 +18,10 @@ SCALE_RANGE = 1e-4, 1e4
 STATED_WITHIN = 3.0
 """Factor (1σ) within which stated deviations are believed where the data say nothing of their scale."""
 
-TOLD = 1e-6
+MIN_INFORMATION = 1e-6
 """Variance of a direction over that of the data's noise in it, below which the data say nothing of it."""
 
-GRID = 201
+GRID_POINTS = 201
 """Factors, evenly in their logarithm, over which their posterior is integrated."""
 
 
@@ -126,12 +126,12 @@ def expect_factor(
     root = np.linalg.cholesky(prior_covariance)
     values, vectors = np.linalg.eigh(root.T @ own @ root)
     factor = v[:, None]
-    told = values * factor > TOLD
+    told = values * factor > MIN_INFORMATION
     by = np.where(told, values, 0.0)
     w = (np.swapaxes(vectors, -1, -2) @ np.linalg.solve(root, deviation[..., None]))[..., 0]
     # in these directions the data alone say y ± 1/√λ, and the estimate is y·λv/(1 + λv)
     square = np.where(told, w**2 * (1.0 + by * factor) ** 2 / (np.where(told, values, 1.0) * factor**2), 0.0)
-    logarithm = np.linspace(np.log(SCALE_RANGE[0]), np.log(SCALE_RANGE[1]), GRID)
+    logarithm = np.linspace(np.log(SCALE_RANGE[0]), np.log(SCALE_RANGE[1]), GRID_POINTS)
     spread = 1.0 + by[:, None] * np.exp(logarithm)[:, None]
     likelihood = -0.5 * (np.log(spread) + square[:, None] / spread).sum(axis=-1)
     believed = likelihood - 0.5 * (logarithm / (2.0 * np.log(STATED_WITHIN))) ** 2

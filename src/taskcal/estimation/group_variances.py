@@ -22,17 +22,17 @@ from jaxtyping import Float, Int
 from taskcal.estimation.matrices import invert_positive
 from taskcal.kernels.chunks import in_chunks
 
-LONGEST_STEP = 2.5
+MAX_LOG_STEP = 2.5
 """Of a log variance in one step of the scoring."""
 
-MOST_STEPS = 40
+MAX_STEPS = 40
 """Of the scoring."""
 
-SETTLED = 1e-2
+MIN_GAIN = 1e-2
 """Expected gain of log posterior by the next step at which the scoring ends."""
 
 
-MULTIPLIED_AT_ONCE = 1024
+ROWS_AT_ONCE = 1024
 """Rows of a thread; whatever the number of threads, so that sums are the same to the bit."""
 
 
@@ -229,7 +229,7 @@ def reduce_rows(A: Float[np.ndarray, "rows p"], y: Float[np.ndarray, " rows"], g
 
     k, f = groups.grouped, groups.ungrouped
     if len(y) >= len(k):
-        H = np.sum(in_chunks(lambda rows: A[rows].T @ A[rows], len(A), MULTIPLIED_AT_ONCE), axis=0)
+        H = np.sum(in_chunks(lambda rows: A[rows].T @ A[rows], len(A), ROWS_AT_ONCE), axis=0)
         return reduce_normal(H, A.T @ y, float(y @ y), groups)
     # their priors are rows too, so that what is left is the projection of all rows
     root = np.linalg.cholesky(groups.held).T
@@ -278,7 +278,7 @@ def _log_alone(square: float, precision: Float[np.ndarray, "f f"], held: Float[n
     return float(-0.5 * square - 0.5 * (np.linalg.slogdet(precision)[1] - np.linalg.slogdet(held)[1]))
 
 
-def find_sizes(reduced: Reduced, start: Float[np.ndarray, " groups"], steps: int = MOST_STEPS) -> GroupedFit:
+def find_sizes(reduced: Reduced, start: Float[np.ndarray, " groups"], steps: int = MAX_STEPS) -> GroupedFit:
     """The likeliest sizes of the groups, by Fisher scoring.
 
     Args:
@@ -293,8 +293,8 @@ def find_sizes(reduced: Reduced, start: Float[np.ndarray, " groups"], steps: int
     at = reduced.at(theta)
     for _ in range(steps):
         gradient, information = _scores(at, groups)
-        step = np.clip(np.linalg.solve(information, gradient), -LONGEST_STEP, LONGEST_STEP)
-        if step @ gradient < SETTLED:
+        step = np.clip(np.linalg.solve(information, gradient), -MAX_LOG_STEP, MAX_LOG_STEP)
+        if step @ gradient < MIN_GAIN:
             break
         following, share = at, 1.0
         while share > 1e-3:

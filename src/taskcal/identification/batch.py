@@ -21,7 +21,7 @@ from taskcal.estimation.matrices import single_threaded
 from taskcal.estimation.prior import GaussianPrior, Squared
 from taskcal.geometry import se3
 from taskcal.identification.calibration import tells_nothing
-from taskcal.identification.hyperparameters import LINEAR_WITHIN, MANY, MAX_ROUNDS
+from taskcal.identification.hyperparameters import LINEAR_WITHIN, MAX_ROUNDS, SAMPLED_FROM
 from taskcal.identification.layout import Layout, frame_precision, layout_of, prior_of
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import MAX_CACHED_NUMBERS, Rows
@@ -164,7 +164,7 @@ def _is_small(model: ErrorModel, campaign: Campaign) -> bool:
         check_rows(campaign)
     except CampaignError:
         return False
-    return len(campaign) <= MANY and 9 * len(campaign) * (len(model) + 9) <= MAX_CACHED_NUMBERS
+    return len(campaign) <= SAMPLED_FROM and 9 * len(campaign) * (len(model) + 9) <= MAX_CACHED_NUMBERS
 
 
 def _fit_alike(model: ErrorModel, campaigns: Sequence[Campaign], options: FitOptions) -> list[Estimate | None]:

@@ -43,7 +43,7 @@ from taskcal.robot.statics import Load
 PACKED_FROM = 150
 """Entries from which on a factor is packed; smaller ones are left for people to read."""
 
-MOST_ENTRIES = 20_000
+MAX_FACTOR_ENTRIES = 20_000
 """Of a packed factor; the effects of a seven-joint robot have under a thousand."""
 
 ROUNDING = 1e-9
@@ -86,9 +86,9 @@ def unpack_factor(described: dict[str, Any]) -> list[list[float]]:
         keys = ", ".join(map(str, described))
         raise TaskcalError(f"'covariance_factor' has the keys {shown(keys)}, not 'size' and 'lower'")
     size, triangle = described["size"], described["lower"]
-    if type(size) is not int or not 0 <= size <= MOST_ENTRIES:
+    if type(size) is not int or not 0 <= size <= MAX_FACTOR_ENTRIES:
         raise TaskcalError(
-            f"the size of 'covariance_factor' is {shown(repr(size))}, not a number from 0 to {MOST_ENTRIES}"
+            f"the size of 'covariance_factor' is {shown(repr(size))}, not a number from 0 to {MAX_FACTOR_ENTRIES}"
         )
     try:
         content = base64.b64decode(triangle, validate=True)
@@ -194,7 +194,7 @@ def _without_nan(array: np.ndarray) -> list[Any]:
 
 # Which parameters the data of a calibration inform, and which its prior alone holds.
 
-UNSEEN_SHARE = 0.95
+UNINFORMED_SHARE = 0.95
 """Standard error over the prior's standard deviation, from which on nothing was learnt. A convention: at 0.95 the data add a
 tenth of the prior's information."""
 
@@ -212,7 +212,7 @@ def informed_parameters(calibration: "Calibration") -> dict[str, bool | None]:
     if scale is None or calibration.provenance.options.get("prior") == "given":
         return dict.fromkeys(calibration.kept)
     own = calibration.group_deviations
-    limit = UNSEEN_SHARE * (scale * calibration.model.tolerances if own is None else own)
+    limit = UNINFORMED_SHARE * (scale * calibration.model.tolerances if own is None else own)
     return {calibration.names[i]: bool(calibration.standard_errors[i] < limit[i]) for i in calibration.estimated}
 
 
@@ -239,7 +239,7 @@ def tells_nothing(
         return False
     told = np.maximum(standard_errors**-2 - (scale * tolerances) ** -2, 0.0)
     unseen = 1.0 / np.sqrt(1.0 + told * (likeliest_scale * tolerances) ** 2)
-    return bool((unseen > UNSEEN_SHARE).all())
+    return bool((unseen > UNINFORMED_SHARE).all())
 
 
 # What a calibration reports: parameters with their standard errors, model error, correlations, points that do not
@@ -457,7 +457,7 @@ def covariance_on(calibration: "Calibration", campaign: Campaign) -> Float[np.nd
 # so that effects which are hardly known add their uncertainty, too.
 
 
-def untold_covariance(
+def covariance_of_unknown_conditions(
     calibration: "Calibration", q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
 ) -> Float[np.ndarray, "n targets b b"]:
     """Covariance of the targets by what is not told of the poses, metres² (and radians², for poses), tracker frame.
@@ -724,7 +724,7 @@ class Calibration:
         targets = Rows.of_targets(self.layout, self.z, q, self.model.prepare(q, conditions))
         _, covariance = targets.propagate(self.z_covariance)
         if self.model.conditioned:
-            covariance = covariance + untold_covariance(self, q, conditions)
+            covariance = covariance + covariance_of_unknown_conditions(self, q, conditions)
         if not model_error:
             return covariance
         if any(self.joint_error):

@@ -9,13 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import FitError
 from taskcal.estimation.least_squares import Solution, fit
 from taskcal.estimation.matrices import invert_positive, single_threaded
 from taskcal.identification.calibration import Calibration, spread_of
 from taskcal.identification.held_out import studentise
-from taskcal.identification.identify import GROSS_SIGMAS, identify_parameters
+from taskcal.identification.identify import GROSS_SIGMAS, farthest_targets, identify_parameters
 from taskcal.identification.layout import prior_of
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import problem_of, whitener
@@ -91,7 +90,7 @@ def identify_in_chunks(
         raise ValueError("effects are not fitted in parts")
     options = FitOptions(noise=noise)
     first = identify_parameters(model, campaign.sample, options=options)
-    wrong = _wrong_rows(first, campaign, noise)
+    wrong = {start: farthest_targets(first, part, noise)[1] > GROSS_SIGMAS for start, part in campaign}
     solution, precision = _fit_all(first, campaign, wrong, noise)
     if not solution.converged:
         raise FitError(f"the fit of all rows did not converge: {solution.reason}; fit fewer of them at once")
@@ -114,19 +113,6 @@ def identify_in_chunks(
         fitted=fitted,
         unseen=unseen,
     )
-
-
-def _wrong_rows(
-    first: Calibration, campaign: ChunkedCampaign, noise: TrackerNoise | None
-) -> dict[int, Bool[np.ndarray, " n"]]:
-    """Rows of each part, by its first, of which a target is farther off than chance allows."""
-    out: dict[int, Bool[np.ndarray, " n"]] = {}
-    for start, part in campaign:
-        residual = np.nan_to_num(first.residuals_on(part))
-        covariance = part.covariances(noise) + first.predict_covariance(part.q)
-        square = np.einsum("nti,nti->nt", residual, np.linalg.solve(covariance, residual[..., None])[..., 0])
-        out[start] = np.sqrt(square.max(axis=1)) > GROSS_SIGMAS
-    return out
 
 
 def _fit_all(
@@ -160,7 +146,9 @@ def _with_all(
     options: FitOptions,
 ) -> Calibration:
     """The calibration of all rows, with the residuals of the sample."""
-    sample = _kept(campaign.sample, first)
+    # what the fit of the sample left out was not seen
+    numbers = [campaign.sample.row_of(k) for k in range(len(campaign.sample))]
+    sample = campaign.sample.without(np.isin(numbers, [row.row for row in first.left_out]))
     problem = problem_of(first.layout, sample, options.noise)
     residual, predicted = problem.propagate(solution.z, covariance)
     whole = problem.covariance(np.square(first.model_error))
@@ -182,9 +170,3 @@ def _with_all(
             first.provenance, campaign=campaign.path.name, rows=campaign.rows, notes=campaign.sample.notes
         ),
     )
-
-
-def _kept(sample: Campaign, first: Calibration) -> Campaign:
-    """The sample with what its fit left out as not seen."""
-    wrong = {row.row for row in first.left_out}
-    return sample.without(np.array([sample.row_of(k) in wrong for k in range(len(sample))]))

@@ -24,13 +24,13 @@ from taskcal.short_repr import short_repr
 LEVEL = 0.01
 """Probability of calling a robot changed that is not. A convention: the 1 % of the tests for drift and for a fleet's outliers."""
 
-MOST_POSES = 300
+MAX_POSES = 300
 """Poses, at most, at which two calibrations are compared where none are given. A convention that bounds the time."""
 
 NEGLIGIBLE = 1e-7
 """Standard deviation of the difference, metres, below which a direction is taken as known to that."""
 
-MOST_TOLERANCES = 20.0
+MAX_TOLERANCES = 20.0
 """Change over its tolerance, at most, that a parameter is believed to have. A convention: frames hide what would have to change
 by more."""
 
@@ -191,7 +191,7 @@ def compare(first: Calibration, second: Calibration, q: Float[np.ndarray, "n joi
 def _measured(first: Calibration, second: Calibration) -> Float[np.ndarray, "n joints"]:
     """Poses at which both were measured, some of them where there are many."""
     q = np.concatenate([first.q, second.q])
-    return q[np.unique(np.linspace(0, len(q) - 1, min(len(q), MOST_POSES)).astype(int))]
+    return q[np.unique(np.linspace(0, len(q) - 1, min(len(q), MAX_POSES)).astype(int))]
 
 
 def _frame_columns(R: Float[np.ndarray, "n 3 3"], points: Float[np.ndarray, "n points 3"]) -> Float[np.ndarray, "m f"]:
@@ -278,7 +278,7 @@ def _resembling(
     if whole == 0.0:
         return ()
     amount = np.where(seen, along / np.where(seen, size, 1.0), 0.0)
-    seen &= np.abs(amount) <= MOST_TOLERANCES * calibration.model.tolerances
+    seen &= np.abs(amount) <= MAX_TOLERANCES * calibration.model.tolerances
     share = np.where(seen, amount * along / whole, 0.0)
     best: Sequence[int] = np.argsort(-share, kind="stable")[:3].tolist()
     parameters = calibration.model.parameters

@@ -25,13 +25,13 @@ from taskcal.identification.group_search import (
     SHARPENING,
     SHARPENINGS,
     TOGETHER,
-    OneModelFound,
-    find_one_model,
+    GroupModelFound,
+    find_group_model,
     validate_groups,
 )
 from taskcal.identification.held_out import group_neighbours
 from taskcal.identification.holdout import mean_over_rows, predict_left_out, split_postures
-from taskcal.identification.identify import Attempt, attempt, with_size_held
+from taskcal.identification.identify import Attempt, attempt, hold_scale
 from taskcal.identification.options import FitChoices, FitOptions
 from taskcal.observations.base import UNMEASURED, TrackerNoise
 from taskcal.robot.effects import SPECTRUM, Effect, JointField, kinds
@@ -221,7 +221,7 @@ MIN_EVIDENCE_GAIN = 3.0
 """Fall of the log evidence without an effect from which on it is called proven: odds of 20 to 1. Decision 0012: effects that
 are not there gained 2.9 at most on 200 virtual robots, in the search as it was."""
 
-MANY = 100
+MAX_COLLINEAR = 100
 """Parameters of an effect, at most, of which it is asked what geometry repeats of them. A convention: of more the sum counts,
 not each."""
 
@@ -298,7 +298,7 @@ def select_effects(
         raise TaskcalError(
             "effects are found by their evidence, which needs a prior; name the effects, or keep the prior"
         )
-    options = with_size_held(model, campaign, options)
+    options = hold_scale(model, campaign, options)
     progress(GEOMETRY)
     first = attempt(model, campaign, options)
     best = first.calibration
@@ -416,7 +416,7 @@ def _find_all(selection: _Selection, trial: _Trial, search: EffectSearch) -> _Se
         )
         return replace(selection, remarks=(*selection.remarks, remark))
     try:
-        one = find_one_model(
+        one = find_group_model(
             selection.calibration,
             trial.campaign,
             competing,
@@ -460,7 +460,7 @@ def _find_all(selection: _Selection, trial: _Trial, search: EffectSearch) -> _Se
 
 
 def _errors_of_neighbours(
-    selection: _Selection, trial: _Trial, one: OneModelFound, search: EffectSearch
+    selection: _Selection, trial: _Trial, one: GroupModelFound, search: EffectSearch
 ) -> tuple[float, float]:
     """Mean errors, metres, where neighbouring poses are left out together: of what is there, and of the one model.
 
@@ -484,9 +484,9 @@ def _shortly(refusal: TaskcalError) -> str:
     return str(refusal).partition(". ")[0].partition("; ")[0]
 
 
-def _worth(effect: Effect, one: OneModelFound, *, enters: bool) -> Stage:
+def _worth(effect: Effect, one: GroupModelFound, *, enters: bool) -> Stage:
     """What the model would lose without an effect."""
-    groups = one.fitted.one.of_effect(effect.name)
+    groups = one.fitted.group_model.of_effect(effect.name)
     fall = log_integrated(one.fitted.found) - log_integrated(one.fitted.found, groups)
     errors = one.errors.without[effect.name]
     worth, error = mean_over_rows(errors - one.errors.whole)
@@ -509,7 +509,7 @@ def _repeated_by_geometry(
 ) -> tuple[Collinearity, ...]:
     """Parameters of effects that the fitted geometry, tracker frame and target nearly repeat at the campaign's poses."""
     robot = calibration.model.robot
-    few = [effect for effect in proven if len(effect.term(robot).names) <= MANY]
+    few = [effect for effect in proven if len(effect.term(robot).names) <= MAX_COLLINEAR]
     model = ErrorModel(robot, lengths_only=calibration.model.lengths_only, effects=few)
     effects = [name for name in model.effect_names if name in calibration.kept]
     if not effects:

@@ -38,16 +38,16 @@ FREEDOM = 8.0
 """Degrees of freedom of the t-distribution that single poses' errors are expected to have. A convention: tails longer than a
 normal distribution's, as errors of measured robots have."""
 
-LEAST = 1e-14
+MIN_VARIANCE = 1e-14
 """Variance under which there is nothing, m² and rad²."""
 
-LONGEST_STEP = 1.5
+MAX_LOG_STEP = 1.5
 """Change of a log variance, at most, in one step of the scoring: a factor of 4.5. A convention that keeps the scoring where its
 information holds."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class RowErrors:
+class PoseNoise:
     """Variances of what single poses add."""
 
     position: float
@@ -65,7 +65,7 @@ class RowErrors:
         own = [self.position] if self.rotation is None else [self.position, self.rotation]
         return np.array([*own, *self.joints])
 
-    def with_variances(self, variances: Float[np.ndarray, " k"]) -> "RowErrors":
+    def with_variances(self, variances: Float[np.ndarray, " k"]) -> "PoseNoise":
         """The same with other values."""
         first = 1 if self.rotation is None else 2
         rotation = None if self.rotation is None else float(variances[1])
@@ -92,13 +92,13 @@ class RowErrors:
         return np.where(both, R, np.eye(targets * b))
 
 
-def rescore(
-    errors: RowErrors,
+def score_noise(
+    errors: PoseNoise,
     at: Linearisation,
     whitener: Float[np.ndarray, "n m m"],
     left: Float[np.ndarray, "n m"],
     explained: Float[np.ndarray, "n m m"],
-) -> RowErrors:
+) -> PoseNoise:
     """One step of the scoring.
 
     Args:
@@ -120,8 +120,8 @@ def rescore(
     turned = np.array([np.swapaxes(seen, 1, 2).reshape(-1) for seen in judged])
     information = 0.5 * (flat @ turned.T) * np.outer(variances, variances) + np.eye(len(variances)) / WIDTH**2
     gradient = gradient * variances - np.log(variances / TYPICAL**2) / WIDTH**2
-    step = np.clip(np.linalg.solve(information, gradient), -LONGEST_STEP, LONGEST_STEP)
-    return errors.with_variances(np.maximum(variances * np.exp(step), LEAST))
+    step = np.clip(np.linalg.solve(information, gradient), -MAX_LOG_STEP, MAX_LOG_STEP)
+    return errors.with_variances(np.maximum(variances * np.exp(step), MIN_VARIANCE))
 
 
 def weigh(square: Float[np.ndarray, " n"], numbers: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -153,22 +153,22 @@ def whiteners(R: Float[np.ndarray, "n m m"]) -> Float[np.ndarray, "n m m"]:
 
 GEOMETRY_WIDTH = 3.0
 """Standard deviation of the log variances of the geometry about its tolerances: a factor of 4.5 in size. A convention, as of
-the effects (docs/theory/one-model.md)."""
+the effects (docs/theory/group-model.md)."""
 
 COMMON_WIDTH, EFFECT_WIDTH, JOINT_WIDTH = 4.0, 3.0, 1.0
 """The same of what all effects have in common, of each effect beside that, and of each joint beside the others."""
 
-MOST_ROUNDS = 8
+MAX_ROUNDS = 8
 """Rounds, at most, of linearisation, sizes and pose noise. A convention: what the last rounds change is told in `reason`."""
 
-MOST_JUDGED = 300
+MAX_SAMPLED_POSES = 300
 """Poses, at most, evenly among all, that pose noise is estimated from. A convention: variances of 300 poses are known to some 8
 %."""
 
-WHITENED_AT_ONCE = 128
+POSES_AT_ONCE = 128
 """Poses of a thread."""
 
-STANDS_STILL = 0.1
+SETTLED_ERRORS = 0.1
 """Change of a log variance, in its standard errors, under which it has settled. A convention: a tenth of what the data leave
 open."""
 
@@ -193,7 +193,7 @@ class Group:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class OneModel:
+class GroupModel:
     """A problem with all effects, and its groups."""
 
     problem: Problem
@@ -240,7 +240,7 @@ def expected_spread(labels: Sequence[Group]) -> Float[np.ndarray, "groups groups
 
 def assemble(
     problem: Problem, kept: Sequence[str] | None, options: FitOptions, apart: Mapping[str, tuple[str, float]] = EMPTY
-) -> OneModel:
+) -> GroupModel:
     """The groups of a problem.
 
     Args:
@@ -270,7 +270,7 @@ def assemble(
         estimated[: len(model)] = [name in owner_of for name in model.names]
         estimated[model.indices(kept)] = True
     factor = None if isinstance(options.prior_scale, str) else float(options.prior_scale) ** 2
-    return OneModel(
+    return GroupModel(
         problem=problem, kept=estimated, labels=tuple(labels), group=group, scale=scale, geometry_factor=factor
     )
 
@@ -282,14 +282,14 @@ def _effects_of(problem: Problem) -> list[tuple[str, str]]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class OneFit:
+class GroupFit:
     """The model at its likeliest sizes."""
 
-    one: OneModel
+    group_model: GroupModel
     z: Float[np.ndarray, " z"]
     """Where the rows were linearised last."""
     at: Linearisation
-    errors: RowErrors
+    errors: PoseNoise
     weights: Float[np.ndarray, " n"]
     """How far the errors of single poses are believed to be of the size of most."""
     whitener: Float[np.ndarray, "n m m"]
@@ -303,15 +303,15 @@ class OneFit:
     rounds: int
 
 
-def fit_one_model(
-    one: OneModel,
+def fit_group_model(
+    one: GroupModel,
     start: Float[np.ndarray, " z"],
-    errors: RowErrors,
+    errors: PoseNoise,
     options: FitOptions,
     sizes: np.ndarray | None = None,
     weights: np.ndarray | None = None,
-    most_rounds: int = MOST_ROUNDS,
-) -> OneFit:
+    most_rounds: int = MAX_ROUNDS,
+) -> GroupFit:
     """Estimate all parameters, the sizes of their groups, and what single poses add.
 
     Args:
@@ -341,25 +341,25 @@ def fit_one_model(
             raise FitError(
                 "the fit of geometry and effects ran away; check the campaign with a robust loss (loss=Cauchy())"
             )
-        scored, weights = _rescore(fitted, x) if errors.searched else (errors, weights)
+        scored, weights = _score(fitted, x) if errors.searched else (errors, weights)
         moved = np.abs(following - z)[one.group >= 0].max() / one.scale[one.group >= 0].max()
         steps = np.abs(evidence.log_variances - sizes).max()
         if errors.searched:
             steps = max(steps, np.abs(np.log(scored.variances / errors.variances)).max())
-        still = rounds > 2 and bool(moved < 1.0 and steps < STANDS_STILL)
+        still = rounds > 2 and bool(moved < 1.0 and steps < SETTLED_ERRORS)
         z, errors, sizes = following, scored, evidence.log_variances
     return _fit_once(one, z, errors, weights, options, sizes, rounds)
 
 
 def _fit_once(
-    one: OneModel,
+    one: GroupModel,
     z: np.ndarray,
-    errors: RowErrors,
+    errors: PoseNoise,
     weights: np.ndarray,
     options: FitOptions,
     sizes: np.ndarray,
     rounds: int,
-) -> OneFit:
+) -> GroupFit:
     at = one.problem.linearise(z)
     W = whiteners(errors.covariance(at, one.problem.noise))
     W = W * np.sqrt(weights[:, None] * _by_loss(at, W, one.problem, options))[:, :, None]
@@ -368,15 +368,15 @@ def _fit_once(
     def whiten(rows: slice) -> None:
         np.multiply(W[rows] @ at.by_entry[rows], scale, out=A[rows])
 
-    in_chunks(whiten, len(A), WHITENED_AT_ONCE)
+    in_chunks(whiten, len(A), POSES_AT_ONCE)
     moved = np.where(one.kept, (z - one.problem.layout.start()) / one.scale, 0.0)
     y = np.einsum("nij,nj->ni", W, at.residual) + A @ moved
     stated = _stated(one, z)
     rows = np.concatenate([A.reshape(-1, A.shape[2]), stated[0]]), np.concatenate([y.reshape(-1), stated[1]])
     reduced = reduce_rows(*rows, one.groups)
     found = find_sizes(reduced, sizes)
-    return OneFit(
-        one=one,
+    return GroupFit(
+        group_model=one,
         z=z,
         at=at,
         errors=errors,
@@ -390,7 +390,7 @@ def _fit_once(
     )
 
 
-def _stated(one: OneModel, z: Float[np.ndarray, " z"]) -> tuple[Float[np.ndarray, "k z"], Float[np.ndarray, " k"]]:
+def _stated(one: GroupModel, z: Float[np.ndarray, " z"]) -> tuple[Float[np.ndarray, "k z"], Float[np.ndarray, " k"]]:
     """What is known beside the measurements, as rows like theirs."""
     known = stated_rows(one.problem.layout, z, one.problem.seen.kinds)
     A = known.by_entry * one.scale
@@ -405,28 +405,28 @@ def _by_loss(at: Linearisation, W: np.ndarray, problem: Problem, options: FitOpt
     return np.repeat(options.loss.weights(by_target), white.shape[1] // targets, axis=1)
 
 
-def judged_rows(n: int) -> Int[np.ndarray, " k"]:
+def sampled_poses(n: int) -> Int[np.ndarray, " k"]:
     """Poses that stand for all, evenly among them."""
-    return np.unique(np.linspace(0, n - 1, min(n, MOST_JUDGED)).astype(int))
+    return np.unique(np.linspace(0, n - 1, min(n, MAX_SAMPLED_POSES)).astype(int))
 
 
 def spread_to_all(values: Float[np.ndarray, " k"], n: int) -> Float[np.ndarray, " n"]:
     """What is known of the poses that stand for all; of the others, among so many, the mean."""
     out = np.full(n, values.mean())
-    out[judged_rows(n)] = values
+    out[sampled_poses(n)] = values
     return out
 
 
-def _rescore(fitted: OneFit, x: Float[np.ndarray, " z"]) -> tuple[RowErrors, Float[np.ndarray, " n"]]:
+def _score(fitted: GroupFit, x: Float[np.ndarray, " z"]) -> tuple[PoseNoise, Float[np.ndarray, " n"]]:
     """The errors of single poses and the weights of these, one step on."""
     found, A = fitted.found, fitted.A
     S = found.reduced.covariance(found.evidence.spread)
     n, m = fitted.y.shape
-    left, judged = fitted.y - A @ x, judged_rows(n)
+    left, judged = fitted.y - A @ x, sampled_poses(n)
     followed = (A[judged].reshape(len(judged) * m, -1) @ S).reshape(len(judged), m, -1)
     explained = followed @ np.swapaxes(A[judged], 1, 2)
     square = (left**2).sum(axis=1) / fitted.weights
     spread = np.trace(explained, axis1=1, axis2=2) / fitted.weights[judged]
     weights = weigh(square + spread_to_all(spread, n), fitted.at.seen.sum(axis=1))
     whitener = fitted.whitener[judged] / np.sqrt(fitted.weights[judged, None, None])
-    return rescore(fitted.errors, fitted.at.take(judged), whitener, left[judged], explained), weights
+    return score_noise(fitted.errors, fitted.at.take(judged), whitener, left[judged], explained), weights

@@ -23,15 +23,15 @@ from taskcal.identification.calibration import Calibration, spread_of
 from taskcal.identification.group_model import (
     EMPTY,
     GEOMETRY,
-    MOST_ROUNDS,
-    OneFit,
-    OneModel,
-    RowErrors,
+    MAX_ROUNDS,
+    GroupFit,
+    GroupModel,
+    PoseNoise,
     assemble,
-    fit_one_model,
-    judged_rows,
+    fit_group_model,
     log_weights,
     of_targets,
+    sampled_poses,
     spread_to_all,
     weigh,
 )
@@ -48,11 +48,11 @@ from taskcal.robot.error_model import ErrorModel
 
 DRAWS = 12
 """Draws of the sizes of the groups, over which the covariance is averaged. A convention: more cost time in proportion
-(docs/theory/one-model.md)."""
+(docs/theory/group-model.md)."""
 
 
 def calibrate(
-    fitted: OneFit, campaign: Campaign, options: FitOptions, stretch: float, rng: np.random.Generator
+    fitted: GroupFit, campaign: Campaign, options: FitOptions, stretch: float, rng: np.random.Generator
 ) -> Calibration:
     """The calibration of a fit.
 
@@ -63,7 +63,7 @@ def calibrate(
         stretch: factor of all covariances but the instrument's.
         rng: for the draws of the sizes.
     """
-    one, errors = fitted.one, fitted.errors
+    one, errors = fitted.group_model, fitted.errors
     layout, model = one.problem.layout, one.problem.layout.model
     x, S = fitted.found.averaged(DRAWS, rng)
     S = _considered(fitted, S) * np.outer(one.scale, one.scale)
@@ -107,14 +107,14 @@ def calibrate(
         iterations=fitted.rounds,
         rounds=fitted.rounds,
         reason="geometry, effects and their sizes stand still"
-        if fitted.rounds < MOST_ROUNDS
+        if fitted.rounds < MAX_ROUNDS
         else "geometry, effects and their sizes hardly move",
         remarks=_remarks(fitted, z, S),
         provenance=Provenance.of(model, campaign, options.described(model, campaign)),
     )
 
 
-def log_evidence(fitted: OneFit) -> float:
+def log_evidence(fitted: GroupFit) -> float:
     """Log marginal likelihood of the fit, but for a constant of the campaign, as of an `identify`; sizes integrated out."""
     reduced = fitted.found.reduced
     whitened = np.log(np.abs(np.diagonal(fitted.whitener, axis1=1, axis2=2))).sum()
@@ -122,19 +122,19 @@ def log_evidence(fitted: OneFit) -> float:
     return float(whitened + weighed + reduced.log_alone + log_integrated(fitted.found))
 
 
-def _group_deviations(fitted: OneFit) -> Float[np.ndarray, " p"]:
+def _group_deviations(fitted: GroupFit) -> Float[np.ndarray, " p"]:
     """Prior standard deviation of every parameter at the likeliest sizes."""
-    p = len(fitted.one.problem.layout.model)
+    p = len(fitted.group_model.problem.layout.model)
     sizes = np.exp(0.5 * fitted.found.evidence.log_variances)
-    return fitted.one.scale[:p] * sizes[fitted.one.group[:p]]
+    return fitted.group_model.scale[:p] * sizes[fitted.group_model.group[:p]]
 
 
-def _considered(fitted: OneFit, S: Float[np.ndarray, "z z"]) -> Float[np.ndarray, "z z"]:
+def _considered(fitted: GroupFit, S: Float[np.ndarray, "z z"]) -> Float[np.ndarray, "z z"]:
     """Covariance with what is not estimated, but varies all the same: C + G·Σ·Gᵀ, G what it does to the estimate."""
-    left = np.flatnonzero(~fitted.one.kept)
+    left = np.flatnonzero(~fitted.group_model.kept)
     if not len(left):
         return S
-    scale = fitted.one.scale[left]
+    scale = fitted.group_model.scale[left]
     columns = np.einsum("nij,njk->nik", fitted.whitener, fitted.at.by_entry[:, :, left]) * scale
     pull = np.einsum("nip,nik->pk", fitted.A, columns)
     G = -S @ pull
@@ -145,11 +145,13 @@ def _considered(fitted: OneFit, S: Float[np.ndarray, "z z"]) -> Float[np.ndarray
     return C + (G * variance) @ G.T
 
 
-def _remarks(fitted: OneFit, z: Float[np.ndarray, " z"], S: Float[np.ndarray, "z z"]) -> tuple[str, ...]:
+def _remarks(fitted: GroupFit, z: Float[np.ndarray, " z"], S: Float[np.ndarray, "z z"]) -> tuple[str, ...]:
     """What is unusual about the effects' estimates."""
-    model = fitted.one.problem.layout.model
+    model = fitted.group_model.problem.layout.model
     deviation = np.sqrt(np.maximum(np.diag(S), 0.0))
-    estimates = {name: (float(z[i]), float(deviation[i])) for i, name in enumerate(model.names) if fitted.one.kept[i]}
+    estimates = {
+        name: (float(z[i]), float(deviation[i])) for i, name in enumerate(model.names) if fitted.group_model.kept[i]
+    }
     return tuple(remark for effect in model.effects for remark in effect.remarks(model.robot, estimates))
 
 
@@ -165,7 +167,7 @@ def _remarks(fitted: OneFit, z: Float[np.ndarray, " z"], S: Float[np.ndarray, "z
 # noise, which is stated, and X what is predicted beside it; X is stretched so that the 95 % region of N and X is
 # that of this distribution.
 
-STEPS = 2
+FOLD_STEPS = 2
 """Steps of the scoring in a fold. A convention: sizes of nearly the same rows are near at the start."""
 
 VALIDATION_DRAWS = 2
@@ -177,7 +179,7 @@ TAILS = np.array([4.0, 6.0, 9.0, 14.0, 25.0, 60.0, 1000.0])
 STRETCH = np.exp(np.linspace(np.log(0.05), np.log(9.0), 73))
 """Values of f that are tried."""
 
-MOST_STRETCH = 25.0
+MAX_STRETCH = 25.0
 """Factor f of the covariance, at most, with the tails: five times the predicted deviation. A convention."""
 
 STRETCH_WIDTH = 1.0
@@ -198,7 +200,7 @@ class LeftOutErrors:
 
 
 def validate_groups(
-    fitted: OneFit, parts: Sequence[Int[np.ndarray, " _"]], effects: Sequence[str], rng: np.random.Generator
+    fitted: GroupFit, parts: Sequence[Int[np.ndarray, " _"]], effects: Sequence[str], rng: np.random.Generator
 ) -> LeftOutErrors:
     """Cross-validate a fit.
 
@@ -209,32 +211,34 @@ def validate_groups(
         rng: for the draws of the sizes.
     """
     n = len(fitted.A)
-    targets = fitted.one.problem.seen.valid.shape[1]
-    numbers = {name: fitted.one.of_effect(name) for name in effects}
+    targets = fitted.group_model.problem.seen.valid.shape[1]
+    numbers = {name: fitted.group_model.of_effect(name) for name in effects}
     errors = {name: np.full((n, targets), np.nan) for name in ("", *effects)}
     error, predicted = np.zeros((n, targets, 3)), np.zeros((n, targets, 3, 3))
     # the weights of the fit know the rows that are left out: those that disagree with them count less
     root = np.sqrt(fitted.weights)[:, None]
-    even = _Rows(A=fitted.A / root[:, :, None], y=fitted.y / root, stated=fitted.stated, groups=fitted.one.groups)
+    even = _Rows(
+        A=fitted.A / root[:, :, None], y=fitted.y / root, stated=fitted.stated, groups=fitted.group_model.groups
+    )
     numbered = fitted.at.seen.sum(axis=1)
     for part in parts:
         rest = np.ones(n, dtype=bool)
         rest[part] = False
-        fold = find_sizes(even.without(part), fitted.found.evidence.log_variances, STEPS)
+        fold = find_sizes(even.without(part), fitted.found.evidence.log_variances, FOLD_STEPS)
         if fitted.errors.searched:
             weights = weigh(_squares(even, fold), numbered)
             weighed = np.sqrt(weights[rest])[:, None]
             reduced = even.reduced(even.A[rest] * weighed[:, :, None], even.y[rest] * weighed)
-            fold = find_sizes(reduced, fold.evidence.log_variances, STEPS)
+            fold = find_sizes(reduced, fold.evidence.log_variances, FOLD_STEPS)
         mean, S = fold.averaged(VALIDATION_DRAWS, rng)
         error[part], predicted[part] = _judge(fitted, part, mean, S)
         errors[""][part] = np.linalg.norm(error[part], axis=2)
         for name, group in numbers.items():
             errors[name][part] = _lengths(fitted, part, _mean_without(fold, group))
-    seen = fitted.one.problem.seen.valid
+    seen = fitted.group_model.problem.seen.valid
     for values in errors.values():
         values[~seen] = np.nan
-    noise = fitted.one.problem.noise[:, :, :3, :3][seen]
+    noise = fitted.group_model.problem.noise[:, :, :3, :3][seen]
     return LeftOutErrors(
         whole=errors[""],
         without={name: errors[name] for name in effects},
@@ -280,7 +284,7 @@ def _squares(rows: _Rows, fold: GroupedFit) -> Float[np.ndarray, " n"]:
     x = fold.reduced.mean(fold.evidence.mean(own))
     S = fold.reduced.covariance(fold.evidence.spread)
     n, m, p = rows.A.shape
-    A = rows.A[judged_rows(n)]
+    A = rows.A[sampled_poses(n)]
     spread = np.einsum("nip,nip->n", (A.reshape(-1, p) @ S).reshape(-1, m, p), A)
     return ((rows.y - rows.A @ x) ** 2).sum(axis=1) + spread_to_all(spread, n)
 
@@ -290,10 +294,10 @@ def _mean_without(fold: GroupedFit, group: Int[np.ndarray, " k"]) -> Float[np.nd
     return fold.reduced.mean(at.mean(fold.reduced.groups.own))
 
 
-def _left(fitted: OneFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarray, "k m"]:
+def _left(fitted: GroupFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarray, "k m"]:
     """Whitened residuals of some rows; what only they measure, such as a socket of theirs, stands where they say."""
     left = fitted.y[part] - fitted.A[part] @ mean
-    frames = np.flatnonzero(fitted.one.group < 0)
+    frames = np.flatnonzero(fitted.group_model.group < 0)
     others = np.delete(fitted.A[:, :, frames], part, axis=0)
     lone = frames[~others.any(axis=(0, 1)) & fitted.A[np.ix_(part, np.arange(left.shape[1]), frames)].any(axis=(0, 1))]
     if not len(lone):
@@ -302,15 +306,15 @@ def _left(fitted: OneFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarra
     return left - (own @ np.linalg.lstsq(own, left.reshape(-1), rcond=None)[0]).reshape(left.shape)
 
 
-def _lengths(fitted: OneFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarray, "k targets"]:
+def _lengths(fitted: GroupFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarray, "k targets"]:
     """Errors of position of some rows, metres."""
     error = np.linalg.solve(fitted.whitener[part], _left(fitted, part, mean)[..., None])[..., 0]
-    targets = fitted.one.problem.seen.valid.shape[1]
+    targets = fitted.group_model.problem.seen.valid.shape[1]
     return np.linalg.norm(error.reshape(len(part), targets, -1)[:, :, :3], axis=2)
 
 
 def _judge(
-    fitted: OneFit, part: np.ndarray, mean: np.ndarray, S: np.ndarray
+    fitted: GroupFit, part: np.ndarray, mean: np.ndarray, S: np.ndarray
 ) -> tuple[Float[np.ndarray, "k targets 3"], Float[np.ndarray, "k targets 3 3"]]:
     """Errors of position of some rows, and their predicted covariance."""
     A, k, m = fitted.A[part], len(part), fitted.A.shape[1]
@@ -320,7 +324,7 @@ def _judge(
     single = np.eye(m) * fitted.weights[part, None, None]
     spread = (A.reshape(k * m, -1) @ S).reshape(A.shape) @ np.swapaxes(A, 1, 2) + single
     covariance = back @ spread @ np.swapaxes(back, 1, 2)
-    targets = fitted.one.problem.seen.valid.shape[1]
+    targets = fitted.group_model.problem.seen.valid.shape[1]
     width = m // targets
     own = [slice(t * width, t * width + 3) for t in range(targets)]
     return np.stack([error[:, at] for at in own], axis=1), np.stack([covariance[:, at, at] for at in own], axis=1)
@@ -355,9 +359,9 @@ def stretch_of(
     def held(stretch: float) -> float:
         return float((scale / (1.0 + stretch * v)).mean()) - 1.0 / longer
 
-    if held(MOST_STRETCH) >= 0.0:
-        return MOST_STRETCH
-    low, high = 0.0, MOST_STRETCH
+    if held(MAX_STRETCH) >= 0.0:
+        return MAX_STRETCH
+    low, high = 0.0, MAX_STRETCH
     for _ in range(60):  # halved down to rounding; SciPy's root finders take longer to import
         middle = 0.5 * (low + high)
         low, high = (middle, high) if held(middle) > 0.0 else (low, middle)
@@ -380,7 +384,7 @@ def multivariate_t_log(squares: Float[np.ndarray, "..."], nu: float) -> Float[np
 # for noise of uneven size). An order is taken where χ² is beyond chance among all orders of all joints
 # (Bonferroni).
 
-HIGHEST = 640.0
+MAX_ORDER = 640.0
 """Order that is looked for: four times in a turn of the motor behind a gear of 160."""
 
 CHANCE = 0.01
@@ -389,52 +393,52 @@ CHANCE = 0.01
 FINENESS = 0.1
 """Step of the search, in periods over the whole range of a joint. A convention: half a step off loses 0.4 % of an amplitude."""
 
-APART = 1.5
+MIN_SEPARATION_PERIODS = 1.5
 """Periods over the whole range by which orders found at once differ at least."""
 
-AT_ONCE = 3
+MAX_NEW_ORDERS = 3
 """Orders of a joint that are taken before the others are looked at again."""
 
-SMALLEST_RANGE = 0.2
+MIN_RANGE_RAD = 0.2
 """Range at least, radians, of a joint that is searched. A convention: 11° hold a period of orders above 31."""
 
 SHARP_TOLERANCE = 3e-5
 """Amplitude expected of each, radians: six seconds of arc."""
 
 
-def find_sharp_orders(fitted: OneFit, lowest: float) -> list[tuple[str, float]]:
+def find_sharp_orders(fitted: GroupFit, lowest: float) -> list[tuple[str, float]]:
     """Joints and orders that the fit's residuals prove, the clearest first.
 
     Args:
         fitted: the fit.
         lowest: order from which on the search begins.
     """
-    robot, at = fitted.one.problem.layout.model.robot, fitted.at
-    q = robot.joint_map(fitted.one.problem.q)
+    robot, at = fitted.group_model.problem.layout.model.robot, fitted.at
+    q = robot.joint_map(fitted.group_model.problem.q)
     # the fit was linearised where it ended
     left = np.einsum("nji,nj->ni", fitted.whitener, np.einsum("nij,nj->ni", fitted.whitener, at.residual))
     weighted = np.einsum("nij,nik->njk", fitted.whitener, fitted.whitener @ at.by_joint)
     pull = np.einsum("nik,ni->nk", at.by_joint, left)
     size = 0.5 * np.einsum("nik,nik->k", at.by_joint, weighted)
     ranges = np.ptp(q, axis=0)
-    joints = [j for j in range(len(ranges)) if not robot.prismatic[j] and ranges[j] > SMALLEST_RANGE and size[j] > 0.0]
-    tried = sum((HIGHEST - lowest) * ranges[j] / np.pi for j in joints)
+    joints = [j for j in range(len(ranges)) if not robot.prismatic[j] and ranges[j] > MIN_RANGE_RAD and size[j] > 0.0]
+    tried = sum((MAX_ORDER - lowest) * ranges[j] / np.pi for j in joints)
     beyond_chance = 2.0 * np.log(max(tried, 1.0) / CHANCE)
     found: list[tuple[float, int, float]] = []
     for j in joints:
         period = 2.0 * np.pi / ranges[j]
-        orders = np.arange(lowest, HIGHEST, FINENESS * period)
+        orders = np.arange(lowest, MAX_ORDER, FINENESS * period)
         test = _spectrum(q[:, j], pull[:, j], orders) / size[j]
-        for _ in range(AT_ONCE):
+        for _ in range(MAX_NEW_ORDERS):
             k = int(test.argmax())
             if test[k] < beyond_chance:
                 break
             found.append((float(test[k]), j, float(orders[k])))
-            test[np.abs(orders - orders[k]) < APART * period] = 0.0
+            test[np.abs(orders - orders[k]) < MIN_SEPARATION_PERIODS * period] = 0.0
     return [(robot.joint_names[j], round(order, 2)) for _, j, order in sorted(found, reverse=True)]
 
 
-def find_clear_orders(fitted: OneFit, effect: str) -> dict[str, tuple[str, float]]:
+def find_clear_orders(fitted: GroupFit, effect: str) -> dict[str, tuple[str, float]]:
     """Parameters of orders that are far beyond what the others of their joint let expect, with a name and a tolerance for each.
 
     An estimate x̂ of a parameter of variance v, with the posterior variance s, is itself of variance v − s. Cosine and sine of an
@@ -444,7 +448,7 @@ def find_clear_orders(fitted: OneFit, effect: str) -> dict[str, tuple[str, float
         fitted: the fit.
         effect: whose orders share a size for each joint.
     """
-    one, found = fitted.one, fitted.found
+    one, found = fitted.group_model, fitted.found
     own = found.reduced.groups.own
     x, S = found.evidence.mean(own), np.square(found.evidence.spread).sum(axis=1)
     v = np.exp(found.evidence.log_variances)[own]
@@ -492,7 +496,7 @@ TOGETHER = "geometry and all effects"
 SHARPENING = "orders of gears and motors"
 LEAVING_OUT = "cross-validation"
 
-LARGE = 2.0
+START_LOG_VARIANCE = 2.0
 """Log variance of every group to start from: from a size that is next to nothing the scoring would hardly come back."""
 
 SHARPENINGS = 4
@@ -501,23 +505,23 @@ SHARPENINGS = 4
 SHARPENING_ROUNDS = 2
 """Of a fit between, which need not be at its end."""
 
-FEW = 1e-6
+MIN_START_DEVIATION = 1e-6
 """Standard deviation of single poses at least to start from, metres and radians. A convention: below all that is measured, so
 that the scoring moves off zero."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class OneModelFound:
+class GroupModelFound:
     """The one model of a campaign."""
 
-    fitted: OneFit
+    fitted: GroupFit
     calibration: Calibration
     errors: LeftOutErrors
     effects: tuple[Effect, ...]
     """All that take part, beside those of the model it started from."""
 
 
-def find_one_model(
+def find_group_model(
     base: Calibration,
     campaign: Campaign,
     competing: Sequence[Effect],
@@ -527,7 +531,7 @@ def find_one_model(
     *,
     seed: int,
     progress: Callable[[str], None],
-) -> OneModelFound:
+) -> GroupModelFound:
     """Geometry and all effects at once.
 
     Args:
@@ -571,7 +575,7 @@ def find_one_model(
     names = [effect.name for effect in (*base.model.effects, *effects)]
     errors = validate_groups(fitted, parts, names, np.random.default_rng(seed))
     calibration = calibrate(fitted, campaign, options, errors.stretch, np.random.default_rng(seed))
-    return OneModelFound(fitted=fitted, calibration=calibration, errors=errors, effects=effects)
+    return GroupModelFound(fitted=fitted, calibration=calibration, errors=errors, effects=effects)
 
 
 def _fit(
@@ -579,10 +583,10 @@ def _fit(
     campaign: Campaign,
     effects: Sequence[Effect],
     options: FitOptions,
-    before: OneFit | None,
-    most_rounds: int = MOST_ROUNDS,
+    before: GroupFit | None,
+    most_rounds: int = MAX_ROUNDS,
     apart: Mapping[str, tuple[str, float]] = EMPTY,
-) -> OneFit:
+) -> GroupFit:
     model = base.model
     for effect in effects:
         model = model + effect
@@ -591,12 +595,12 @@ def _fit(
     start, names = problem.layout.start(), problem.layout.names
     held = dict(zip(base.all_names, base.z, strict=True))
     if before is not None:
-        held |= dict(zip(before.one.problem.layout.names, before.z, strict=True))
+        held |= dict(zip(before.group_model.problem.layout.names, before.z, strict=True))
     for i, name in enumerate(names):
         start[i] = held.get(name, start[i])
     errors = _first_errors(base, options, len(model.robot.joints)) if before is None else before.errors
     weights = None if before is None else before.weights
-    return fit_one_model(one, start, errors, options, _first_sizes(one, before), weights, most_rounds)
+    return fit_group_model(one, start, errors, options, _first_sizes(one, before), weights, most_rounds)
 
 
 def _share(one: Effect, other: Effect, model: ErrorModel) -> bool:
@@ -609,17 +613,19 @@ def _problem(base: Calibration, model: ErrorModel, campaign: Campaign, options: 
     return problem_of(layout, campaign, options.noise)
 
 
-def _first_sizes(one: OneModel, before: OneFit | None) -> np.ndarray:
+def _first_sizes(one: GroupModel, before: GroupFit | None) -> np.ndarray:
     """Large ones, or those of the fit before."""
-    known = {} if before is None else dict(zip(before.one.labels, before.found.evidence.log_variances, strict=True))
-    return np.array([known.get(label, LARGE) for label in one.labels])
+    known = (
+        {} if before is None else dict(zip(before.group_model.labels, before.found.evidence.log_variances, strict=True))
+    )
+    return np.array([known.get(label, START_LOG_VARIANCE) for label in one.labels])
 
 
-def _first_errors(base: Calibration, options: FitOptions, joints: int) -> RowErrors:
+def _first_errors(base: Calibration, options: FitOptions, joints: int) -> PoseNoise:
     """Half of what geometry alone left, of every kind; or what was given, and nothing else."""
     given = not isinstance(options.model_error, str)
-    size = [max(error if given else 0.5 * error, 0.0 if given else FEW) for error in base.model_error]
-    return RowErrors(
+    size = [max(error if given else 0.5 * error, 0.0 if given else MIN_START_DEVIATION) for error in base.model_error]
+    return PoseNoise(
         position=max(size[0] ** 2, 1e-14),
         rotation=max(size[1] ** 2, 1e-14) if base.layout.block_size == 6 else None,
         joints=np.full(joints, 1e-14 if given else size[0] ** 2),

@@ -266,7 +266,7 @@ ALIKE = 0.4
 """Part of an outlier's residual that a neighbour's has along it, to be the same error. Outliers have 4.5 standard deviations
 or more, so that an error of its own has 1.8 in that direction once in thirty times."""
 
-FEWEST_ALIKE = 2
+MIN_ALIKE = 2
 """Neighbours with the same error, of `NEIGHBOURS`, that show it to be of the model: by chance once in a hundred times."""
 
 
@@ -409,5 +409,5 @@ def shared_with_neighbours(
 
         half = NEIGHBOURS // 2
         in_order = alike(before[:50], half) + alike(after[:50], half)
-        shared.append(max(in_order, alike(seen[np.atleast_1d(nearest)], NEIGHBOURS)) >= FEWEST_ALIKE)
+        shared.append(max(in_order, alike(seen[np.atleast_1d(nearest)], NEIGHBOURS)) >= MIN_ALIKE)
     return tuple(shared)

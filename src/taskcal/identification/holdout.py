@@ -3,8 +3,9 @@
 Of two poses side by side, one in the fit tells the error of the other, and rows held out one by one flatter the fit.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -116,18 +117,9 @@ def hold_out(fit: Fit, campaign: Campaign, holdout: Holdout, nominal: Fit) -> Ca
         group = np.unique(holdout.groups(campaign)[out], return_inverse=True)[1].reshape(-1)
         return with_held_out(calibration, campaign, out, nominal, by=holdout.by, part=group)
     calibration, parts = fit(campaign), holdout.divide(campaign)
-    predicted = [_predict(fit(_without(campaign, part)), campaign, part, nominal) for part in parts]
-    order = np.concatenate(parts)
-    held_out = HeldOut(
-        by=holdout.by,
-        folds=len(parts),
-        rows=np.array([campaign.row_of(int(i)) for i in order]),
-        part=np.repeat(np.arange(len(parts)), [len(part) for part in parts]),
-        residuals=np.concatenate([own for own, _ in predicted]),
-        nominal=np.concatenate([before for _, before in predicted]),
-        kinds=campaign.kinds,
-    )
-    return replace(calibration, held_out=held_out)
+    fits = [fit(_without(campaign, part)) for part in parts]
+    part = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    return _with_errors(calibration, campaign, parts, fits, nominal, by=holdout.by, folds=len(parts), part=part)
 
 
 def with_held_out(
@@ -151,15 +143,29 @@ def with_held_out(
     """
     if part is None:
         part = group_neighbours(campaign.q[out], GROUPS)
-    residuals, before = _predict(calibration, campaign, out, nominal)
-    rows = np.array([campaign.row_of(int(i)) for i in out])
+    return _with_errors(calibration, campaign, [out], [calibration], nominal, by=by or "chosen", folds=0, part=part)
+
+
+def _with_errors(
+    calibration: Calibration,
+    campaign: Campaign,
+    parts: Sequence[Int[np.ndarray, " _"]],
+    fits: Sequence[Calibration],
+    nominal: Fit,
+    *,
+    by: Grouping | Literal["chosen"],
+    folds: int,
+    part: Int[np.ndarray, " k"],
+) -> Calibration:
+    """The calibration with the errors of parts of a campaign, each predicted by the fit that has not seen it."""
+    predicted = [_predict(one, campaign, part, nominal) for one, part in zip(fits, parts, strict=True)]
     held_out = HeldOut(
-        by=by or "chosen",
-        folds=0,
-        rows=rows,
+        by=by,
+        folds=folds,
+        rows=np.array([campaign.row_of(int(i)) for i in np.concatenate(parts)]),
         part=part,
-        residuals=residuals,
-        nominal=before,
+        residuals=np.concatenate([own for own, _ in predicted]),
+        nominal=np.concatenate([before for _, before in predicted]),
         kinds=campaign.kinds,
     )
     return replace(calibration, held_out=held_out)

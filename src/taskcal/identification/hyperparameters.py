@@ -248,13 +248,13 @@ LINEAR_WITHIN = 1.0
 """Newton decrement, a step of 1.4 standard deviations, within which rows that are kept are taken as linear while hyperparameters
 are sought: what the curvature adds to a residual there is a thousandth of the noise and less."""
 
-CLOSE = 1e-3
+STREAMED_WITHIN = 1e-3
 """The same of rows that are streamed, whose residuals stay those of the last estimate."""
 
 MAX_ROUNDS = 60
 """Of fit and hyperparameters in turn, at most."""
 
-MANY, SOME = 5000, 1000
+SAMPLED_FROM, SAMPLE = 5000, 1000
 """Rows from which on the search starts from what so many of them come to."""
 
 UNDAMPED_END = 1e-2
@@ -280,7 +280,7 @@ class _Sought:
         if prior.parameters is None:
             final = Stopping(decrement=UNDAMPED_END, decrease=1e-6)
         linear = tracked and prior.parameters is not None and isinstance(options.loss, Squared)
-        within = LINEAR_WITHIN if linear and problem.caches else max(final.decrement, CLOSE)
+        within = LINEAR_WITHIN if linear and problem.caches else max(final.decrement, STREAMED_WITHIN)
         return cls(
             error=options.model_error == "estimate",
             # without a prior there is nothing to scale
@@ -322,8 +322,8 @@ def _beginning(
     problem: Problem, prior: PriorOfEstimate, options: FitOptions, sought: _Sought
 ) -> tuple[Float[np.ndarray, " z"], Hyperparameters]:
     """Where the search begins: the nominal robot; of very many rows, what some of them come to."""
-    if len(problem.q) > MANY and sought.linear and (sought.error or sought.scale):
-        some = np.sort(np.random.default_rng(0).choice(len(problem.q), size=SOME, replace=False))
+    if len(problem.q) > SAMPLED_FROM and sought.linear and (sought.error or sought.scale):
+        some = np.sort(np.random.default_rng(0).choice(len(problem.q), size=SAMPLE, replace=False))
         fitted = fit_with_hyperparameters(problem.take(some), prior, options)
         factor = fitted.hyper.prior_factor if fitted.likeliest_factor is None else fitted.likeliest_factor
         return fitted.solution.z, replace(fitted.hyper, prior_factor=factor)
@@ -423,20 +423,8 @@ class Outcome:
     """Of the whole model."""
 
 
-def fitted_whole(fit: Fitted, problem: Problem) -> Outcome:
-    """The outcome of a fit of all parameters."""
-    return Outcome(
-        layout=problem.layout,
-        estimated=problem.layout.kept,
-        z=fit.solution.z,
-        covariance=fit.posterior,
-        residual_covariance=fit.covariance - fit.prediction_covariance,
-        hyper=fit.hyper,
-    )
-
-
 def fitted_alone(fit: Fitted, problem: Problem, whole: Layout) -> Outcome:
-    """The outcome of a fit of some parameters where nothing else is believed of the others: they are taken for zero."""
+    """The outcome of a fit of all parameters, or of some where the others are taken for zero."""
     return Outcome(
         layout=whole,
         estimated=problem.layout.kept,

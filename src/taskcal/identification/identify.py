@@ -20,7 +20,6 @@ from taskcal.identification.hyperparameters import (
     consider,
     fit_with_hyperparameters,
     fitted_alone,
-    fitted_whole,
 )
 from taskcal.identification.layout import layout_of, prior_of
 from taskcal.identification.options import FitChoices, FitOptions
@@ -52,7 +51,7 @@ raise the model error and so hide themselves. Sound rows of measured robots, in 
 MAX_REJECTION_ROUNDS = 6
 """Rounds of fit and judgement, at most. A convention: two are enough as a rule."""
 
-MANY, SOME = 5000, 1000
+SAMPLED_FROM, SAMPLE = 5000, 1000
 """Rows from which on those that disagree are first judged by a fit of so many of the others."""
 
 MAX_NAMED_ROWS = 6
@@ -88,8 +87,8 @@ def fit_right_rows(
     """
     seen = campaign.seen
     agreed = np.flatnonzero(seen & rows)
-    if len(agreed) > MANY and not rows[seen].all() and not campaign.observations:
-        some = np.sort(np.random.default_rng(0).choice(agreed, size=SOME, replace=False))
+    if len(agreed) > SAMPLED_FROM and not rows[seen].all() and not campaign.observations:
+        some = np.sort(np.random.default_rng(0).choice(agreed, size=SAMPLE, replace=False))
         _, length = _judge(fit(campaign, some).calibration, campaign, rows, noise)
         rows = np.logical_or(rows, np.logical_and(seen, length <= GROSS_SIGMAS))
     fitted = fit(campaign.without(seen & ~rows), None)
@@ -181,22 +180,28 @@ def _judge(
     if len(rest):
         # of some rows alone a kind may lack what it refers to
         others, at = (campaign, rest) if campaign.observations else (campaign.take(rest), slice(None))
-        residual = np.nan_to_num(calibration.residuals_on(others)[at])
-        covariance = (covariance_on(calibration, others) + others.covariances(noise))[at]
-        square = np.einsum("nti,nti->nt", residual, np.linalg.solve(covariance, residual[..., None])[..., 0])
-        distance[rest] = np.linalg.norm(residual[..., :3], axis=2).max(axis=1)
-        length[rest] = np.sqrt(square.max(axis=1))
+        distance[rest], length[rest] = (values[at] for values in farthest_targets(calibration, others, noise))
     return distance, length
+
+
+def farthest_targets(
+    calibration: Calibration, campaign: Campaign, noise: TrackerNoise | None
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """How far the farthest target of each row is off its prediction, metres, and in standard deviations."""
+    residual = np.nan_to_num(calibration.residuals_on(campaign))
+    covariance = covariance_on(calibration, campaign) + campaign.covariances(noise)
+    square = np.einsum("nti,nti->nt", residual, np.linalg.solve(covariance, residual[..., None])[..., 0])
+    return np.linalg.norm(residual[..., :3], axis=2).max(axis=1), np.sqrt(square.max(axis=1))
 
 
 # Campaigns that no length is in: a robot of any size fits them, and the smallest fits best.
 
-LARGEST_SCALE = 3.0
+MAX_SCALE = 3.0
 """Prior scale, at most, of campaigns that no length is in. A convention: beyond, the residuals of a shrinking robot gain more
 than its lengths lose."""
 
 
-def with_size_held(model: ErrorModel, campaign: Campaign, options: FitOptions) -> FitOptions:
+def hold_scale(model: ErrorModel, campaign: Campaign, options: FitOptions) -> FitOptions:
     """Options that take the stated tolerances of the lengths as they are, where nothing that was measured tells the size.
 
     The residuals of a ball in its sockets are as small as the robot is. Where the scale of the tolerances is estimated beside
@@ -205,22 +210,22 @@ def with_size_held(model: ErrorModel, campaign: Campaign, options: FitOptions) -
     Raises:
         CampaignError: lengths are to be fitted without a prior, or with one that is too wide.
     """
-    if not size_is_unseen(campaign):
+    if not scale_is_unobservable(campaign):
         return options
     kept = range(len(model)) if options.keep is None else model.indices(options.keep)
     lengths = [model.parameters[i].name for i in kept if model.parameters[i].unit == "m"]
     if not lengths:
         return options
-    if options.prior is None or (options.prior_scale != "estimate" and options.prior_scale > LARGEST_SCALE):
+    if options.prior is None or (options.prior_scale != "estimate" and options.prior_scale > MAX_SCALE):
         raise CampaignError(
             f"{named_file(campaign)}has no length that was measured or stated, so that a robot of any size fits it, the smallest "
             "best; state a distance between two sockets (--distances FILE), touch opposite faces of a cube, hold the lengths "
-            f"({lengths[0]} and others) by a prior of at most {LARGEST_SCALE:g} tolerances, or keep none of them"
+            f"({lengths[0]} and others) by a prior of at most {MAX_SCALE:g} tolerances, or keep none of them"
         )
     return replace(options, prior_scale=1.0) if options.prior_scale == "estimate" else options
 
 
-def size_is_unseen(campaign: Campaign) -> bool:
+def scale_is_unobservable(campaign: Campaign) -> bool:
     """Whether a smaller robot leaves smaller residuals of all that was measured."""
     return bool(campaign.observations) and all(kind.shrinks for kind in campaign.observations)
 
@@ -376,7 +381,7 @@ def _identify(model: ErrorModel, campaign: Campaign, chosen: FitOptions) -> Cali
     expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
     kept = np.arange(len(model)) if chosen.keep is None else model.indices(chosen.keep)
     check_rows(campaign)
-    chosen = with_size_held(model, campaign, chosen)
+    chosen = hold_scale(model, campaign, chosen)
     for effect in model.effects:
         campaign.check_told(effect.needs, effect.key)
     poses = nominal_poses(model, campaign)
@@ -416,9 +421,7 @@ def _fit(
     whole = problem_of(layout, campaign, chosen.noise)
     problem = replace(whole, layout=replace(whole.layout, kept=kept))
     fit = fit_with_hyperparameters(problem, prior_of(problem.layout, chosen.prior), chosen)
-    if len(kept) == len(model):
-        outcome = fitted_whole(fit, problem)
-    elif chosen.prior != "tolerances":
+    if len(kept) == len(model) or chosen.prior != "tolerances":
         outcome = fitted_alone(fit, problem, whole.layout)
     else:
         prior = prior_of(whole.layout, chosen.prior)
@@ -515,7 +518,7 @@ def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign, has_prior: bool)
             "controller or a simulation calculates, and measured ones do not"
         )
     if campaign.observations and not any(kind.tells_scale for kind in campaign.observations):
-        held = " within its tolerances as they are stated" if size_is_unseen(campaign) else ""
+        held = " within its tolerances as they are stated" if scale_is_unobservable(campaign) else ""
         out.append(
             f"no length that is known was measured or stated: how large the robot is comes from its nominal lengths alone{held}; "
             "state a distance of two sockets (--distances), trust the wire's scale, or touch opposite faces of a cube"

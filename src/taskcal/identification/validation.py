@@ -14,7 +14,7 @@ from taskcal.estimation.least_squares import Stopping, fit
 from taskcal.estimation.matrices import invert_positive
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration, residuals_on, spread_of, unknowns_of
-from taskcal.identification.group_model import LEAST, RowErrors, of_targets
+from taskcal.identification.group_model import MIN_VARIANCE, PoseNoise, of_targets
 from taskcal.identification.held_out import Outlier, Validation, shared_with_neighbours, studentise
 from taskcal.identification.hyperparameters import SLOW
 from taskcal.identification.identify import fit_nominal
@@ -138,10 +138,10 @@ def _fit_frames(problem: Problem, calibration: Calibration) -> tuple[Float[np.nd
         FitError: the fit did not converge.
     """
     start, targets, width = problem.layout.start(), len(problem.layout.targets), problem.layout.block_size
-    position, rotation = np.maximum(np.square(np.resize(calibration.model_error, 2)), LEAST)
+    position, rotation = np.maximum(np.square(np.resize(calibration.model_error, 2)), MIN_VARIANCE)
     joints = np.zeros(len(calibration.model.robot.joints))
     joints[: len(calibration.joint_error)] = np.square(calibration.joint_error)
-    errors = RowErrors(position=float(position), rotation=float(rotation) if width == 6 else None, joints=joints)
+    errors = PoseNoise(position=float(position), rotation=float(rotation) if width == 6 else None, joints=joints)
     blocks = of_targets(errors.covariance(problem.linearise(start), problem.noise), targets)
     equations = problem.equations(whitener(blocks), SQUARED, 1.0)
     precision = frame_precision(problem.layout)

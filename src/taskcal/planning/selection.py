@@ -14,7 +14,7 @@ from taskcal.errors import CampaignError, shortened
 from taskcal.estimation.matrices import pseudo_invert_scaled, single_threaded
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.group_model import RowErrors, whiteners
+from taskcal.identification.group_model import PoseNoise, whiteners
 from taskcal.identification.holdout import mean_over_rows, split_postures
 from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.identify import identify_parameters
@@ -205,10 +205,10 @@ def left_out_errors(
     return out
 
 
-def _row_errors(whole: Calibration) -> RowErrors:
+def _row_errors(whole: Calibration) -> PoseNoise:
     """What single poses add, as the calibration found it."""
     joints = len(whole.model.robot.joints)
-    return RowErrors(
+    return PoseNoise(
         position=whole.model_error[0] ** 2,
         rotation=whole.model_error[1] ** 2 if whole.layout.pose else None,
         joints=np.square(whole.joint_error) if whole.joint_error else np.zeros(joints),

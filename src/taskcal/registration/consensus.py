@@ -38,7 +38,7 @@ all right with a chance of 0.43, and not once in 24 times with one of 10⁻⁶."
 
 SUBSET_ROWS = 8
 
-MANY, SOME = 3000, 1000
+SAMPLED_FROM, SAMPLE = 3000, 1000
 """Rows from which on the subsets are drawn of so many of them, as of a large sample (Rousseeuw and Van Driessen 2006)."""
 
 FAR_SIGMAS = 10.0
@@ -48,7 +48,7 @@ TRACKER_NOISE = 1e-4
 """Distance, metres, below which no row is far, however well the others agree. A convention: several times the uncertainty of a
 laser tracker."""
 
-MAX_STEPS, MANY_STEPS = 10, 2
+MAX_STEPS, MAX_STEPS_OF_MANY = 10, 2
 """Concentration steps, and those of very many rows from what a sample of them came to; each lowers the trimmed sum."""
 
 
@@ -94,7 +94,7 @@ def find_consensus(
         return _by_kind(model, campaign, poses)
     seen, cloud = np.flatnonzero(campaign.seen), Cloud.of(poses, campaign)
     best: Consensus | None = None
-    if len(seen) <= MANY:
+    if len(seen) <= SAMPLED_FROM:
         best = _settle(model, campaign, cloud, seen)
         whole = None if best is None or not best.rows[seen].all() else best.first
         if best is not None and whole is not None and serves(whole, cloud, campaign, model.robot.reach):
@@ -114,8 +114,8 @@ def _starts(
 ) -> Iterator[Int[np.ndarray, " k"]]:
     """Rows from which the search starts: subsets at random; of very many rows, what those of some of them come to."""
     seen = np.flatnonzero(campaign.seen)
-    if len(seen) > MANY:
-        some = np.sort(rng.choice(seen, size=SOME, replace=False))
+    if len(seen) > SAMPLED_FROM:
+        some = np.sort(rng.choice(seen, size=SAMPLE, replace=False))
         with suppress(CampaignError):  # some of the rows need not show every target
             found = find_consensus(model, campaign.take(some), poses[some], int(rng.integers(2**31)))
             yield _nearest(_distances(found.registration, cloud, len(campaign), model), seen)
@@ -157,7 +157,7 @@ def _settle(model: ErrorModel, campaign: Campaign, cloud: Cloud, rows: Int[np.nd
     first: Registration | None = None
     Z: np.ndarray | None = None
     seen = campaign.seen
-    for _ in range(MAX_STEPS if len(rows) <= MANY else MANY_STEPS):
+    for _ in range(MAX_STEPS if len(rows) <= SAMPLED_FROM else MAX_STEPS_OF_MANY):
         chosen = np.zeros(len(campaign), dtype=bool)
         chosen[rows] = True
         part = cloud.take(chosen[cloud.row])
@@ -209,27 +209,27 @@ def _distances(registration: Registration, cloud: Cloud, rows: int, model: Error
 
 # Whether joints and points can belong to each other at all.
 
-LARGEST_SHARE = 0.1
+MAX_WRONG_SHARE = 0.1
 """Share of the rows, at most, that may be wrong. A convention: with more, others than these could be the right ones."""
 
-COMPUTED = 1e-7
+COMPUTED_RESIDUAL_M = 1e-7
 """Residual of joints that nobody read of a robot, metres: a controller shows thousandths of a degree."""
 
-EXACT = 1e-5
+EXACT_SHARE = 1e-5
 """Residual of the nominal robot over the scatter of the points, below which these are calculated: 10 µm over a metre. Robots repeat
 to some 20 µm, and a tracker is uncertain by 10 µm and more; a controller's own numbers are rounded to a micrometre or ten."""
 
-EXACT_IN_BASE = 2.0 * EXACT
+EXACT_SHARE_IN_BASE = 2.0 * EXACT_SHARE
 """The same where the points are in the robot's base."""
 
 OF_ROUNDING = 1.5
 """Residual over what the digits of joints and positions leave, below which these are calculated in the robot's base: of eight
 points it scatters by a sixth."""
 
-EXACT_IN_REACH = 1e-4
+EXACT_SHARE_OF_REACH = 1e-4
 """Largest such residual over the robot's reach: 0.1 mm over a metre. Robots miss their nominal geometry by several tenths."""
 
-MIN_EXACT = 8
+MIN_EXACT_POINTS = 8
 """Points whose 24 coordinates nine unknowns of frame and target cannot fit by chance."""
 
 IN_BASE_M, IN_BASE_RAD = 2e-3, 2e-3
@@ -246,7 +246,11 @@ def check_plausible(registration: Registration, model: ErrorModel, campaign: Cam
     If all but a few rows fit, the message names these; else it names what is usually wrong. Nor can it fit exactly.
     """
     refuse_calculated(model, campaign, registration)
-    if registration.rms < COMPUTED and campaign.observations and all(kind.touched for kind in campaign.observations):
+    if (
+        registration.rms < COMPUTED_RESIDUAL_M
+        and campaign.observations
+        and all(kind.touched for kind in campaign.observations)
+    ):
         raise CampaignError(
             f"{named_file(campaign)}by the nominal robot everything touches to {registration.rms * 1e9:.1g} nm, as no real one "
             "lets it: these joints were computed, as a plan's are; write down what the controller shows where it touches"
@@ -283,7 +287,7 @@ def refuse_calculated(model: ErrorModel, campaign: Campaign, registration: Regis
         return
     for t, name in enumerate(campaign.targets):
         points = campaign.points[campaign.valid[:, t], t]
-        if len(points) < MIN_EXACT or (campaign.observations and not campaign.observations[t].in_tracker):
+        if len(points) < MIN_EXACT_POINTS or (campaign.observations and not campaign.observations[t].in_tracker):
             continue
         found = registration
         if found is None or len(campaign.targets) > 1:
@@ -292,10 +296,12 @@ def refuse_calculated(model: ErrorModel, campaign: Campaign, registration: Regis
             except CampaignError:
                 continue
         scatter = float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))
-        limit = EXACT * scatter
+        limit = EXACT_SHARE * scatter
         if is_in_base(found, 0.1):
             rounded = _rounding(model, campaign, t, found.T_tool_target[0, :3, 3])
-            limit = max(EXACT_IN_BASE * scatter, min(OF_ROUNDING * rounded, EXACT_IN_REACH * model.robot.reach))
+            limit = max(
+                EXACT_SHARE_IN_BASE * scatter, min(OF_ROUNDING * rounded, EXACT_SHARE_OF_REACH * model.robot.reach)
+            )
         if found.rms < limit:
             raise CampaignError(
                 f"{named_file(campaign)}target '{name}' was calculated, not measured: the nominal robot fits it to "
@@ -370,7 +376,7 @@ def check_targets(registration: Registration, campaign: Campaign, within: float)
 
 def most_wrong_rows(rows: int) -> int:
     """How many rows of so many may be wrong."""
-    return max(1, round(LARGEST_SHARE * rows))
+    return max(1, round(MAX_WRONG_SHARE * rows))
 
 
 def _few_wrong_rows(model: ErrorModel, campaign: Campaign) -> list[tuple[int, float]]:

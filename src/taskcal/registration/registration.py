@@ -109,7 +109,7 @@ a few degrees tell an offset to millimetres, poses of one orientation not at all
 
 MINORITY_SHARE = 0.1
 """Share of the points, at most, that may be wrong: what so few alone say of a target is not believed. A convention, as
-`consensus.LARGEST_SHARE`."""
+`consensus.MAX_WRONG_SHARE`."""
 
 
 @short_repr

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taskcal.identification.calibration import untold_covariance
+from taskcal.identification.calibration import covariance_of_unknown_conditions
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.conditions import Conditions, conditions_in_order
@@ -39,7 +39,7 @@ def test_untold_ways_spread_the_targets_as_all_ways_and_all_effects_of_the_poste
         moved.append(ends[:, :3, 3] - found.predict(q)[0, 0])
     moved = np.concatenate(moved)
     expected = moved.T @ moved / len(moved)
-    stated = untold_covariance(found, q)[0, 0]
+    stated = covariance_of_unknown_conditions(found, q)[0, 0]
     np.testing.assert_allclose(stated, expected, atol=0.05 * np.trace(expected))
 
 
@@ -48,13 +48,15 @@ def test_each_joint_whose_way_is_not_told_adds_its_own_share(pose):
     """Where a side is told, but no move, only the move is uncertain; of a first row nothing is told."""
     rng = np.random.default_rng(1)
     found, q = reached(rng, pose=pose), positions(rng, 5)
-    nothing = untold_covariance(found, q)
+    nothing = covariance_of_unknown_conditions(found, q)
     told = conditions_in_order(ROBOT, positions(rng, 5))
-    row_by_row = untold_covariance(found, q, told)
+    row_by_row = covariance_of_unknown_conditions(found, q, told)
     np.testing.assert_allclose(row_by_row[0], nothing[0])
     np.testing.assert_array_equal(row_by_row[1:], 0.0)
-    sides = untold_covariance(found, q, Conditions(approach=np.ones((5, 6))))
-    some = untold_covariance(found, q, Conditions(approach=np.array([[1.0, 1.0, 1.0, 0.0, 0.0, 0.0]] * 5)))
+    sides = covariance_of_unknown_conditions(found, q, Conditions(approach=np.ones((5, 6))))
+    some = covariance_of_unknown_conditions(
+        found, q, Conditions(approach=np.array([[1.0, 1.0, 1.0, 0.0, 0.0, 0.0]] * 5))
+    )
     size = [np.trace(C[:, 0], axis1=1, axis2=2) for C in (sides, some, nothing)]
     assert np.all(size[0] > 0.0)
     assert np.all(size[0] < size[1])
