@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.identification.calibration import UNSEEN_SHARE, informed_parameters
+from taskcal.identification.calibration import UNINFORMED_SHARE, informed_parameters
 from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
 from taskcal.observations.base import TrackerNoise
@@ -130,5 +130,5 @@ def test_what_the_data_inform_is_judged_by_the_sizes_that_were_found(calibration
     informed = informed_parameters(calibration)
     sizes = dict(zip(calibration.names, calibration.group_deviations, strict=True))
     errors = dict(zip(calibration.names, calibration.standard_errors, strict=True))
-    assert {name: errors[name] < UNSEEN_SHARE * sizes[name] for name in calibration.kept} == informed
+    assert {name: errors[name] < UNINFORMED_SHARE * sizes[name] for name in calibration.kept} == informed
     assert 0 < sum(informed.values()) < len(informed)
