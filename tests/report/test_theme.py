@@ -10,7 +10,7 @@ from taskcal.report.theme import with_decades
 
 
 @given(st.floats(1e-4, 1e3), st.floats(1.0, 1e4))
-def test_labels_are_the_values_and_at_least_two_lie_within_reach_of_the_data(least, factor):
+def test_decades_label_at_least_two_ticks_in_range(least, factor):
     figure = go.Figure(go.Scatter(y=[least, least * factor, None, 0.0]))
     axis = with_decades(figure, "mm").layout.yaxis
     assert axis.type == "log"
@@ -21,5 +21,5 @@ def test_labels_are_the_values_and_at_least_two_lie_within_reach_of_the_data(lea
     assert ((ticks >= 0.6 * least) & (ticks <= 1.7 * least * factor)).sum() >= 2
 
 
-def test_a_figure_without_values_keeps_its_axis():
+def test_decades_without_values_keep_the_axis():
     assert len(with_decades(go.Figure(), "mm").layout.yaxis.tickvals) > 10

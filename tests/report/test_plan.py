@@ -11,7 +11,7 @@ from taskcal.report.scene import outline
 from taskcal.task.workspace import Workspace
 
 
-def test_a_plan_is_drawn_in_millimetres() -> None:
+def test_plan_figure_is_in_millimetres() -> None:
     made = Plan(
         q=np.zeros((4, 6)), rows=(0, 1, 2, 3), visible=np.ones((4, 1), dtype=bool), expected=1e-5,
         random=np.array([2e-5, 4e-5]), grid=3e-5, by_count=np.array([9.0, 1e-3, 1e-4, 2e-5]), before=1e-3,
@@ -29,7 +29,7 @@ def test_a_plan_is_drawn_in_millimetres() -> None:
 
 
 @pytest.mark.parametrize("shape", ["box", "cylinder"])
-def test_the_outline_of_a_workspace_touches_its_sides(shape: str) -> None:
+def test_outline_touches_the_workspace_sides(shape: str) -> None:
     space = Workspace(
         T_base_frame=np.eye(4), shape=shape, center=np.array([1.0, 2.0, 3.0]), size=np.array([0.4, 0.4, 0.2]),
         turned=np.eye(3), orientations=(),

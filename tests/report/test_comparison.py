@@ -44,7 +44,7 @@ UNCHANGED, SMALL, CHANGED = compared(0.3, 0.0), compared(0.001, 4.5e-4), compare
     ],
     ids=["unchanged", "small", "changed"],
 )  # fmt: skip
-def test_the_verdict_is_said_with_its_figures(comparison, words):
+def test_describe_comparison_states_its_figures(comparison, words):
     assert describe_comparison(comparison).startswith(words)
 
 
@@ -57,11 +57,11 @@ def test_the_verdict_is_said_with_its_figures(comparison, words):
         (SMALL, 5e-4, "no: change 0.400 mm rms is within 0.5 mm"),
     ],
 )
-def test_whether_the_robot_is_due_is_said_against_the_accuracy(comparison, accuracy, words):
+def test_describe_due_compares_with_the_accuracy(comparison, accuracy, words):
     assert describe_due(comparison, accuracy) == words
 
 
-def test_parameters_are_said_in_their_own_units():
+def test_changes_are_in_the_parameters_units():
     assert describe_resemblance(CHANGED) == "J2.rz by -0.900 mrad would explain 88 % of it"
     assert tabulate_changes(CHANGED).rows == (("J2.rz", "+1.0000", "+2.0000", "+1.0000", "mrad", "+10.0"),)
     assert [row[0] for row in tabulate_changes(CHANGED, None).rows] == ["J2.rz", "J3.tx"]

@@ -1,11 +1,13 @@
+"""A report as a page and as Markdown."""
+
 import json
 import re
 from html.parser import HTMLParser
 
 import plotly.graph_objects as go
 
-from taskcal.report.content import Chart, Commands, Numbers, Points, Section, Table, Text
-from taskcal.report.page import report_html
+from taskcal.report.content import Chart, Commands, Numbers, Points, Scene, Section, Table, Text
+from taskcal.report.page import Page, as_markdown, figures_of, report_html
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
 
@@ -50,13 +52,13 @@ def sections_of_everything(text: str) -> list[Section]:
     return [Section(title=text, blocks=blocks)] * 3
 
 
-def test_a_page_is_whole_and_fetches_nothing() -> None:
+def test_page_is_well_formed_and_self_contained() -> None:
     read = outline(report_html("A report", sections_of_everything("words"), lead="Lead.", footer="Foot."))
     assert read.addresses == ["#part-1", "#part-2", "#part-3"]
     assert {"A report", "Lead.", "Foot.", "words"} <= {t.strip() for t in read.text}
 
 
-def test_no_text_can_become_markup() -> None:
+def test_page_escapes_markup() -> None:
     hostile = "</script><b onclick='x'>&amp;<!--"
     page = report_html(hostile, sections_of_everything(hostile), lead=hostile, footer=hostile)
     harmless = report_html("words", sections_of_everything("words"), lead="words", footer="words")
@@ -65,14 +67,14 @@ def test_no_text_can_become_markup() -> None:
     assert hostile in outline(page).text
 
 
-def test_figures_come_back_as_they_were_given() -> None:
+def test_page_holds_figures_unchanged() -> None:
     page = report_html("words", sections_of_everything("a < b"))
     found = re.findall(r'<script type="application/json" data-for="(chart-\d)">(.*?)</script>', page)
     assert [name for name, _ in found] == ["chart-1", "chart-2", "chart-3"]
     assert json.loads(found[0][1])["data"][0]["name"] == "a < b"
 
 
-def test_plotly_is_embedded_once_and_only_for_figures() -> None:
+def test_page_embeds_plotly_once_if_needed() -> None:
     def size(sections: list[Section]) -> int:
         return len(report_html("words", sections))
 
@@ -83,5 +85,41 @@ def test_plotly_is_embedded_once_and_only_for_figures() -> None:
     assert size(thrice) - size(once) < 50_000
 
 
-def test_a_page_is_the_same_every_time() -> None:
+def test_page_is_reproducible() -> None:
     assert report_html("a", sections_of_everything("b")) == report_html("a", sections_of_everything("b"))
+
+
+def _page(words: str) -> Page:
+    table = Table(title=words, header=("a", words), groups=((words, ((words, "1"),)),), note=words)
+    blocks = (
+        Text((words,)),
+        Points((words,)),
+        Numbers(((words, "mm", words),)),
+        Commands("taskcal"),
+        table,
+        Chart(title=words, figure=go.Figure(), note=words),
+        Scene(title="in space", note=words),
+    )
+    return Page(
+        title=words, sections=(Section(title=words, blocks=blocks),), lead=words, footer=words, header=((words, words),)
+    )
+
+
+def test_markdown_has_every_block() -> None:
+    page = _page("words")
+    text = as_markdown(page, {"words": "figures/01-words.png"})
+    assert text.startswith("# words\n")
+    assert "## 1. words\n" in text
+    assert "| a | words |\n|:--|--:|\n| words |  |\n| words | 1 |\n" in text
+    assert "![words](figures/01-words.png)" in text
+    assert "**Figure: in space**" in text
+    assert text.count("words") >= 14
+    assert list(figures_of(page).values()) == ["01-words", "02-in-space"]
+
+
+def test_markdown_escapes_markup() -> None:
+    hostile = "<b>|`*_[a](b)\n# c"
+    text = as_markdown(_page(hostile))
+    assert "<b>" not in text.replace("\\<b\\>", "")
+    assert "\n# c" not in text
+    assert all(line.count("|") - line.count("\\|") in (0, 3) for line in text.splitlines())

@@ -20,7 +20,7 @@ def placed(x: float, y: float = 0.0, turn: float = 0.0) -> PlacedPart:
     )  # fmt: skip
 
 
-def test_maps_go_through_the_placement_and_cross_out_the_impossible():
+def test_placement_maps_cross_out_infeasible_places():
     found = PartPlacements(name="square", now=placed(0.0), all=tuple(placed(*at) for at in product(XS, YS, TURNS)))
     assert varied_axes(found) == [0, 1, 3]
     best = found.ranked[0]
@@ -45,7 +45,7 @@ def test_maps_go_through_the_placement_and_cross_out_the_impossible():
     ]  # corrected is what is expected; there is no force
 
 
-def test_one_axis_is_a_curve_and_none_has_no_figure():
+def test_placements_along_one_axis_are_a_curve():
     line = PartPlacements(name="square", now=placed(0.0), all=tuple(placed(x) for x in XS))
     (expected, before) = draw_placements(line, line.ranked[0]).data
     np.testing.assert_allclose(
@@ -57,7 +57,7 @@ def test_one_axis_is_a_curve_and_none_has_no_figure():
     assert [section.title for section in page.sections] == ["Best placements"]
 
 
-def test_a_page_says_why_placements_fall_away():
+def test_placement_page_gives_reasons_of_rejection():
     found = PartPlacements(name="square", now=placed(0.0), all=tuple(placed(x) for x in XS))
     page = placement_page(found, "robot", calibrated=True, version="0").html()
     assert "Rejected placements" in page

@@ -1,14 +1,29 @@
-"""No word and no number is ever broken, at whatever width."""
+"""Text layout of tables, and numbers with the digits that they are worth."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taskcal.report.content import fold, lay_out_facts, lay_out_table
+from taskcal.report.content import (
+    COVERAGE,
+    Column,
+    Table,
+    decimals_of,
+    fold,
+    lay_out_facts,
+    lay_out_table,
+    millimetres,
+    signed,
+    with_interval,
+)
 
 words = st.text("abcdefghij0123456789.-+σ±_/", min_size=1, max_size=22)
+
+
 sentences = st.lists(words, min_size=1, max_size=12).map(" ".join)
+
+
 cells = st.one_of(words, sentences, st.just(""))
 
 
@@ -26,7 +41,7 @@ def text_of(lines):
 
 @settings(max_examples=30)
 @given(tables(), st.sampled_from([40, 60, 80, 100, 140]))
-def test_every_word_of_a_table_stands_whole_and_lines_keep_the_width(table, width):
+def test_layout_keeps_words_whole_and_the_width(table, width):
     header, rows, left = table
     lines = lay_out_table(header, [("", rows)], left, width)
     shown = text_of(lines)
@@ -40,7 +55,7 @@ def test_every_word_of_a_table_stands_whole_and_lines_keep_the_width(table, widt
 
 @settings(max_examples=30)
 @given(tables())
-def test_what_fits_is_a_plain_table_with_one_line_for_each_row(table):
+def test_layout_has_one_line_a_row_if_it_fits(table):
     header, rows, left = table
     lines = lay_out_table(header, [("", rows)], left, 4000)
     assert len(lines) == 2 + len(rows)
@@ -51,20 +66,20 @@ def test_what_fits_is_a_plain_table_with_one_line_for_each_row(table):
 
 @settings(max_examples=30)
 @given(st.lists(st.tuples(words, sentences), max_size=6), st.sampled_from([60, 80]))
-def test_facts_keep_their_words_and_the_width(facts, width):
+def test_facts_keep_words_and_width(facts, width):
     lines = lay_out_facts(facts, width)
     assert text_of(lines) == " ".join(f"{label} {text}" for label, text in facts).split()
     assert all(len(line) <= width for line in lines)
 
 
-def test_numbers_stand_under_each_other():
+def test_layout_aligns_numbers():
     lines = lay_out_table(["name", "value"], [("", [["a", "1.5"], ["bb", "10.25"]])], {0}, 80)
     assert lines[2].rstrip().endswith("   1.5")
     assert lines[3].endswith("10.25")
     assert len({len(line) for line in lines[2:]}) == 1
 
 
-def test_a_wide_table_of_few_rows_is_turned_on_its_side():
+def test_layout_transposes_wide_tables_of_few_rows():
     header = ["rows", *(f"value{k} mm" for k in range(12))]
     rows = [[f"row{i}", *(f"{i}.{k:04d}" for k in range(12))] for i in range(2)]
     lines = lay_out_table(header, [("", rows)], {0}, 60)
@@ -72,7 +87,7 @@ def test_a_wide_table_of_few_rows_is_turned_on_its_side():
     assert text_of([lines[2]]) == ["value0", "mm", "0.0000", "1.0000"]
 
 
-def test_a_wide_table_of_many_rows_stacks_them():
+def test_layout_stacks_wide_tables_of_many_rows():
     header = ["id", *(f"value{k}" for k in range(12))]
     rows = [[f"r{i}", *(f"{i}.{k:06d}" for k in range(12))] for i in range(9)]
     lines = lay_out_table(header, [("", rows)], {0}, 60)
@@ -81,18 +96,18 @@ def test_a_wide_table_of_many_rows_stacks_them():
     assert len(lines) == 9 * 13
 
 
-def test_columns_without_a_word_are_no_trouble():
+def test_layout_accepts_empty_columns():
     lines = lay_out_table(["0", "", "x" * 30, "y" * 30], [("", [["", "", "", ""]])], (), 40)
     assert {"0", "x" * 30, "y" * 30} <= set(text_of(lines))
 
 
-def test_headings_of_groups_stand_over_their_rows():
+def test_layout_puts_headings_over_groups():
     lines = lay_out_table(["a", "b"], [("first", [["1", "2"]]), ("second", [["3", "4"]])], (), 80)
     assert [line.strip() for line in lines[2:]] == ["first", "1   2", "second", "3   4"]
 
 
 @pytest.mark.parametrize("width", [1, 8, 60])
-def test_folding_never_breaks_a_word(width):
+def test_fold_breaks_no_word(width):
     rng = np.random.default_rng(width)
     text = " ".join("x" * int(k) for k in rng.integers(1, 30, 40))
     assert " ".join(fold(text, width)) == text
@@ -100,7 +115,7 @@ def test_folding_never_breaks_a_word(width):
 
 @settings(max_examples=30)
 @given(tables(), st.sampled_from([40, 60, 80]), st.data())
-def test_columns_that_a_table_can_do_without_go_in_their_order_and_are_named(table, width, data):
+def test_layout_drops_spare_columns_in_order(table, width, data):
     header, rows, left = table
     header = [f"c{k}" for k in range(len(header))]
     spare = data.draw(st.lists(st.integers(1, len(header) - 1), unique=True)) if len(header) > 1 else []
@@ -114,3 +129,41 @@ def test_columns_that_a_table_can_do_without_go_in_their_order_and_are_named(tab
     assert all(len(line) <= width for line in lines)
     for k in set(range(len(header))) - gone:
         assert {word for row in rows for word in row[k].split()} <= set(text_of(lines))
+
+
+@pytest.mark.parametrize(
+    ("uncertainty", "decimals"), [(0.012, 3), (0.5, 2), (0.0996, 3), (3.0, 1), (250.0, 0), (0.0, 4), (float("nan"), 4)]
+)
+def test_interval_has_two_digits_of_uncertainty(uncertainty: float, decimals: int) -> None:
+    assert decimals_of(uncertainty) == decimals
+
+
+@pytest.mark.parametrize(("value", "uncertainty"), [(0.1234567, 0.012), (-12.3, 0.4), (0.0, 1e-5), (1e4, 33.0)])
+def test_value_and_interval_agree(value: float, uncertainty: float) -> None:
+    best, interval = (text.replace("−", "-") for text in with_interval(value, uncertainty))
+    low, high = map(float, interval.split(" to "))
+    half = 0.5 * 10.0 ** -decimals_of(uncertainty)
+    assert float(best) == pytest.approx(value, abs=1.001 * half)
+    assert low == pytest.approx(value - COVERAGE * uncertainty, abs=1.001 * half)
+    assert high == pytest.approx(value + COVERAGE * uncertainty, abs=1.001 * half)
+    assert {len(part.partition(".")[2]) for part in (best, str(interval.split()[0]))} == {decimals_of(uncertainty)}
+
+
+def test_signed_zero_has_no_sign() -> None:
+    assert [signed(value, 2) for value in (-0.001, 0.0, 0.001, -0.01)] == ["0.00", "0.00", "0.00", "−0.01"]
+
+
+def test_table_of_columns_formats_and_omits_values() -> None:
+    """A column is declared once: absent values are dashes, columns without any are left out, zero has no sign."""
+    rows = [{"name": "a", "m": -1e-9, "n": 3}, {"name": "b", "m": None, "n": 4}, {"name": "c", "m": np.inf, "n": 5}]
+    columns = (
+        Column("name", "name"),
+        millimetres("error mm", "m", "+.3f"),
+        Column("points", "n", "d"),
+        Column("rotation mrad", "r", ".3f", optional=True),
+        Column("double", lambda row: 2 * row["n"], ".1f"),
+    )
+    table = Table.of("errors", columns, rows)
+    assert table.header == ("name", "error mm", "points", "double")
+    assert table.rows == (("a", "0.000", "3", "6.0"), ("b", "–", "4", "8.0"), ("c", "–", "5", "10.0"))
+    assert table.text_columns == (0,)

@@ -15,7 +15,7 @@ def slices() -> list[Slice]:
     return [Slice(plane=plane, u=u, v=v, q=np.zeros((3, 4, 6)), reached=reached) for plane in ("xy", "xz")]
 
 
-def test_maps_are_in_millimetres_and_every_view_can_be_chosen(slices: list[Slice]) -> None:
+def test_maps_are_in_millimetres_with_a_choice_of_view(slices: list[Slice]) -> None:
     values = np.arange(1.0, 12.0)
     views = {name: [at.spread(scale * values) for at in slices] for name, scale in (("small", 1e-6), ("large", 1e-3))}
     figure = draw_maps(slices, views)
@@ -31,7 +31,7 @@ def test_maps_are_in_millimetres_and_every_view_can_be_chosen(slices: list[Slice
     assert (scale["coloraxis.cmin"], scale["coloraxis.cmax"]) == pytest.approx((1.0, 11.0))
 
 
-def test_a_map_that_is_nowhere_reached_or_the_same_everywhere_has_a_scale(slices: list[Slice]) -> None:
+def test_maps_without_range_have_a_scale(slices: list[Slice]) -> None:
     nowhere, even = [np.full((3, 4), np.nan)] * 2, [np.full((3, 4), 3e-4)] * 2
     figure = draw_maps(slices, {"nowhere": nowhere, "even": even}, from_zero=True)
     assert (figure.layout.coloraxis.cmin, figure.layout.coloraxis.cmax) == (0.0, 1.0)

@@ -7,7 +7,7 @@ from taskcal.planning.selection import NestedModel, Selection
 from taskcal.report.selection import draw_ladder
 
 
-def test_the_ladder_shows_every_size_the_references_and_the_choice() -> None:
+def test_ladder_shows_sizes_references_and_choice() -> None:
     ladder = tuple(
         NestedModel(
             size=k, dropped_next="a", expected=1e-3 / (1 + k), cross_validated=2e-3 / (1 + k), standard_error=1e-4

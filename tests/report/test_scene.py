@@ -13,7 +13,7 @@ from tests.laws.calibrations import calibrated
 
 
 @pytest.mark.parametrize("name", ["abb-irb6660-205-1.9", "barrett-wam"])
-def test_everything_that_was_measured_is_in_it(name: str) -> None:
+def test_robot_scene_has_all_measured_points(name: str) -> None:
     calibration = calibrated(name, poses=25)
     errors = measured_errors(calibration)
     assert errors is not None
@@ -37,7 +37,7 @@ def test_everything_that_was_measured_is_in_it(name: str) -> None:
 
 
 @pytest.mark.parametrize(("shape", "strokes"), [("box", 6), ("cylinder", 6)])
-def test_a_workspace_is_drawn_as_strokes_without_gaps(shape: Literal["box", "cylinder"], strokes: int) -> None:
+def test_workspace_layer_has_no_gaps(shape: Literal["box", "cylinder"], strokes: int) -> None:
     size = np.array([0.4, 0.4, 0.2])
     space = Workspace(
         T_base_frame=np.eye(4), shape=shape, center=np.zeros(3), size=size, turned=np.eye(3), orientations=()
@@ -49,7 +49,7 @@ def test_a_workspace_is_drawn_as_strokes_without_gaps(shape: Literal["box", "cyl
     np.testing.assert_allclose(np.ptp(drawn, axis=0), size * 1e3, atol=0.11)
 
 
-def test_large_campaigns_are_thinned_evenly() -> None:
+def test_scene_thins_large_campaigns_evenly() -> None:
     rows = spread_rows(10 * MAX_ARROWS, MAX_ARROWS)
     assert len(rows) == MAX_ARROWS
     assert (rows[0], rows[-1]) == (0, 10 * MAX_ARROWS - 1)
@@ -57,5 +57,5 @@ def test_large_campaigns_are_thinned_evenly() -> None:
     assert len(spread_rows(7, MAX_POSES)) == 7
 
 
-def test_arrows_are_drawn_at_round_scales() -> None:
+def test_nice_scale_is_round() -> None:
     assert [nice_scale(value) for value in (0.0, 1.4, 700.0, 1e9)] == [1.0, 1.0, 500.0, 10000.0]
