@@ -9,7 +9,7 @@ from scipy.optimize import lsq_linear
 
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import (
-    SAMPLES,
+    SAMPLE_COUNT,
     Box,
     Links,
     beam_is_free,
@@ -84,7 +84,7 @@ def test_capsule_is_clear_of_a_box_beyond_its_radius(rng):
     nearest = box_distance(along, box).min(axis=2) - links.radius
     margin = nearest[:, 1:].min(axis=1)  # the first link stands where the robot stands
     # between two of the few points that are compared, the axis comes nearer by half their distance at most
-    spacing = np.linalg.norm(links.end - links.start, axis=2)[:, 1:].max(axis=1) / (SAMPLES - 1)
+    spacing = np.linalg.norm(links.end - links.start, axis=2)[:, 1:].max(axis=1) / (SAMPLE_COUNT - 1)
     found = clear_of_boxes(links, (box,))
     assert not np.any(found & (margin < -0.5 * spacing))
     assert np.all(found[margin > 1e-9])

@@ -133,7 +133,7 @@ MIN_DIRECTION = 1e-6
 
 Point = tuple[Finite, Finite, Finite]
 
-MOST_NAMED = 1000
+MAX_NAMED = 1000
 """Tools of a cell, and parts: a tool changer holds some dozen."""
 
 
@@ -246,8 +246,8 @@ class CellFile(Section):
 
     robot: RobotSection | None = None
     axis: tuple[AxisSection, ...] = ()
-    tool: Annotated[tuple[MeasuredSection, ...], Field(max_length=MOST_NAMED)] = ()
-    part: Annotated[tuple[MeasuredSection, ...], Field(max_length=MOST_NAMED)] = ()
+    tool: Annotated[tuple[MeasuredSection, ...], Field(max_length=MAX_NAMED)] = ()
+    part: Annotated[tuple[MeasuredSection, ...], Field(max_length=MAX_NAMED)] = ()
 
     @model_validator(mode="after")
     def _names(self) -> Self:
@@ -344,7 +344,7 @@ def _section(measured: Measured) -> dict[str, object]:
 
 # A program's motions, counted in the robot's base.
 
-SAME_BASE = 1e-5
+MAX_BASE_DIFFERENCE = 1e-5
 """Two statements of where the robot stands agree if they differ by no more, metres and entries of the rotation."""
 
 
@@ -368,7 +368,7 @@ def mount(program: Program, cell: Cell) -> Mounted:
         TaskcalError: cell file and program place the robot differently.
     """
     stated, said = program.T_world_base, cell.T_world_base
-    if stated is not None and said is not None and np.abs(stated - said).max() > SAME_BASE:
+    if stated is not None and said is not None and np.abs(stated - said).max() > MAX_BASE_DIFFERENCE:
         raise TaskcalError(
             f"the robot stands at {_at(said)} by the cell file and at {_at(stated)} by {program.base_from}; state [robot] base "
             "as it is there, or leave it out"

@@ -489,13 +489,7 @@ def _against(
 
 
 def joint_motion(robot: Robot, moves: Sequence[Move], trajectory: ControllerTrajectory) -> JointMotion:
-    """How the joints move along a program's lines and arcs.
-
-    Args:
-        robot: the robot.
-        moves: the motions of the program.
-        trajectory: where a controller moves the joints in them.
-    """
+    """How the joints move along a program's lines and arcs."""
     joints = len(robot.joints)
     speed, acceleration = np.full(joints, np.nan), np.full(joints, np.nan)
     assumed: int | None = None
@@ -599,11 +593,6 @@ def drive_directions(robot: Robot, moves: Sequence[Move], trajectory: Controller
 
     A drive has turned over when it has gone back by twice `MAX_REST_MOTION`; less is what a controller reports of a joint
     at rest. Where it is not known from where a motion begins, directions are unknown until the drives turn.
-
-    Args:
-        robot: as its controller knows it.
-        moves: the motions.
-        trajectory: of the controller in them.
     """
     number = np.arange(len(moves))
     started = np.flatnonzero(np.isfinite(trajectory.start[:, 0]))

@@ -39,7 +39,7 @@ from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.inverse import closes, conditioning
-from taskcal.kinematics.tracing import NEARLY_SINGULAR
+from taskcal.kinematics.tracing import MIN_SINGULAR_RATIO
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
@@ -59,13 +59,7 @@ class TargetChanges:
 
 
 def target_changes(robot: Robot, subdivision: Subdivision, trajectory: ControllerTrajectory) -> TargetChanges:
-    """How far each motion is changed.
-
-    Args:
-        robot: the robot.
-        subdivision: the corrected motions.
-        trajectory: the controller's, of the program as it was given.
-    """
+    """How far each motion is changed."""
     nodes, m = subdivision.nodes, len(trajectory.end)
     shift, turn, joint = np.zeros(m), np.zeros(m), np.full(m, np.nan)
     np.maximum.at(shift, nodes.move, np.linalg.norm(nodes.T[:, :3, 3] - nodes.wanted[:, :3, 3], axis=1))
@@ -134,7 +128,7 @@ def _why_unreached(robot: Robot, q: Float[np.ndarray, " joints"]) -> str:
     if outside:
         return f"the calibrated robot reaches it outside its limits only: {outside[0][1]}"
     model = ErrorModel(robot)
-    if not closes(model, q[None])[0] or conditioning(model, q[None])[0] > NEARLY_SINGULAR:
+    if not closes(model, q[None])[0] or conditioning(model, q[None])[0] > MIN_SINGULAR_RATIO:
         return "is out of the calibrated robot's reach in this posture"
     return "lies at a singular posture, where the calibrated robot does not reach it"
 
@@ -184,14 +178,7 @@ def choose_waypoints(
 def _waypoints(
     moves: Sequence[Move], subdivision: Subdivision, changes: TargetChanges, left: Set[int]
 ) -> dict[int, tuple[Waypoint, ...]]:
-    """What is written for every motion that changes.
-
-    Args:
-        moves: the motions of the program.
-        subdivision: as corrected.
-        changes: how far that moves them.
-        left: numbers of motions that stay as they are.
-    """
+    """What is written for every motion that changes."""
     nodes = subdivision.nodes
     first = np.searchsorted(nodes.move, np.arange(len(moves) + 1))
     waypoints: dict[int, tuple[Waypoint, ...]] = {}
@@ -281,7 +268,7 @@ def diagnose(
             "target"
         )
         found.append((unknown[0], text))
-    if motion.nearest_singular is not None and motion.conditioning < NEARLY_SINGULAR:
+    if motion.nearest_singular is not None and motion.conditioning < MIN_SINGULAR_RATIO:
         text = (
             f"passes near a singular posture (ratio {motion.conditioning:.3f}), where small corrections take large joint "
             "motions"
@@ -344,10 +331,6 @@ def diagnose_unchanged_files(program: Program, rejected: Container[int]) -> list
     """Files with motions, of several that are written together, in which none was corrected.
 
     Their text alone does not show it: the numbers of a KRL motion stand in its data list.
-
-    Args:
-        program: as it was given.
-        rejected: numbers of motions that were not corrected.
     """
     if len(program.sources) < 2:
         return []

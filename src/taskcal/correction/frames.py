@@ -113,7 +113,7 @@ class Placed:
 #
 # It is known where the controller has it in the flange, or by the reflectors or the pose that were measured on it.
 
-SAME_TOOL = 1e-6
+MAX_TOOL_DIFFERENCE = 1e-6
 """A program's tool is the robot's own if it differs by less, metres and radians."""
 
 MAX_MISFIT_M = 5e-4
@@ -162,7 +162,7 @@ def grasped_frame(calibration: Calibration, measured: Measured, controller: Floa
             twists=lambda q, conditions: _target_twists(calibration, measured, q, conditions),
             covariance=measured.uncertainty**2 * np.eye(3),
         )
-    if measured.in_flange is None and np.abs(controller - robot.T_flange_tool).max() < SAME_TOOL:
+    if measured.in_flange is None and np.abs(controller - robot.T_flange_tool).max() < MAX_TOOL_DIFFERENCE:
         return GraspedFrame(
             T_tool_grasped=np.eye(4),
             statement=f"tool '{name}' is the robot file's, its errors as calibrated",

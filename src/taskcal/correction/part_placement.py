@@ -24,6 +24,7 @@ from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.inverse import conditioning, solve_near
+from taskcal.kinematics.tracing import MIN_SINGULAR_RATIO
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.robot.statics import Load
@@ -32,7 +33,7 @@ from taskcal.task.task import Task, reach_task
 
 # Where a part may be put: a grid of shifts and turns from where it stands.
 
-MOST_PLACEMENTS = 5000
+MAX_PLACEMENTS = 5000
 
 
 @short_repr
@@ -58,9 +59,9 @@ class Region:
                 raise TaskcalError(f"a region goes from {low:g} to {high:g}; give the smaller number first")
         if min(self.steps) < 1:
             raise TaskcalError(f"a region has {self.steps[0]} steps and {self.steps[1]} turns; give 1 or more of each")
-        if len(self.grid()) > MOST_PLACEMENTS:
+        if len(self.grid()) > MAX_PLACEMENTS:
             raise TaskcalError(
-                f"a region has {len(self.grid())} placements; give fewer steps, for {MOST_PLACEMENTS} at most"
+                f"a region has {len(self.grid())} placements; give fewer steps, for {MAX_PLACEMENTS} at most"
             )
 
     def grid(self) -> Float[np.ndarray, "n 4"]:
@@ -109,10 +110,6 @@ class PlacementOptions:
         return with_choices(choices.pop("options", None) or cls(), choices, "placements")
 
 
-NEAR_SINGULAR = 0.02
-"""Placements whose nearest posture to a singular one has a smaller ratio of singular values are not recommended."""
-
-
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlacedPart:
@@ -146,7 +143,7 @@ class PlacedPart:
     @property
     def possible(self) -> bool:
         """Whether every motion can be executed, and none comes near a singular posture."""
-        return self.reached == 1.0 and self.conditioning >= NEAR_SINGULAR
+        return self.reached == 1.0 and self.conditioning >= MIN_SINGULAR_RATIO
 
     def summary(self) -> dict[str, Any]:
         """In millimetres and degrees; None for what is not known."""
@@ -413,14 +410,7 @@ def on_touched_parts(
     trajectory: ControllerTrajectory,
     found: Deviations,
 ) -> tuple[float, float]:
-    """Mean squares of the known error and of what is not known, each part touched off for itself, metres².
-
-    Args:
-        frames: tools and parts.
-        number: of the frames of every motion.
-        trajectory: of the controller.
-        found: errors of the program as it was given.
-    """
+    """Mean squares of the known error and of what is not known, each part touched off for itself, metres²."""
     known, left, count = 0.0, 0.0, 0
     for k, frame in enumerate(frames):
         rows = np.flatnonzero(found.at_target & (number[found.move] == k))
@@ -437,10 +427,6 @@ def touched_off_variance(frame: FrameCalibration, q: Float[np.ndarray, "n joints
     """Mean square of the error in space that a calibration must expect at targets of one touched part, metres².
 
     The model error at a pose counts whole; touching off takes little of it where the targets are many.
-
-    Args:
-        frame: the tool and the part.
-        q: joint positions at the targets, radians.
     """
     left = without_rigid_motion(frame.points(q), frame.spread(q))
     return float((left**2).sum(axis=(1, 2)).mean() + frame.model_variance(q).mean())

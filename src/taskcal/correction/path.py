@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from robot_programs.core.program import Move, Zone
 from taskcal.geometry import se3
 
-STRAIGHT = 1e-6
+MAX_STRAIGHT_SHARE = 1e-6
 """An arc whose via point is nearer to its chord than this share of the chord is a line."""
 
 
@@ -43,7 +43,7 @@ class Segments:
             normal = np.cross(u, w)
             square = (normal**2).sum(axis=1)
             chord = np.maximum((w**2).sum(axis=1), (u**2).sum(axis=1))
-            is_arc = square > (STRAIGHT * chord) ** 2
+            is_arc = square > (MAX_STRAIGHT_SHARE * chord) ** 2
             # centre of the circle through three points, from the first
             uu, ww = (u**2).sum(axis=1)[:, None], (w**2).sum(axis=1)[:, None]
             center = a + np.cross(uu * w - ww * u, normal) / (2.0 * square[:, None])
@@ -117,7 +117,7 @@ def _angle(
 PosesInMotions = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """From numbers of motions (n) and shares of their lengths (n) to poses (n, 4, 4) of the tool in the part's frame."""
 
-AT_ONCE = 1e-6
+MIN_LENGTH_M = 1e-6
 """A motion whose tool point goes less far only turns the tool, metres."""
 
 
@@ -216,11 +216,11 @@ def _shares(
     zone: Zone, length: Float[np.ndarray, " 2"], angle: Float[np.ndarray, " 2"]
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Shares of two motions that a corner between them takes: of the first and of the second, by point and orientation."""
-    if (length > AT_ONCE).all():
+    if (length > MIN_LENGTH_M).all():
         most = min(length.min() / 2.0, zone.share * length[0])
         sizes = [min(zone.distance, most), min(max(zone.distance, zone.turn_distance), most)]
         measure = length
-    elif (length <= AT_ONCE).all() and (angle > 0.0).all():
+    elif (length <= MIN_LENGTH_M).all() and (angle > 0.0).all():
         sizes = [min(zone.angle, angle.min() / 2.0, zone.share * angle[0])] * 2
         measure = angle
     else:  # between a path and a turn on the spot, half of which is no way at all
@@ -234,7 +234,7 @@ def _shares(
 STRAIGHT_M, STRAIGHT_RAD = 1e-6, 1e-6
 """A corner whose target the tool passes by nearer than this, metres and radians, is none."""
 
-AT_END = 1e-12
+END_SHARE = 1e-12
 
 POINT, TURN = 0, 1
 """Columns of the sizes of a corner: for the tool point, and for the orientation."""
@@ -255,7 +255,7 @@ class RoundedPath:
 
     def at(self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 4 4"]:
         """Poses at shares of the lengths of some motions, 0 to 1; at the end also where the start is not known."""
-        at_end = share >= 1.0 - AT_END
+        at_end = share >= 1.0 - END_SHARE
         T = np.where(at_end[:, None, None], self.segments.end[move], self.segments.at(move, share))
         passage = self._passage(move, share, POINT)
         if len(passage.rows):

@@ -205,11 +205,7 @@ NEARLY_NOTHING = 1e-12
 
 
 def closed_form(moments: Moments) -> Float[np.ndarray, "3 3"]:
-    """Rotation from base to tracker that fits y = Z·(p + R·o) + t, by a matrix M = Zᵀ of which nothing is asked.
-
-    Args:
-        moments: of the points.
-    """
+    """Rotation from base to tracker that fits y = Z·(p + R·o) + t, by a matrix M = Zᵀ of which nothing is asked."""
     squares = moments.quadratic
     M = np.linalg.pinv(squares.Q, rcond=NEARLY_NOTHING, hermitian=True) @ squares.q
     return se3.nearest_rotation(M.reshape(3, 3)).T

@@ -12,7 +12,7 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Part
 from taskcal.short_repr import short_repr
 
-SAMPLES = 9
+SAMPLE_COUNT = 9
 """Points along a link's axis that are compared with a box."""
 
 
@@ -141,7 +141,7 @@ def gap_to_boxes(links: Links, boxes: tuple[Box, ...]) -> Float[np.ndarray, " n"
     The fixed link from base to first joint is left out; it may stand in a box.
     """
     gap = np.full(len(links.start), np.inf)
-    share = np.linspace(0.0, 1.0, SAMPLES)[:, None]
+    share = np.linspace(0.0, 1.0, SAMPLE_COUNT)[:, None]
     for box in boxes:
         inverse = se3.inverse(box.pose)
         for k in range(1, links.start.shape[1]):

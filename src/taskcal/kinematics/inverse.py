@@ -22,10 +22,10 @@ from taskcal.short_repr import short_repr
 # those lie on their axes is free; they are chosen so that the way is shortest. A joint that slides adds half its
 # travel, counted from the middle.
 
-SLACK = 1e-6
+MAX_ROUNDING = 1e-6
 """Share of the longest way, and metres, by which a pose may lie farther for all that rounding does."""
 
-SMOOTH_M = 1e-6
+SMOOTHING_M = 1e-6
 """Distances are rounded off below this while the points are chosen, metres."""
 
 
@@ -44,7 +44,7 @@ class Stretch:
         """Whether tool poses in the base are near enough to be reached at all; none that is reached is left out."""
         points = T[:, :3, :3] @ self.point + T[:, :3, 3]
         distance = np.linalg.norm(points - self.centre, axis=1)
-        return ~(distance > self.longest * (1.0 + SLACK) + SLACK)
+        return ~(distance > self.longest * (1.0 + MAX_ROUNDING) + MAX_ROUNDING)
 
 
 @lru_cache(maxsize=16)
@@ -61,7 +61,7 @@ def stretch_of(model: ErrorModel) -> Stretch:
         return before[1:] - behind[:-1]
 
     def length(along: Float[np.ndarray, " joints"]) -> float:
-        return float(np.sqrt((ways(along) ** 2).sum(axis=1) + SMOOTH_M**2).sum())
+        return float(np.sqrt((ways(along) ** 2).sum(axis=1) + SMOOTHING_M**2).sum())
 
     from scipy.optimize import minimize
 

@@ -142,11 +142,7 @@ def about_z(angle: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 4 4"]:
 
 
 def carried_along(T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
-    """Poses of a path with a spin of their own: of the first by a rule, carried along by the shortest rotations of z.
-
-    Args:
-        T: the poses, whose rotation about z does not matter.
-    """
+    """Poses of a path with a spin of their own: of the first by a rule, carried along by the shortest rotations of z."""
     z = T[:, :3, 2]
     near = np.eye(3)[np.argmin(np.abs(z[0]))]
     out = T.copy()

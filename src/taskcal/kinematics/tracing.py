@@ -33,7 +33,7 @@ is reached half a degree from the singular posture."""
 JOINT_ROUNDING = 1e-6
 """What a joint may move besides, radians or metres."""
 
-NEARLY_SINGULAR = 0.02
+MIN_SINGULAR_RATIO = 0.02
 """Smallest over largest singular value under which a posture is called singular."""
 
 
@@ -130,7 +130,9 @@ def solve_path(path: "TracedPath", seed: Float[np.ndarray, "n joints"]) -> Trace
     stayed = np.abs(end.q - seed).max(axis=1, initial=0.0) < JUMP_RAD
     end, lost = _link(path, end, end.met & robot.inside_limits(end.q), stayed)
     ratio = conditioning(path.model, end.q, path.x, tip=path.tip)
-    outcome = np.where(lost, np.where(ratio < NEARLY_SINGULAR, Outcome.SINGULAR, Outcome.BRANCH_LOST), Outcome.REACHED)
+    outcome = np.where(
+        lost, np.where(ratio < MIN_SINGULAR_RATIO, Outcome.SINGULAR, Outcome.BRANCH_LOST), Outcome.REACHED
+    )
     outcome[~robot.inside_limits(end.q)] = Outcome.OUTSIDE_LIMITS
     outcome[~end.met] = Outcome.OUT_OF_REACH
     return Traced(q=end.q, outcome=outcome, off=end.off, singularity=ratio)

@@ -106,10 +106,6 @@ class Skeleton:
 def trace_skeleton(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Skeleton:
     """The lines of a robot at some poses.
 
-    Args:
-        robot: the robot.
-        q: joint positions, radians (metres where a joint slides).
-
     Raises:
         ClosureError: a closed loop cannot be assembled at some pose.
     """

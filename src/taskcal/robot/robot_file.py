@@ -326,7 +326,7 @@ class PublishedSection(Section):
     dropped: tuple[str, ...] = ()
 
 
-MOST_JOINTS = 50
+MAX_JOINTS = 50
 """Two arms of seven joints on a gantry have half as many."""
 
 
@@ -336,7 +336,7 @@ class RobotFile(Section):
     name: str = Field(min_length=1)
     title: str = ""
     source: tuple[str, ...] = ()
-    joint: tuple[JointSection, ...] = Field(min_length=1, max_length=MOST_JOINTS)
+    joint: tuple[JointSection, ...] = Field(min_length=1, max_length=MAX_JOINTS)
     tool: tuple[StepSection, ...] = ()
     flange: tuple[StepSection, ...] = ()
     four_bar: FourBarSection | None = None

@@ -137,11 +137,6 @@ def yield_under_lumped_weights(robot: Robot, motors: Sequence[int], tolerance: f
     """Parameters ``J2.sag_J4`` (weight at the origin of joint 4) … ``J2.sag_tool``, radians per metre of lever.
 
     Columns that a motor's others already span are left out.
-
-    Args:
-        robot: the robot.
-        motors: those that yield.
-        tolerance: of each parameter.
     """
     steps = robot.steps()
     ends = [k for k, step in enumerate(steps) if isinstance(step, Joint)] + [len(steps)]

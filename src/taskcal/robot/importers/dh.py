@@ -13,7 +13,7 @@ from taskcal.arguments import repeated
 from taskcal.errors import FileError, TaskcalError, UnknownName, shown
 from taskcal.robot.importers.base import RobotImporter
 from taskcal.robot.robot import Robot
-from taskcal.robot.robot_file import MOST_JOINTS, robot_from
+from taskcal.robot.robot_file import MAX_JOINTS, robot_from
 from taskcal.tables.forms import read_csv
 from taskcal.tables.table import Table
 
@@ -23,11 +23,11 @@ LENGTHS = ("a_mm", "d_mm")
 ANGLES = ("alpha_deg", "theta_offset_deg")
 LIMITS = ("lower_deg", "upper_deg")
 
-SMALLEST_ROBOT_MM = 20.0
+MIN_TOTAL_LENGTH_MM = 20.0
 """Millimetres that all links are long together: Mecademic's Meca500, among the smallest on the market, has 460; a table in
 metres has 0.5 to 10."""
 
-LONGEST_LINK_MM = 1e5
+MAX_LENGTH_MM = 1e5
 """Millimetres: 100 m, the travel of the longest gantries."""
 
 NEARLY_PARALLEL_DEG = 0.3
@@ -65,14 +65,14 @@ def _lengths(columns: Table) -> None:
     row, k = _largest(values)
     longest = abs(values[row, k])
     twist = np.abs(columns.numbers("alpha_deg"))
-    if longest > LONGEST_LINK_MM and not np.any((twist > 0.0) & (twist < NEARLY_PARALLEL_DEG)):
+    if longest > MAX_LENGTH_MM and not np.any((twist > 0.0) & (twist < NEARLY_PARALLEL_DEG)):
         raise columns.error(
             f"{values[row, k]:g} mm is longer than any link of a robot; it is probably in micrometres: give millimetres",
             row,
             LENGTHS[k],
         )
     total = float(np.abs(values).sum())
-    if 0.0 < total < SMALLEST_ROBOT_MM:
+    if 0.0 < total < MIN_TOTAL_LENGTH_MM:
         raise columns.error(
             f"{values[row, k]:g} mm is the longest of all lengths, which add up to {total:.3g} mm: too small for a robot; they are "
             f"probably in metres: give millimetres, here {values[row, k] * 1e3:g}",
@@ -134,8 +134,8 @@ UNITS = {"mm": "mm", "m": "m", "deg": "deg", "°": "deg", "degrees": "deg", "rad
 TO_FILE = {"mm": 1.0, "m": 1e3, "deg": 1.0, "rad": 180.0 / np.pi}
 """What numbers are multiplied by for millimetres or degrees."""
 
-LARGEST_IN_METRES = 20.0
-SMALLEST_IN_MILLIMETRES = 100.0
+MAX_TOTAL_IN_METRES = 20.0
+MIN_TOTAL_IN_MILLIMETRES = 100.0
 """What all lengths of a table add up to: between the two it may be a very large robot in metres or a toy in millimetres."""
 
 _HEADER = re.compile(
@@ -267,9 +267,9 @@ def _unit_of_lengths(
         degrees = np.abs(table.numbers(twist.header)) * TO_FILE[twist.unit or angle]
         if np.any((degrees > 0.0) & (degrees < NEARLY_PARALLEL_DEG)):
             return None  # a calibrated table, whose common normals may be hundreds of metres away
-    if total >= max(SMALLEST_IN_MILLIMETRES, SMALLEST_ROBOT_MM):
+    if total >= max(MIN_TOTAL_IN_MILLIMETRES, MIN_TOTAL_LENGTH_MM):
         return "mm"
-    return "m" if total <= LARGEST_IN_METRES else None
+    return "m" if total <= MAX_TOTAL_IN_METRES else None
 
 
 def _unit_of_angles(values: Float[np.ndarray, "rows k"]) -> str | None:
@@ -311,8 +311,8 @@ def describe_dh_table(
     if convention.lower() not in get_args(Convention):
         raise UnknownName("convention", convention, get_args(Convention), "of Denavit–Hartenberg tables")
     rows = read_csv(path)
-    if len(rows) > MOST_JOINTS:
-        raise FileError(rows.path, f"has {len(rows)} rows, one for each joint; a robot has up to {MOST_JOINTS}")
+    if len(rows) > MAX_JOINTS:
+        raise FileError(rows.path, f"has {len(rows)} rows, one for each joint; a robot has up to {MAX_JOINTS}")
     before = next((name for name in rows.header if re.search(r"i ?- ?1", name)), None)
     if before is not None and convention.lower() == "dh":
         message = (

@@ -19,8 +19,8 @@ JOINTS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_j
 """Of the driver, from the base."""
 
 PLACE = ("x", "y", "z", "roll", "pitch", "yaw")
-LARGEST_MB = 0.1
-FARTHEST = 1e3
+MAX_SIZE_MB = 0.1
+MAX_NUMBER = 1e3
 """Metres and radians; calibrated tables have d of hundreds of metres."""
 
 _LINE = re.compile(r"(?P<indent> *)(?P<key>[A-Za-z_][\w]*):(?:\s+(?P<value>[^#]*?))?\s*(?:#.*)?")
@@ -60,7 +60,7 @@ def _places(path: Path) -> dict[str, dict[str, float]]:
     """Numbers of each link; the driver's files are two levels of keys, of which one reads no more than that."""
     places: dict[str, dict[str, float]] = {}
     link = ""
-    text = read_text(path, LARGEST_MB, otherwise="is not UTF-8 text; UR's kinematics are")
+    text = read_text(path, MAX_SIZE_MB, otherwise="is not UTF-8 text; UR's kinematics are")
     for number, line in enumerate(text.split("\n"), start=1):
         if not line.strip() or line.lstrip().startswith(("#", "---", "%")):
             continue
@@ -97,7 +97,7 @@ def describe_calibration_conf(
     """
     path = Path(path)
     rows: dict[str, list[float]] = {}
-    text = read_text(path, LARGEST_MB, otherwise="is not UTF-8 text; a controller's files are")
+    text = read_text(path, MAX_SIZE_MB, otherwise="is not UTF-8 text; a controller's files are")
     for number, line in enumerate(text.split("\n"), start=1):
         match = _ROW.fullmatch(line.partition("#")[0])
         if match is None:
@@ -167,7 +167,7 @@ def _number(path: Path, text: str, line: int) -> float:
         value = float(text) if text.isascii() and "_" not in text else math.nan
     except ValueError:
         value = math.nan
-    if not abs(value) <= FARTHEST:
+    if not abs(value) <= MAX_NUMBER:
         raise FileError(path, f"'{shown(text.strip())}' is not a number of metres or radians", line=line)
     return value
 
