@@ -30,9 +30,7 @@ def test_a_large_parquet_file_is_fitted_in_parts_and_that_is_said(run: Run, larg
     assert ended.json["fitted"]["mean_mm"] < 0.1 < ended.json["nominal_of_sample"]["mean_mm"]
     assert tc.load_calibration(tmp_path / "cal.json").provenance.rows == 120
     shown = run(*ask, "--parameters")
-    assert f"{ended.json['fitted']['mean_mm']:.3f} mm mean error in space on 120 fitted points" in " ".join(
-        shown.out.split()
-    )
+    assert f"{ended.json['fitted']['mean_mm']:.3f} mm calibrated (120 fitted points)" in " ".join(shown.out.split())
 
 
 @pytest.mark.parametrize(

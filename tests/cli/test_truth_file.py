@@ -40,11 +40,11 @@ def test_a_truth_reads_back_to_the_last_bit(model, written, tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"robot": "ur10"}, "is the truth of ur10, not of ur5"),
+        ({"robot": "ur10"}, "was simulated for ur10, not ur5"),
         ({"x": {}}, "differ in parameter"),
-        ({"targets": {}}, "holds no whole truth"),
-        ({"T_tracker_base": [1.0]}, "holds no whole truth"),
-        ({"x": None}, "holds no truth of a virtual robot"),
+        ({"targets": {}}, "is not a valid truth"),
+        ({"T_tracker_base": [1.0]}, "is not a valid truth"),
+        ({"x": None}, "is not the truth of a virtual robot"),
     ],
 )
 def test_what_is_not_the_robots_truth_is_refused(model, written, tmp_path, change, message):

@@ -63,10 +63,10 @@ def command(
     campaign: CampaignArgument,
     robot: RobotOption,
     output: Annotated[Path, option("--output -o", "CAL.json", "Output: the calibration.")],
-    reading: CampaignOptions,
     holdout: HoldoutOptions,
-    fitting: FitCommandOptions,
     search: SearchOptions,
+    fitting: FitCommandOptions,
+    reading: CampaignOptions,
     out: ShownOptions,
 ) -> None:
     """Identify a robot's parameters, tracker frame and targets from a campaign.

@@ -222,10 +222,10 @@ def command(
     task: TaskOption,
     output: Annotated[Path, option("--output -o", "PLAN.csv", "Output CSV: planned joint values.")],
     of: ModelOptions,
-    measured: ExtendedOptions,
     choice: PlanOptions,
-    observing: ObservingOptions,
     programs: MeasuringOptions,
+    observing: ObservingOptions,
+    measured: ExtendedOptions,
     page: PageOptions,
 ) -> None:
     """Plan measurement poses that minimise the expected task error.
