@@ -1,6 +1,6 @@
 """What geometry cannot explain: effects that are asked for, or all that may be there in one model.
 
-With all of them, each effect of each joint is as large as the data say, which may be nothing (`one_model`). Closed forms tell
+With all of them, each effect of each joint is as large as the data say, which may be nothing (`group_model`). Closed forms tell
 what each is worth: how far the log evidence would fall without it, and how far the error where rows were not fitted would
 rise. The model is kept only where it predicts rows that were not fitted better than the geometry alone, and where the log
 evidence is for it as much as for an effect that is called proven.

@@ -2,7 +2,7 @@
 
 About an estimate the residuals are linear in all parameters. Each effect of each joint is a group of its own, and so are the
 geometry's lengths and its angles; a group's parameters have the tolerances that are stated for them, times one factor that
-the data tell (`group_variances`). What single poses add is found beside it (`row_errors`).
+the data tell (`group_variances`). What single poses add is found beside it (`PoseNoise`).
 """
 
 from collections.abc import Mapping, Sequence

@@ -176,7 +176,7 @@ def left_out_errors(
     """
     problem = problem_of(whole.layout, campaign, noise)
     at = problem.linearise(whole.z)
-    W = whiteners(_row_errors(whole).covariance(at, problem.noise))
+    W = whiteners(_pose_noise(whole).covariance(at, problem.noise))
     p = len(whole.model)
     scale = np.concatenate([prior, np.full(len(whole.z) - p, 1e-3)])
     J = at.by_entry * scale
@@ -205,7 +205,7 @@ def left_out_errors(
     return out
 
 
-def _row_errors(whole: Calibration) -> PoseNoise:
+def _pose_noise(whole: Calibration) -> PoseNoise:
     """What single poses add, as the calibration found it."""
     joints = len(whole.model.robot.joints)
     return PoseNoise(
