@@ -278,7 +278,7 @@ class Identifiability:
 
     @property
     def condition_number(self) -> float:
-        """Of the kept columns, each scaled to unit length."""
+        """Condition number of the kept columns, each scaled to unit length."""
         columns = self.matrix[:, self._kept_columns]
         s = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), compute_uv=False)
         return float(s[0] / s[-1]) if len(s) else 1.0
@@ -315,7 +315,7 @@ class Identifiability:
         return find_collinearities(self.matrix, self.names, wanted, against=against, level=level)
 
     def distinguishable(self, *, noise: float) -> DistinguishableDirections:
-        """How many directions a measurement with noise tells apart, and the weakest of those that are independent exactly.
+        """Directions that stay distinguishable in a measurement with noise, among those that are independent exactly.
 
         Where the exact rank counts what differs by more than rounding, this counts the directions of which the data say
         more than the tolerances: less than half of the prior's variance is left.

@@ -114,11 +114,11 @@ class MeasuringNoise:
 
     @property
     def total(self) -> float:
-        """Of both together, metres."""
+        """Standard deviation of both together, metres."""
         return float(np.hypot(self.tracker, self.model_error.position))
 
     def describe(self) -> str:
-        """Its parts in words, and where the model error comes from."""
+        """The parts in words, with the source of the model error."""
         return (
             f"{self.total * 1e3:.3g} mm per axis at every pose: tracker {self.tracker * 1e3:.2g} mm, model error "
             f"{self.model_error.position * 1e3:.3g} mm ({self.model_error.source})"

@@ -48,11 +48,11 @@ class ExternalAxis:
 
     @property
     def name(self) -> str:
-        """As both languages call it."""
+        """Name of the axis in RAPID and KRL."""
         return f"external axis {self.number} (eax_{'abcdef'[self.number - 1]}, E{self.number})"
 
     def motion(self, position: float) -> Float[np.ndarray, "4 4"]:
-        """What it carries at a position, against where that is at zero, in its frame."""
+        """Motion of the carried body from its place at zero, in the axis's frame."""
         if self.direction is None:
             return np.eye(4)
         if self.turns:
@@ -115,11 +115,11 @@ class Cell:
     """External axes, by number."""
 
     def tool(self, name: str) -> Measured:
-        """What was measured of a tool."""
+        """Measurement of a tool; empty where there is none."""
         return self.tools.get(name.casefold(), Measured(name=name))
 
     def part(self, name: str) -> Measured:
-        """What was measured of a part."""
+        """Measurement of a part; empty where there is none."""
         return self.parts.get(name.casefold(), Measured(name=name))
 
 
@@ -144,7 +144,7 @@ class PoseSection(Section):
     quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
     def pose(self) -> Float[np.ndarray, "4 4"]:
-        """As a transform, metres."""
+        """The transform, metres."""
         return se3.pose(se3.from_quaternion(np.array(self.quaternion)), np.array(self.position_mm) * 1e-3)
 
 
@@ -176,7 +176,7 @@ class MeasuredSection(Section):
         return self
 
     def measured(self) -> Measured:
-        """What it says, in metres and radians."""
+        """The measurement in metres and radians."""
 
         def pose(section: PoseSection | None) -> Float[np.ndarray, "4 4"] | None:
             return None if section is None else section.pose()
@@ -229,7 +229,7 @@ class AxisSection(Section):
         return self
 
     def axis(self) -> ExternalAxis:
-        """What it says, in metres and with a direction of unit length."""
+        """The axis in metres, with a direction of unit length."""
         way = self.turns_about or self.slides_along
         return ExternalAxis(
             number=self.number,
@@ -296,7 +296,7 @@ def write_cell(path: str | Path, cell: Cell) -> None:
 
 
 def cell_text(cell: Cell) -> str:
-    """What `write_cell` writes."""
+    """Text of a cell file."""
     sections = {
         kind: [_section(measured) for measured in among.values()]
         for kind, among in (("tool", cell.tools), ("part", cell.parts))
@@ -409,7 +409,7 @@ def _at(T: Float[np.ndarray, "4 4"]) -> str:
 
 
 def _positions(moves: Sequence[Move]) -> Float[np.ndarray, "m axes"]:
-    """Of the external axes at the end of each motion; those that it does not state stay where the motion before left them."""
+    """Positions of the external axes at the end of each motion; unstated ones stay as the motion before left them."""
     positions = np.full((len(moves), AXES), np.nan)
     for i, move in enumerate(moves):
         if move.follows is not None and move.follows < i:
@@ -508,7 +508,7 @@ def _is_of(axis: ExternalAxis, unit: str) -> bool:
 
 
 def base_statement(program: Program, cell: Cell) -> str:
-    """Where the robot is taken to stand, in words; empty where nothing says it and the program is not counted in the world."""
+    """Assumed place of the robot in words; empty where none is stated and the program is not counted in the world."""
     base_file = _base_file(program)
     if program.T_world_base is not None:
         return f"the robot stands at {_at(program.T_world_base)} in the world, by {program.base_from}"

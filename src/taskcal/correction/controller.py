@@ -310,7 +310,7 @@ class _Simulation:
                 self.end[i] = move.end.q
 
     def _segments(self) -> Segments:
-        """Of all motions, tool in part; the start is where the motion before ended, seen with this motion's frames."""
+        """Segments of all motions, tool in part; each starts where the motion before ended, seen with its own frames."""
         m = len(self.moves)
         flange = np.full((m, 4, 4), np.nan)
         to_joints = np.flatnonzero(np.isfinite(self.end[:, 0]))
@@ -408,7 +408,7 @@ class _Simulation:
             self.end[i] = agreeing[np.argmin(np.abs(agreeing - seed).max(axis=1))]
 
     def _take_nearest(self, i: int, postures: Float[np.ndarray, "n joints"]) -> None:
-        """Of postures of which none is the one that is stated, take the nearest where the controller does."""
+        """Take the posture nearest to a stated one that is not reached, where the controller does so."""
         end = self.moves[i].end
         stated = f"states the posture {end.posture}, in which the robot does not reach it inside its joint limits"
         if not isinstance(end.posture, GradedPosture):
@@ -489,7 +489,7 @@ def _against(
 
 
 def joint_motion(robot: Robot, moves: Sequence[Move], trajectory: ControllerTrajectory) -> JointMotion:
-    """How the joints move along a program's lines and arcs."""
+    """Speeds and accelerations of the joints along a program's lines and arcs."""
     joints = len(robot.joints)
     speed, acceleration = np.full(joints, np.nan), np.full(joints, np.nan)
     assumed: int | None = None

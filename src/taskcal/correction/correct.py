@@ -59,7 +59,7 @@ class TargetChanges:
 
 
 def target_changes(robot: Robot, subdivision: Subdivision, trajectory: ControllerTrajectory) -> TargetChanges:
-    """How far each motion is changed."""
+    """Largest shift, turn and change of joints of each motion."""
     nodes, m = subdivision.nodes, len(trajectory.end)
     shift, turn, joint = np.zeros(m), np.zeros(m), np.full(m, np.nan)
     np.maximum.at(shift, nodes.move, np.linalg.norm(nodes.T[:, :3, 3] - nodes.wanted[:, :3, 3], axis=1))
@@ -116,7 +116,7 @@ def find_rejections(
 
 
 def _why_joints_swing(robot: Robot, q: Float[np.ndarray, " joints"]) -> str:
-    """What to add where a joint moves far for a small correction."""
+    """Reason for a large motion of a joint by a small correction; empty away from singular postures."""
     if conditioning(ErrorModel(robot), q[None])[0] > MAX_SWINGING_RATIO:
         return ""
     return "; near a singular posture a small correction swings the joints"
@@ -148,7 +148,7 @@ def choose_waypoints(
     keep_joints: bool,
     program: Program | None,
 ) -> tuple[dict[int, tuple[Waypoint, ...]], dict[int, str]]:
-    """What is written, by number of the motion, and the motions that are left as they are, with the reason.
+    """Waypoints to write, by number of the motion, and the motions left unchanged, with the reason.
 
     Args:
         problem: what is corrected.
@@ -178,7 +178,7 @@ def choose_waypoints(
 def _waypoints(
     moves: Sequence[Move], subdivision: Subdivision, changes: TargetChanges, left: Set[int]
 ) -> dict[int, tuple[Waypoint, ...]]:
-    """What is written for every motion that changes."""
+    """Waypoints of every motion that changes."""
     nodes = subdivision.nodes
     first = np.searchsorted(nodes.move, np.arange(len(moves) + 1))
     waypoints: dict[int, tuple[Waypoint, ...]] = {}
@@ -229,7 +229,7 @@ def diagnose(
     subdivision: Subdivision,
     motion: JointMotion,
 ) -> tuple[Diagnostic, ...]:
-    """What the user should know of a corrected program, by file and line.
+    """Diagnostics of a corrected program, by file and line.
 
     Args:
         program: as it was given.
@@ -467,7 +467,7 @@ class RewrittenProgram:
     """For each of its motions, the one it comes from and the shares of that one's length where it begins and ends."""
 
     def near(self, trajectory: ControllerTrajectory) -> Float[np.ndarray, "m joints"]:
-        """Where each of its motions ends, about, radians: in the target of the one it comes from, as the controller goes there."""
+        """Approximate joints at the end of each motion, radians: those of the given motion that it comes from."""
         return trajectory.end[[number for number, _, _ in self.origin]]
 
 
@@ -525,7 +525,7 @@ def rewrite_program(
 def _wanted_poses(
     program: Program, waypoints: Mapping[int, tuple[Waypoint, ...]]
 ) -> list[list[Float[np.ndarray, "4 4"] | None]]:
-    """Of each motion of a rewritten program, where its via point and its end were to be."""
+    """Wanted poses of via point and end of each motion of a rewritten program."""
     poses: list[list[Float[np.ndarray, "4 4"] | None]] = []
     for i, move in enumerate(program.moves):
         for wanted in waypoints.get(i, (move,)):
@@ -650,7 +650,7 @@ def correct(
 
 
 def _tolerances(variances: Float[np.ndarray, "m sources"]) -> tuple[float, float]:
-    """How near to their paths lines and arcs are to be, where nobody says it, and at the widest, metres.
+    """Default tolerance of paths between targets, and the widest, metres.
 
     Args:
         variances: of what the calibration must expect at the targets, metres².

@@ -43,13 +43,13 @@ class Deviations:
     """Angle between true and wanted orientation, radians."""
 
     def of_moves(self, moves: Bool[np.ndarray, " m"]) -> "Deviations":
-        """Those in some of the motions."""
+        """Deviations in some of the motions."""
         rows = moves[self.move]
         return Deviations(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     @property
     def length(self) -> Float[np.ndarray, " k"]:
-        """Of the errors, in space, metres."""
+        """Lengths of the errors, metres."""
         return np.linalg.norm(self.error, axis=1)
 
 
@@ -119,7 +119,7 @@ class ErrorBudget:
 
     @property
     def uncertainty(self) -> float:
-        """What the calibration must expect beyond its prediction, rms in space, metres."""
+        """Uncertainty of the prediction, rms of the 3D error, metres."""
         return float(np.sqrt(sum(self.variances.values())))
 
     @property
@@ -139,17 +139,17 @@ class ErrorBudget:
 
     @property
     def shares(self) -> dict[str, float]:
-        """What part of the variance each source has."""
+        """Share of the variance by source."""
         total = sum(self.variances.values())
         return {name: value / total if total else 0.0 for name, value in self.variances.items()}
 
     @property
     def remedy(self) -> str:
-        """What would lower the largest share."""
+        """Advice that lowers the largest share."""
         return _REMEDIES[max(self.variances, key=lambda name: self.variances[name])]
 
     def of_targets(self, model_error: Evaluation) -> UncertaintyBudget:
-        """How far the tool may be from a corrected target, one line for each source (JCGM 100:2008, GUM).
+        """Uncertainty budget of a corrected target, one line for each source (JCGM 100:2008, GUM).
 
         Args:
             model_error: whether what the model cannot explain was estimated (A) or given (B).
@@ -289,7 +289,7 @@ class Correction:
         return f"no motion was corrected, so that the program would be the one that was read; {refused[0]}{more}"
 
     def destinations(self, out: str | Path) -> tuple[Path, ...]:
-        """Where the corrected files go: one to a file or into a folder, several into a folder, under their own names.
+        """Paths of the corrected files: one to a file or into a folder, several into a folder, under their own names.
 
         Raises:
             FileError: several files and no folder, or two files of one name.
@@ -320,7 +320,7 @@ class Correction:
         return tuple(contents)
 
     def contents(self, out: str | Path) -> dict[Path, bytes]:
-        """What `write` writes, by file.
+        """Contents of the corrected files, by path.
 
         Raises:
             FileError: it would overwrite what was read.
@@ -355,7 +355,7 @@ class Correction:
         }
 
     def targets(self) -> list[dict[str, Any]]:
-        """What becomes of every motion's target, by file and line, in millimetres and degrees."""
+        """Correction of every motion's target, by file and line, in millimetres and degrees."""
         errors = {}
         for label, deviations in (("before_mm", self.before), ("after_mm", self.after)):
             rows = np.flatnonzero(deviations.at_target)

@@ -137,7 +137,7 @@ class GraspedFrame:
 
 
 def grasped_frame(calibration: Calibration, measured: Measured, controller: Float[np.ndarray, "4 4"]) -> GraspedFrame:
-    """Where what the robot holds is.
+    """The frame of what the robot holds.
 
     Raises:
         TaskcalError: what was measured of it does not fit to what it is used for, or to the calibration.
@@ -232,7 +232,7 @@ def _flange_twists(
     q: Float[np.ndarray, "n joints"],
     conditions: Conditions | None,
 ) -> Float[np.ndarray, "n 6 z"]:
-    """Of a frame fixed to the flange, which the errors of the robot's own tool do not move."""
+    """Twists of a frame fixed to the flange, which the errors of the robot's own tool do not move."""
     J = calibration.tool_jacobian(q, conditions)
     J[:, :, columns_of(calibration, "tool.")] = 0.0
     return se3.carry(J, calibration.predict_tool(q)[:, :3, :3] @ T_tool_grasped[:3, 3])
@@ -245,7 +245,7 @@ def _reflector_twists(
     q: Float[np.ndarray, "n joints"],
     conditions: Conditions | None,
 ) -> Float[np.ndarray, "n 6 z"]:
-    """Of a frame that is known by its reflectors."""
+    """Twists of a frame that is known by its reflectors."""
     J, tool = calibration.tool_jacobian(q, conditions), calibration.predict_tool(q)
     points = calibration.target_poses(q)[:, rows][..., :3, 3]
     moved: list[np.ndarray] = []
@@ -261,7 +261,7 @@ def _reflector_twists(
 def _target_twists(
     calibration: Calibration, measured: Measured, q: Float[np.ndarray, "n joints"], conditions: Conditions | None
 ) -> Float[np.ndarray, "n 6 z"]:
-    """Of a frame that is known in the measured target's."""
+    """Twists of a frame that is known in the measured target's."""
     targets = Rows.of_targets(calibration.layout, calibration.z, q, calibration.model.prepare(q, conditions))
     J, target = targets.linearise().by_entry, calibration.target_poses(q)[:, 0]
     offset = np.zeros(3) if measured.in_target is None else measured.in_target[:3, 3]
@@ -293,7 +293,7 @@ class FixedFrame:
 def fixed_frame(
     calibration: Calibration, measured: Measured, controller: Float[np.ndarray, "4 4"], cell: Cell
 ) -> FixedFrame:
-    """Where what stands still is.
+    """The frame of what is fixed in the cell.
 
     Raises:
         TaskcalError: what was measured of it does not fit to what it is used for, or to the calibration.
@@ -365,7 +365,7 @@ def _touch_covariance(
     touched: Float[np.ndarray, "k 4 4"],
     tip: Float[np.ndarray, "3 3"],
 ) -> Float[np.ndarray, "6 6"]:
-    """Of a part fitted to touched points, but for the estimate.
+    """Covariance of a part fitted to touched points, without that of the estimate.
 
     Args:
         calibration: of the robot that touched.
@@ -382,7 +382,7 @@ def _touch_covariance(
 
 
 def nominal_flange(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
-    """Where a controller has its flange at joint positions q."""
+    """Flange poses of the nominal robot at joint positions q."""
     return ErrorModel(robot).poses(q) @ se3.inverse(robot.T_flange_tool)
 
 
@@ -404,12 +404,12 @@ class FrameCalibration:
 
     @property
     def statement(self) -> str:
-        """What the accuracy is relative to, in words."""
+        """Reference of the accuracy, in words."""
         return f"{self.grasped.statement}; {self.fixed.statement}"
 
     @property
     def placement(self) -> Placement:
-        """Where both are."""
+        """Placement of both frames."""
         return Placement(
             T_tool_grasped=self.grasped.T_tool_grasped,
             T_base_fixed=self.fixed.T_base_fixed,
@@ -501,7 +501,7 @@ class FrameCalibration:
         return np.stack([parts[:, 0], self.model_variance(q), parts[:, 1], parts[:, 2]], axis=1)
 
     def model_variance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
-        """Of what the model cannot explain at a new pose, in space, metres²."""
+        """Variance of the model error at a new pose, in space, metres²."""
         return np.full(len(q), 3.0 * self.calibration.model_error[0] ** 2)
 
 
@@ -510,7 +510,7 @@ def _total(covariance: Float[np.ndarray, "*b 3 3"]) -> Float[np.ndarray, "*b"]:
 
 
 def calibrate_frames(calibration: Calibration, move: Move, cell: Cell) -> FrameCalibration:
-    """Where a motion's tool and part are, on the robot as calibrated.
+    """Frames of a motion's tool and part on the robot as calibrated.
 
     Raises:
         TaskcalError: what was measured of them does not fit to what they are used for, or to the calibration.

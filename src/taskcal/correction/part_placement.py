@@ -136,7 +136,7 @@ class PlacedPart:
 
     @property
     def expected(self) -> float:
-        """What decides between placements: corrected where there is a calibration, the deflection included."""
+        """Error that ranks placements: corrected where there is a calibration, with the deflection."""
         error = self.before if np.isnan(self.after) else self.after
         return float(np.hypot(error, 0.0 if np.isnan(self.compliance) else self.compliance))
 
@@ -174,7 +174,7 @@ class PartPlacements:
 
     @property
     def ranked(self) -> tuple[PlacedPart, ...]:
-        """Those that are possible, the smallest error first; of equal ones the farthest from a singular posture."""
+        """Possible placements, the smallest error first; of equal ones the farthest from a singular posture."""
         return tuple(sorted((p for p in self.all if p.possible), key=lambda p: (round(p.expected, 9), -p.conditioning)))
 
 

@@ -70,7 +70,7 @@ class Segments:
 
     @cached_property
     def length(self) -> Float[np.ndarray, " m"]:
-        """Of the tool point's path, metres."""
+        """Length of the tool point's path, metres."""
         is_arc, center, _, angles = self._arc
         radius = np.linalg.norm(self.start[:, :3, 3] - center, axis=1)
         straight = np.linalg.norm(self.end[:, :3, 3] - self.start[:, :3, 3], axis=1)
@@ -140,12 +140,12 @@ class Corners:
 
     @classmethod
     def none(cls, m: int) -> "Corners":
-        """Of a program that meets all its targets."""
+        """Corners of a program that meets all its targets."""
         nobody, nothing, nowhere = np.full(m, -1), np.zeros((m, 2)), np.full((m, 4, 4), np.nan)
         return cls(before=nobody, after=nobody, entry=nothing, exit=nothing, joined=nowhere, left=nowhere)
 
     def only(self, kept: Bool[np.ndarray, " m"]) -> "Corners":
-        """Those at the ends of some motions."""
+        """Corners at the ends of some motions."""
         after = np.where(kept, self.after, -1)
         before = np.where((self.before >= 0) & kept[np.maximum(self.before, 0)], self.before, -1)
         return replace(
@@ -160,7 +160,7 @@ class Corners:
 def find_corners(
     moves: Sequence[Move], segments: Segments, known: Bool[np.ndarray, " m"], driven: PosesInMotions
 ) -> Corners:
-    """Where the tool rounds the corners of a program.
+    """Corners that the tool rounds in a program.
 
     Args:
         moves: the motions.
@@ -294,7 +294,7 @@ class RoundedPath:
 
     @cached_property
     def _runs(self) -> tuple[Segments, Segments]:
-        """What is left and what is joined: of a motion of the joints, the chord over the corner."""
+        """Segments that are left and that are joined; for a motion of the joints, the chord over the corner."""
         own, corners = self.segments, self.corners
         left, joined = _is_known(corners.left), _is_known(corners.joined)
         return (

@@ -95,7 +95,7 @@ class ToolJoints:
 
 
 def locate_tool(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> ToolPoses:
-    """Where the tool is: by the nominal robot, and by the calibrated one in its calibrated base.
+    """Tool poses by the nominal robot, and by the calibrated one in its calibrated base.
 
     Args:
         calibration: the robot.

@@ -102,7 +102,7 @@ def loop_numbers(bar: FourBar, side: Side) -> LoopNumbers:
 def closure_numbers(
     bar: FourBar, side: Side, q: Float[np.ndarray, "n joints"], angles: Float[np.ndarray, "2 joints"]
 ) -> Float[np.ndarray, "n 8"]:
-    """What `four_bar_closure` finds at joint positions q, of which α and κ are linear combinations."""
+    """Results of the compiled closure at joint positions q, of which α and κ are linear combinations."""
     q = np.ascontiguousarray(q, dtype=float)
     numbers = np.empty((len(q), NUMBERS))
     drive = Drive(np.empty((0, q.shape[1])), np.empty(0), angles, np.empty(0))
@@ -157,7 +157,7 @@ def can_close(
 
 
 def built_side(bar: FourBar) -> Side:
-    """Where a loop was built: with its levers as they stand at κ = α, or as near to that as it closes."""
+    """Side on which a loop was built: with its levers as they are at κ = α, or as near to that as it closes."""
     low, high = np.arccos(np.clip(_lever_cosines(bar), -1.0, 1.0))
     gamma = float(np.angle(np.exp(1j * bar.crank_angle)))
     lever = -1.0 if gamma < 0.0 else 1.0

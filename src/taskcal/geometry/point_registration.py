@@ -69,7 +69,7 @@ class Moments:
         target: Int[np.ndarray, " n"],
         count: int,
     ) -> "Moments":
-        """Of points y of some targets, measured at poses R, p of the tool."""
+        """Moments of points y of some targets, measured at poses R, p of the tool."""
         y_mean, p_mean = y.mean(axis=0), p.mean(axis=0)
         both = np.concatenate([y - y_mean, p - p_mean], axis=1)
         square = both.T @ both

@@ -82,7 +82,7 @@ def distances(
 def cross_planes(
     path: Float[np.ndarray, "m 3"], origins: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], within: float
 ) -> Crossings:
-    """Where a path goes through planes in the sense of their normals.
+    """Points where a path crosses planes in the sense of their normals.
 
     Args:
         path: its points, metres.

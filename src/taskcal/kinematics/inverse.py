@@ -49,13 +49,13 @@ class Stretch:
 
 @lru_cache(maxsize=16)
 def stretch_of(model: ErrorModel) -> Stretch:
-    """How far the arm of a nominal robot stretches."""
+    """The ball that the arm of a nominal robot does not leave."""
     places, directions, middle, half, T_tool = _axes_at_home(model)
     if not len(places) or not np.isfinite(half).all():
         return Stretch(centre=np.zeros(3), point=np.zeros(3), longest=np.inf)
 
     def ways(along: Float[np.ndarray, " joints"]) -> Float[np.ndarray, "parts 3"]:
-        """From a point of each joint, behind its motion, to the one of the next, before it."""
+        """Vectors from a point of each joint, after its motion, to the one of the next, before it."""
         behind = places + along[:, None] * directions
         before = behind + middle[:, None] * directions
         return before[1:] - behind[:-1]
@@ -321,7 +321,7 @@ def _out_of_reach(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> ReachError:
 
 
 def posture_margin(model: ErrorModel, q: np.ndarray) -> np.ndarray:
-    """How far inside the limits and away from singular postures, 0 to 1."""
+    """Distance from limits and singular postures, 0 to 1."""
     low, high = _bounded(model.robot.limits).T
     room = (np.minimum(q - low, high - q) / (high - low) * 2.0).min(axis=1)
     s = np.linalg.svd(model.joint_jacobian(q), compute_uv=False)

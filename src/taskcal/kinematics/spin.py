@@ -162,7 +162,7 @@ def carried_along(T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
 
 
 def tool_travel(T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, " n"]:
-    """How far the tool has moved at each pose, radians and half metres, its spin aside."""
+    """Path length of the tool up to each pose without its spin, radians and half metres."""
     shift = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1)
     tilt = 2.0 * np.arcsin(np.minimum(0.5 * np.linalg.norm(np.diff(T[:, :3, 2], axis=0), axis=1), 1.0))
     return np.concatenate([[0.0], np.cumsum(np.hypot(RADIANS_PER_METRE * shift, tilt))])
@@ -252,7 +252,7 @@ def _search(guide: _Guide, first: _States, steps: tuple[int, ...]) -> list[_Stat
 
 
 def _cheapest(states: _States) -> Int[np.ndarray, " k"]:
-    """Of states that are one posture with one spin, the one that costs least."""
+    """Rows of the cheapest among states that are one posture with one spin."""
     alike = np.column_stack([np.round(states.q / (100.0 * SAME_POSTURE_RAD)), states.turn % GRID_ANGLES])
     order = np.argsort(states.cost, kind="stable")
     _, first = np.unique(alike[order], axis=0, return_index=True)

@@ -158,7 +158,7 @@ class TracedPath:
         return self.model.poses(q[None], self.x)[0] @ self.tip
 
     def motion(self, a: Float[np.ndarray, "n 4 4"], b: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, " n"]:
-        """How far the tool moves from a to b, radians and half metres."""
+        """Motion of the tool from a to b, radians and half metres."""
         chord = np.linalg.norm(b[:, :3, :3] - a[:, :3, :3], axis=(1, 2))
         angle = 2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0))
         return np.hypot(RADIANS_PER_METRE * np.linalg.norm(b[:, :3, 3] - a[:, :3, 3], axis=1), angle)
@@ -166,7 +166,7 @@ class TracedPath:
     def walk(
         self, q: Float[np.ndarray, " joints"], a: Float[np.ndarray, "4 4"], b: Float[np.ndarray, "4 4"]
     ) -> Float[np.ndarray, " joints"] | None:
-        """From posture q at pose a straight to pose b: the posture there, if it is reached in steps without jumps."""
+        """Posture at pose b, straight from posture q at pose a; None where a step would jump."""
         motion = float(self.motion(a[None], b[None])[0])
         turn = se3.log(b[:3, :3] @ a[:3, :3].T)
         least = max(1, int(np.ceil(motion / STRIDE)))
@@ -185,7 +185,7 @@ class TracedPath:
 
 
 def _allowed(motion: Float[np.ndarray, " n"] | float) -> Float[np.ndarray, " n"] | float:
-    """How far a joint may move for a motion of the tool, radians or metres."""
+    """Largest motion of a joint for a motion of the tool, radians or metres."""
     return np.minimum(MAX_STEEPNESS * motion + JOINT_ROUNDING, JUMP_RAD)
 
 
@@ -283,7 +283,7 @@ def turned(robot: Robot, q: Float[np.ndarray, " joints"]) -> Float[np.ndarray, "
 
 
 def _positions(robot: Robot, j: int, value: float) -> list[float]:
-    """What joint j may be turned to."""
+    """Positions of joint j that leave the tool where it is."""
     period = _period(robot, j)
     if period is None:
         return [value]

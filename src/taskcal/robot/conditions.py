@@ -63,7 +63,7 @@ def joint_sign(robot: Robot) -> Float[np.ndarray, " joints"]:
 
 
 def drive_motion(robot: Robot) -> Float[np.ndarray, "joints joints"]:
-    """How far each joint's drive turns, in the joint's own sense, for a change of the controller's positions.
+    """Turn of each joint's drive, in the joint's own sense, per change of the controller's positions.
 
     Behind a four-bar the controller counts motors. A coupling without one is the controller's way of counting, and each
     drive stands at its own axis.

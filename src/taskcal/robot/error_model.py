@@ -176,7 +176,7 @@ class ErrorModel:
         return ErrorModel(self.robot, lengths_only=self.lengths_only, effects=effects)
 
     def prepare(self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None) -> Prepared:
-        """What `walk` needs at joint positions q under conditions, and no parameter changes; None for the four-bar."""
+        """Factors of `walk` at joint positions q under conditions, which no parameter changes; None for the four-bar."""
         loop = [None] * (len(self.terms) - len(self._effect_terms))
         return (*loop, *(term.prepare(q, conditions) for term in self._effect_terms))
 

@@ -111,7 +111,7 @@ class FourBarDrive:
 
     @cached_property
     def side(self) -> Side:
-        """Where the nominal loop was built."""
+        """Side on which the nominal loop was built."""
         return built_side(self.bar)
 
     @property
@@ -201,7 +201,7 @@ class JointSide:
 
     @cached_property
     def drive(self) -> Drive:
-        """As the compiled pass takes it."""
+        """The joint side as the compiled pass takes it."""
         matrix, offset = (np.ascontiguousarray(a, dtype=float) for a in (self.joint_map.matrix, self.joint_map.offset))
         if self.four_bar is None:
             return Drive(matrix, offset, np.empty((0, matrix.shape[1])), np.zeros(len(offset)))

@@ -85,7 +85,7 @@ class Part:
 
     @property
     def step(self) -> Step:
-        """What it is in a chain."""
+        """The step of a chain that the part stands for."""
         return Fixed(self.transform) if self.driven is None else Joint(self.driven.kind, self.driven.number)
 
 
@@ -268,7 +268,7 @@ class Robot:
 
     @cached_property
     def _joint_chains(self) -> tuple[Chain, ...]:
-        """From the base to behind each joint."""
+        """Chains from the base through each joint."""
         steps = self.steps()
         own = [k for k, step in enumerate(steps) if isinstance(step, Joint) and step.number is None]
         return tuple(Chain.of(steps[: k + 1]) for k in own)

@@ -63,7 +63,7 @@ def candidates(robot: Robot, conditions: Conditions) -> list["Effect"]:
 
 
 def spellings() -> dict[str, str]:
-    """What can be written for an effect on the command line, and what it means; in alphabetical order."""
+    """Spellings of all effects on the command line, with their meaning, in alphabetical order."""
     return dict(sorted((text, meaning) for kind in kinds() for text, meaning in kind.spellings().items()))
 
 
@@ -308,13 +308,13 @@ class Effect:
 
     @classmethod
     def candidates(cls, robot: Robot, conditions: Conditions) -> "Sequence[Effect]":
-        """Those of its kind that compete by default on a robot measured under these conditions."""
+        """Effects of this kind that compete by default on a robot measured under these conditions."""
         effect = cls()
         return [effect] if effect.suits(robot) else []
 
     @classmethod
     def spellings(cls) -> Mapping[str, str]:
-        """What `parse` understands, and what it means; where options follow, with an example of them."""
+        """Texts that `parse` understands, with their meaning; an example where options follow."""
         return {cls.key: cls.summary or cls.label}
 
     @classmethod
@@ -328,13 +328,13 @@ class Effect:
 
     @property
     def name(self) -> str:
-        """What tables call it: its label, with what its options say."""
+        """Name in tables: the label with its options and joints."""
         label = self.label + self.details
         return label if self.joints is None else f"{label} of {', '.join(self.joints)}"
 
     @property
     def details(self) -> str:
-        """What its options add to its label, with a blank in front; by default nothing."""
+        """Options as they follow the label, with a blank in front; empty by default."""
         return ""
 
     def chosen(self, robot: Robot) -> list[int]:
@@ -389,7 +389,7 @@ class Effect:
         return None
 
     def remarks(self, robot: Robot, estimates: Mapping[str, tuple[float, float]]) -> list[str]:
-        """What is unusual about its estimates, in words; by default nothing.
+        """Warnings about unusual estimates, in words; none by default.
 
         Args:
             robot: the robot.
@@ -410,7 +410,7 @@ class Effect:
         return tuple(steps)
 
     def to_json(self) -> dict[str, Any]:
-        """Its kind and options, and the module that defines it where that is not Taskcal's."""
+        """Kind, options, and the module that defines the effect where that is not Taskcal's."""
         module = type(self).__module__
         home = {} if module.partition(".")[0] == __name__.partition(".")[0] else {"module": module}
         return {"kind": type(self).__name__, **home, **_listed(asdict(self))}
@@ -426,7 +426,7 @@ class Effect:
 
 
 def _listed(value: Any) -> Any:
-    """As JSON has it: lists for tuples."""
+    """The value with lists for tuples, for JSON."""
     if isinstance(value, dict):
         return {name: _listed(inner) for name, inner in value.items()}
     return [_listed(inner) for inner in value] if isinstance(value, tuple) else value
@@ -445,7 +445,7 @@ def _tupled(value: Any) -> Any:
 
 
 def term_on(effect: Effect, robot: Robot) -> LinearTerm:
-    """What an effect does on a robot.
+    """The joint-side term of an effect on a robot.
 
     Raises:
         TaskcalError: it depends on conditions that it does not declare.
@@ -461,7 +461,7 @@ def term_on(effect: Effect, robot: Robot) -> LinearTerm:
 def terms_on(
     effects: Sequence[Effect], robot: Robot, steps: Sequence[Step]
 ) -> tuple[list[LinearTerm], tuple[Step, ...]]:
-    """What effects do on a robot together, and the chain with the joints that they add.
+    """Joint-side terms of several effects on a robot, and the chain with the joints that they add.
 
     Each effect numbers its joints from ``len(robot.joints)`` on, as if it were alone, and finds the joints of those before it
     standing still. Here every effect gets coordinates of its own.

@@ -119,7 +119,7 @@ def _meet(robot: Robot) -> bool:
 
 
 def turn_of(robot: Robot, joints: Int[np.ndarray, " p"]) -> tuple[Basis, Basis]:
-    """How far some joints have turned from zero, and its derivative by the joint positions."""
+    """Turn of some joints from zero, and its derivative by the joint positions."""
     matrix, middle = robot.joint_map.matrix[joints], robot.joint_map(np.zeros((1, len(robot.joints))))[0]
     return (
         lambda q: (robot.joint_map(q) - middle)[:, joints],
@@ -167,7 +167,7 @@ def yield_under_lumped_weights(robot: Robot, motors: Sequence[int], tolerance: f
 
 
 def _levers(robot: Robot, chains: Sequence[Chain], path: LoadPath) -> Float[np.ndarray, "n points motors"]:
-    """How far the end of each chain goes down for a turn of each motor, metres per radian."""
+    """Descent of each chain's end for a turn of each motor, metres per radian."""
     return np.stack([path.torque(chain, robot.statics.gravity) for chain in chains], axis=1)
 
 
@@ -309,7 +309,7 @@ class Compliance(Effect):
 
     @property
     def details(self) -> str:
-        """Its tolerance, where that is another than usual."""
+        """The tolerance, where it is not the default."""
         return "" if self.tolerance == DEFLECTION else f" (±{self.tolerance * 1e3:g} mrad)"
 
     def under(self, load: Load) -> "Compliance":

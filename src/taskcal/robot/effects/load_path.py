@@ -204,7 +204,7 @@ def at_motors(
 
 
 def _unit(per: str, *, slides: bool) -> str:
-    """Of a turn; a motor that slides has forces for torques, and the lever of a height is a number."""
+    """Unit of a turn; a motor that slides has forces for torques, and the lever of a height is a number."""
     if not slides:
         return f"rad/{per}" if per else "rad"
     return "m/N" if per == "Nm" else "m"

@@ -46,7 +46,7 @@ class ThermalExpansion(Effect, abstract=True):
         return all(float(np.ptp(getattr(conditions, quantity))) >= self.least for quantity in self.needs)
 
     def rise(self, conditions: Conditions) -> Float[np.ndarray, " n"] | None:
-        """How far each pose is from the reference; NaN where unknown, None where nothing is known."""
+        """Rise of each pose above the reference; NaN where unknown, None where nothing is known."""
         raise TaskcalError(f"{type(self).__name__} does not say what it grows with")
 
     def term(self, robot: Robot) -> LinearTerm:
@@ -244,7 +244,7 @@ class WarmUp(ThermalExpansion):
 
     @property
     def details(self) -> str:
-        """Its time constant."""
+        """The time constant."""
         return f" in {self.time_constant / 60.0:g} min"
 
     def referred(self, conditions: Conditions) -> "WarmUp":
@@ -265,7 +265,7 @@ class WarmUp(ThermalExpansion):
         return Conditions(time=np.full(count, -self.time_constant * np.log(min(left + self.spread, 1.0))))
 
     def rise(self, conditions: Conditions) -> Float[np.ndarray, " n"] | None:
-        """How much warmer than at the reference, as a share of the whole way."""
+        """Warming above the reference, as a share of that from cold to warm."""
         if conditions.time is None:
             return None
         left = 0.0 if self.reference is None else np.exp(-self.reference / self.time_constant)

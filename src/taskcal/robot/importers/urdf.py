@@ -601,7 +601,7 @@ def _scaled(joint: UrdfJoint, key: str, value: float | tuple[float, float]) -> d
 
 
 def plain_joint_names(tree: UrdfTree) -> dict[str, str]:
-    """What Taskcal calls the joints that move, by their names in the file."""
+    """Names of the moving joints in robot files and columns, by their names in the URDF."""
     return _plain_names([joint.name for joint in tree.joints.values() if joint.moves])
 
 

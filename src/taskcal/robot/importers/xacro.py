@@ -219,7 +219,7 @@ def _find_packages(own: Path) -> Callable[[str], str]:
 
 
 def _package_name(folder: Path) -> str:
-    """As its ``package.xml`` has it."""
+    """The package's name in its ``package.xml``."""
     with (folder / "package.xml").open(encoding="utf-8", errors="replace") as file:
         name = re.search(r"<name>\s*(.*?)\s*</name>", file.read(100_000))
     return folder.name if name is None else name[1]
