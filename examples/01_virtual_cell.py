@@ -12,10 +12,10 @@ task = tc.demo.reference_task(spread=np.radians(20.0))
 measured = tc.reach_task(model, task, count=60)
 new = tc.reach_task(model, task, count=200, seed=1)
 
-means, inside = {"frames only": [], "all parameters": []}, []
+means, inside = {"nominal (registered)": [], "all parameters": []}, []
 for seed in range(20):
     campaign, truth = tc.simulate(model, measured.q, rng=np.random.default_rng(seed))
-    for label, kept in (("frames only", []), ("all parameters", None)):
+    for label, kept in (("nominal (registered)", []), ("all parameters", None)):
         calibration = tc.identify(model, campaign, keep=kept)
         error = (calibration.predict(new.q) - truth.points(new.q))[:, 0]
         means[label].append(np.linalg.norm(error, axis=1).mean() * 1e3)

@@ -172,6 +172,6 @@ def test_a_fit_that_takes_everything_for_error_is_refused(model, poses):
     campaign, _ = simulate(model, poses[20.0][0], rng=np.random.default_rng(3), x=np.zeros(len(model)))
     points = campaign.points + np.random.default_rng(4).normal(size=campaign.points.shape) * 0.01
     with pytest.raises(
-        FitError, match=r"nothing can be learnt from these rows: .* (9|10)\.\d\d mm per axis .*--loss cauchy"
+        FitError, match=r"no parameter is determined by these rows: .* (9|10)\.\d\d mm per axis .*--loss cauchy"
     ):
         identify(model, replace(campaign, points=points))

@@ -257,7 +257,7 @@ def test_residuals_are_measured_less_predicted_and_nan_where_the_beam_was_lost(k
 def test_a_campaign_that_is_another_robots_is_refused():
     rng, model = arm(0)
     campaign, _ = measure(rng, model, industrial_positions(rng, 40))
-    with pytest.raises(CampaignError, match="these joints and points do not fit ur5"):
+    with pytest.raises(CampaignError, match="joint values and points are inconsistent with ur5"):
         identify(ErrorModel(load_robot("ur5")), campaign)
 
 

@@ -19,7 +19,7 @@ def test_each_part_is_a_rung_and_worth_what_it_is() -> None:
     campaign, _ = simulate(ErrorModel(robot), rng.uniform(*0.5 * robot.limits.T, size=(50, 6)), rng=rng)
     calibration = identify(model, campaign)
     rungs = climb(calibration, campaign)
-    assert [rung.name for rung in rungs[:3]] == ["nominal robot, frames only", "joint zeros", "all geometry"]
+    assert [rung.name for rung in rungs[:3]] == ["nominal (registered)", "joint zeros", "all geometry"]
     assert [rung.parameters for rung in rungs[:3]] == [0, 6, 42]
     assert rungs[-1].parameters == len(model)
     assert "compliance" in rungs[-1].name

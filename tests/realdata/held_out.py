@@ -1,6 +1,6 @@
 """What `--effects auto` predicts on measured robots: ``python -m tests.realdata.held_out [CASE …]``.
 
-An experiment of many minutes, not a test. Prints for each case the mean error of rows that were not fitted, with frames alone, by
+An experiment of many minutes, not a test. Prints for each case the mean error of held-out rows, with frames alone, by
 geometry and with all effects, the share of their points inside the stated 95 % regions, and the processor time of one calibration;
 of the splits 0 to 9, or of every pose of the FANUC.
 """

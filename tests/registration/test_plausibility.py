@@ -44,7 +44,8 @@ def test_joints_and_points_that_are_not_the_robots_are_refused_with_likely_cause
     q = np.clip(q, -0.9, 0.9) if "6660" in name else q
     campaign = replace(sound, q=np.ascontiguousarray(q), points=points)
     with pytest.raises(
-        CampaignError, match=rf"do not fit {name}: .* off by \d+\.\d mm rms.*Likely causes: another robot"
+        CampaignError,
+        match=rf"inconsistent with {name}: registration residual \d+\.\d mm rms.*Likely causes: another robot",
     ):
         check_plausible(register(wrong, campaign), wrong, campaign)
 

@@ -185,7 +185,7 @@ WRONG = {
     "no axis": (ARM.replace("0 0 1", "0 0 0"), r"the axis of joint 'shoulder' has no direction"),
     "limits": (ARM.replace('lower="-1"', 'lower="3"'), r"the lower limit 3 rad above the upper 1 rad"),
     "closed": (ARM.replace('child link="hand"', 'child link="upper"'), r"'upper' hangs on two joints, 'shoulder' and 'mount'"),
-    "round": (ARM.replace('parent link="base"', 'parent link="hand"'), r"round in a circle|one link that hangs on no joint"),
+    "round": (ARM.replace('parent link="base"', 'parent link="hand"'), r"round in a circle|exactly one root link"),
     "unknown mimic": (ARM.replace('<limit lower="-1"', '<mimic joint="x"/><limit lower="-1"'), r"mimics 'x', which is no"),
     "mimic of itself": (ARM.replace('<limit lower="-1"', '<mimic joint="elbow"/><limit lower="-1"'), r"mimics itself"),
     "floating": (ARM.replace("revolute", "floating", 1), r"joint 'shoulder' is floating"),

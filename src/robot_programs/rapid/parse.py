@@ -293,7 +293,7 @@ class StatementParser(ExpressionParser):
         self._statements = 0
 
     def note(self, position: int, text: str) -> Problem:
-        """Note what cannot be understood.
+        """Record a statement that cannot be parsed.
 
         Raises:
             TooMuch: nothing of the file is, or hardly anything.

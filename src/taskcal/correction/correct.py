@@ -291,7 +291,7 @@ def diagnose(
 def _why_undivided(move: Move, *, starts: bool) -> str:
     """Why a line or an arc is corrected at its points alone; empty where it is divided."""
     if not starts:
-        return "begins where the text does not tell: corrected at its points, not looked at between them"
+        return "start point unknown: end points corrected, path between them not checked"
     if move.texts_motions > 1:
         return f"stands for {move.texts_motions} motions, so that it is not divided: corrected at its points alone"
     if not move.divisible:

@@ -58,7 +58,7 @@ class Region:
             if not (np.isfinite(low) and np.isfinite(high) and low <= high):
                 raise TaskcalError(f"a region goes from {low:g} to {high:g}; give the smaller number first")
         if min(self.steps) < 1:
-            raise TaskcalError(f"a region has {self.steps[0]} steps and {self.steps[1]} turns; give 1 or more of each")
+            raise TaskcalError(f"steps and turns must be at least 1, not {self.steps[0]} and {self.steps[1]}")
         if len(self.grid()) > MAX_PLACEMENTS:
             raise TaskcalError(
                 f"a region has {len(self.grid())} placements; give fewer steps, for {MAX_PLACEMENTS} at most"

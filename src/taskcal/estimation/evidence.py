@@ -50,7 +50,7 @@ class Linearised:
 
     @cached_property
     def marginal(self) -> Float[np.ndarray, "blocks b b"]:
-        """Q of every block."""
+        """Marginal precision matrix Q of every block."""
         return self.inverse - self.inverse @ self.prediction_covariance @ self.inverse
 
 

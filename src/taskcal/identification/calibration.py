@@ -561,7 +561,7 @@ class Calibration:
     model_error: tuple[float, ...]
     """Standard deviation of what geometry does not explain: metres per axis (and radians, for poses)."""
     joint_error: tuple[float, ...] = ()
-    """Standard deviation of how far every joint stands off at a single pose, radians (metres where it slides); empty where it
+    """Standard deviation of the pose-to-pose error of each joint, radians (metres where it slides); empty where it
     was not asked for."""
     prior_scale: float | None
     """Factor of the prior's standard deviations; None where there was no prior."""
@@ -842,9 +842,7 @@ class ObservationSection(Section):
         try:
             made = kind.of_description(self.options)
         except (KeyError, TypeError, ValueError) as error:
-            raise TaskcalError(
-                f"the options of its observation '{shown(self.kind)}' are none: {shown(error)}"
-            ) from error
+            raise TaskcalError(f"invalid options for observation '{shown(self.kind)}': {shown(error)}") from error
         if len(made.unknowns) != len(self.unknowns):
             raise TaskcalError(
                 f"its observation '{self.kind}' has {len(self.unknowns)} unknowns, where {len(made.unknowns)} belong"

@@ -2,7 +2,7 @@
 
 With all of them, each effect of each joint is as large as the data say, which may be nothing (`group_model`). Closed forms tell
 what each is worth: how far the log evidence would fall without it, and how far the error where rows were not fitted would
-rise. The model is kept only where it predicts rows that were not fitted better than the geometry alone, and where the log
+rise. The model is kept only where it predicts held-out rows better than the geometry alone, and where the log
 evidence is for it as much as for an effect that is called proven.
 """
 
@@ -191,7 +191,7 @@ class Explanation:
 
 GEOMETRY = "geometry"
 ASKED_FOR = "effects that were asked for"
-CHECK = "rows that were not fitted"
+CHECK = "held-out rows"
 
 
 def search_steps(model: ErrorModel, campaign: Campaign, search: EffectSearch) -> tuple[str, ...]:
@@ -433,7 +433,7 @@ def _find_all(selection: _Selection, trial: _Trial, search: EffectSearch) -> _Se
     gain, error = mean_over_rows(selection.errors - whole)
     after, before = one.calibration.log_evidence, selection.calibration.log_evidence
     for_it = gain > error if after is None or before is None else after - before > MIN_EVIDENCE_GAIN
-    reason = f"predicts rows that were not fitted {'' if gain > 0.0 else 'no '}better"
+    reason = f"predicts held-out rows {'' if gain > 0.0 else 'no '}better"
     if gain > 0.0 and not for_it:
         reason += ", but without the evidence for it"
     beside, own = _errors_of_neighbours(selection, trial, one, search)
@@ -490,7 +490,7 @@ def _worth(effect: Effect, one: GroupModelFound, *, enters: bool) -> Stage:
     fall = log_integrated(one.fitted.found) - log_integrated(one.fitted.found, groups)
     errors = one.errors.without[effect.name]
     worth, error = mean_over_rows(errors - one.errors.whole)
-    gained = f"log evidence falls by {fall:.1f} without it, {MIN_EVIDENCE_GAIN:g} is asked for"
+    gained = f"Δ log evidence {fall:.1f} (threshold {MIN_EVIDENCE_GAIN:g})"
     return Stage(
         name=effect.name,
         parameters=len(effect.term(one.calibration.model.robot).names),
@@ -498,7 +498,7 @@ def _worth(effect: Effect, one: GroupModelFound, *, enters: bool) -> Stage:
         cross_validated=mean_over_rows(errors)[0],
         standard_error=error,
         accepted=bool(enters and fall > MIN_EVIDENCE_GAIN and worth > error),
-        reason=gained if worth > error or fall <= MIN_EVIDENCE_GAIN else f"{gained}, but the error hardly rises",
+        reason=gained if worth > error or fall <= MIN_EVIDENCE_GAIN else f"{gained}; error increase not significant",
         worth=worth,
         among_others=True,
     )

@@ -131,7 +131,7 @@ GROUPINGS: tuple[Grouping, ...] = get_args(Grouping)
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class HeldOut:
-    """Errors of rows that were not fitted, in parts."""
+    """Errors of held-out rows, in parts."""
 
     by: Grouping | Literal["chosen"]
     """How the parts were made; ``chosen`` where the user named the rows to fit."""

@@ -178,7 +178,7 @@ def _without(campaign: Campaign, out: Int[np.ndarray, " k"]) -> Campaign:
 def _predict(
     fitted: Calibration, campaign: Campaign, out: Int[np.ndarray, " k"], nominal: Fit
 ) -> tuple[Float[np.ndarray, "k targets b"], Float[np.ndarray, "k targets b"]]:
-    """Residuals of rows that were not fitted, in the axes of the robot's base, and those that the nominal robot leaves.
+    """Residuals of held-out rows, in the axes of the robot's base, and those that the nominal robot leaves.
 
     Raises:
         CampaignError: nothing was measured in them.

@@ -33,7 +33,7 @@ class Hyperparameters:
     own: Float[np.ndarray, " p"] | None = None
     """Prior standard deviation of every parameter, where each effect of each joint has a size of its own."""
     joint_error: tuple[float, ...] = ()
-    """Standard deviation of how far every joint stands off at a single pose, radians (metres where it slides)."""
+    """Standard deviation of the pose-to-pose error of each joint, radians (metres where it slides)."""
 
     def __repr__(self) -> str:
         error = self.model_error

@@ -458,7 +458,7 @@ def _check_worth(fitted: FittedRows) -> None:
     """Refuse a fit from which nothing was learnt, and which called all that was measured error."""
     if fitted.unlearnt is not None:
         raise NothingLearntError(
-            f"nothing can be learnt from these rows: no parameter explains them, and {fitted.unlearnt * 1e3:.2f} mm per axis were "
+            f"no parameter is determined by these rows: none explains them, and {fitted.unlearnt * 1e3:.2f} mm per axis were "
             "taken for error. Some rows contradict the others: look for them with a robust loss (loss=Cauchy(), --loss cauchy), "
             "check joints and points, or compare with the nominal robot alone (keep=[], --keep none)"
         )

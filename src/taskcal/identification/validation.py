@@ -58,7 +58,8 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
         return validation
     remark = (
         f"the campaign is {off * 1e3:.0f} mm away from what the calibration predicts: if the tracker or the target was moved, "
-        "refit them (reregister); else units, joints or the robot are others, which taskcal doctor (in Python: diagnose) tells"
+        "rerun with --reregister; otherwise units, joint columns or robot model differ: "
+        "run 'taskcal doctor' (in Python: reregister=True, diagnose)"
     )
     return replace(validation, remarks=(remark,))
 
@@ -345,7 +346,7 @@ class Acceptance:
     limit: float
     """Metres."""
     of: Statistic
-    """What of the errors is held against the limit."""
+    """Error statistic compared with the limit."""
     value: float
     """As measured, metres."""
     least: float
@@ -408,7 +409,7 @@ def accept(examination: Examination, limit: float, of: Statistic = "max") -> Acc
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MeasuredErrors:
-    """Measured less predicted at the fitted rows, in the axes of the robot's base."""
+    """Residuals (measured − predicted) at fitted rows, base frame."""
 
     q: Float[np.ndarray, "n joints"]
     """Radians."""

@@ -96,7 +96,7 @@ class _Files:
         except OSError:
             return None
         if hashlib.sha256(content[32:]).digest() != content[:32]:
-            raise ValueError("it is not what was written")
+            raise ValueError("kernel cache entry is corrupt (checksum mismatch)")
         return pickle.loads(content[32:])  # noqa: S301 - Numba keeps kernels so, in the user's own cache folder
 
     def save(self, key: Any, data: Any) -> None:

@@ -19,7 +19,7 @@ MAX_JOINT_STEP = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """Where the tip of a chain shall be."""
+    """Goal pose of the chain's end."""
 
     T: Float[np.ndarray, "n 4 4"]
     """Poses of the tip in the chain's start."""

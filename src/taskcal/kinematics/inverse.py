@@ -303,7 +303,7 @@ def find_postures(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.nd
 
 
 def _best_first(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n joints"]:
-    """Postures by their margin, and of those that have the same by how near they are to the middle of the limits.
+    """Sort IK solutions by margin; break ties by distance to mid-range.
 
     A wrist and the same wrist turned over are often alike in their margin; what rounding does must not choose between them.
     """

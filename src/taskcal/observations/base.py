@@ -453,7 +453,7 @@ class Standalone(Observation):
 
     @abstractmethod
     def place(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Placed:
-        """Where target and unknowns are, from poses of the tool alone, in spite of a few rows that are wrong.
+        """Estimate target offset and unknowns from tool poses, robust to a few wrong rows.
 
         Raises:
             CampaignError: the rows do not tell.

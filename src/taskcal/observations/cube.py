@@ -211,7 +211,7 @@ class Cubes(Touching):
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """Those of every cube."""
+        """Return the unknowns of every cube."""
         return tuple(f"cube {size.name}.{c}" for size in self.sizes for c in OWN)
 
     @property

@@ -51,7 +51,7 @@ class Plan:
     random: Float[np.ndarray, " plans"]
     """The same for as many random poses of the task's own workspace, of several plans."""
     grid: float
-    """The same for as many poses spread evenly over the task's own workspace."""
+    """The same for as many space-filling poses over the task's own workspace."""
     by_count: Float[np.ndarray, " count"]
     """Expected error after the first 1, 2, … poses of the greedy start."""
     before: float
@@ -489,7 +489,7 @@ class PoseChoice:
         return np.array([self.judged.error(pool.q[pick], pool.visible[pick]) for pick in picks])
 
     def even_error(self, count: int) -> float:
-        """Expected error of as many poses spread evenly over the task, or over the fixtures and the postures they allow."""
+        """Expected error of as many space-filling poses over the task, or over the fixtures and the postures they allow."""
         pool = self._own_poses(3 * count, 0, count)
         pick = np.linspace(0, len(pool.q) - 1, min(count, len(pool.q))).astype(int)
         return self.judged.error(pool.q[pick], pool.visible[pick])

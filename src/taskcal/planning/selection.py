@@ -497,7 +497,7 @@ def _references(model: ErrorModel, by: Design, elimination: Identifiability) -> 
     return {name: (len(kept), by.expected_error(kept)) for name, kept in sets.items()}
 
 
-# What each part of a calibrated model is worth on rows that were not fitted: from the nominal robot to all
+# What each part of a calibrated model is worth on held-out rows: from the nominal robot to all
 # parameters.
 
 MIN_ROWS = 20
@@ -561,7 +561,7 @@ def _nested(calibration: Calibration) -> list[tuple[str, np.ndarray]]:
     turns = {f"{joint.name}.{'tz' if joint.kind == 'prismatic' else 'rz'}" for joint in robot.joints}
     zeros = np.array([i for i in estimated if model.names[i] in turns], dtype=int)
     whole = np.array([i for i in estimated if model.names[i] in geometry], dtype=int)
-    out = [("nominal robot, frames only", np.zeros(0, dtype=int))]
+    out = [("nominal (registered)", np.zeros(0, dtype=int))]
     if len(zeros):
         out.append(("joint zeros", zeros))
     if len(whole) > len(zeros):

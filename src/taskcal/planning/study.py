@@ -230,7 +230,7 @@ class VirtualRobots:
         return self.joint_error * rng.normal(size=q.shape) if self.joint_error.any() else np.zeros(q.shape)
 
 
-# What a calibrated robot is off once the work's frame and the tool point were taught with it.
+# Residual task error after teaching work frame and TCP with the calibrated robot.
 #
 # Without a tracker nobody knows where the robot's base stands, or asks; and what a camera sees says nothing of a
 # spindle beside it. Both are taught with the calibrated robot itself. What is left is the error of its shape, the

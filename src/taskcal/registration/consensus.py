@@ -70,7 +70,7 @@ class Consensus:
 
     @property
     def trimmed(self) -> float:
-        """Sum of squares of the trusted rows, m²."""
+        """Trimmed sum of squared residuals over the trusted rows, m²."""
         square = np.sort(self.distance[self.distance > 0.0] ** 2)
         return float(square[: int(np.ceil(TRUSTED_SHARE * len(square)))].sum())
 
@@ -252,7 +252,7 @@ def check_plausible(registration: Registration, model: ErrorModel, campaign: Cam
         and all(kind.touched for kind in campaign.observations)
     ):
         raise CampaignError(
-            f"{named_file(campaign)}by the nominal robot everything touches to {registration.rms * 1e9:.1g} nm, as no real one "
+            f"{named_file(campaign)}contacts agree with the nominal model to {registration.rms * 1e9:.1g} nm, as no real one "
             "lets it: these joints were computed, as a plan's are; write down what the controller shows where it touches"
         )
     reach = model.robot.reach
@@ -266,8 +266,8 @@ def check_plausible(registration: Registration, model: ErrorModel, campaign: Cam
             "or leave them out"
         )
     raise CampaignError(
-        f"{named_file(campaign)}these joints and points do not fit {model.robot.name}: after registration the nominal robot is off "
-        f"by {registration.rms * 1e3:.1f} mm rms, {registration.rms / reach:.1%} of its {reach:.2f} m of links. Likely causes: "
+        f"{named_file(campaign)}joint values and points are inconsistent with {model.robot.name}: registration residual "
+        f"{registration.rms * 1e3:.1f} mm rms ({registration.rms / reach:.1%} of the {reach:.2f} m link length). Likely causes: "
         "another robot or variant; joints in another order, with other signs or zero positions; degrees taken for radians; "
         'an axis coupling that the robot file lacks (angle = "-(J2 + J3)"); metres or inches for millimetres; rows of joints '
         "and points that do not belong together. 'taskcal doctor' (in Python: diagnose) tries these and says which"

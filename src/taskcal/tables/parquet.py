@@ -142,7 +142,11 @@ def _refuse_long(path: Path, name: str, column: Any) -> None:
     kept = [chunk.dictionary for chunk in column.chunks if hasattr(chunk, "dictionary")]
     longest = max((len(str(text)) for texts in kept for text in texts.to_pylist()), default=0)
     if longest * len(column) > MAX_TEXT_MB * 1e6:
-        raise FileError(path, f"has texts of up to {longest} characters in {len(column)} rows", column=shown(name))
+        raise FileError(
+            path,
+            f"text column too long ({longest} characters in {len(column)} rows); drop it or store it as numbers",
+            column=shown(name),
+        )
 
 
 def _texts(column: Any) -> list[str]:

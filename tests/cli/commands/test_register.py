@@ -71,7 +71,7 @@ def test_circles_of_a_campaign_without_sweeps_are_refused(run: Run, cell: Path, 
 def test_another_robot_is_refused(run: Run, swept: Path) -> None:
     ended = run("register", "--robot", "ur10", swept)
     assert ended.status == 1
-    assert "do not fit ur10" in ended.err
+    assert "inconsistent with ur10" in ended.err
 
 
 def test_a_registration_that_is_not_there_is_named(run: Run, swept: Path, tmp_path: Path) -> None:

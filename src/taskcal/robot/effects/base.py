@@ -354,7 +354,7 @@ class Effect:
         return bool(self.chosen(robot))
 
     def is_told(self, conditions: Conditions) -> bool:
-        """Whether a campaign under these conditions tells, in every row, what the effect needs and uses."""
+        """Return True if every row states all conditions the effect needs or uses."""
         values = [getattr(conditions, quantity) for quantity in (*self.needs, *self.uses)]
         return all(value is not None and bool(np.isfinite(value).all()) for value in values)
 
@@ -377,7 +377,7 @@ class Effect:
         return self
 
     def off_reference(self, count: int) -> Conditions | None:
-        """Conditions that are a standard deviation from what it takes poses for that tell nothing; None if nothing is meant.
+        """Return conditions one standard deviation from the default for poses without stated conditions; None if it has no default.
 
         Args:
             count: of poses.
@@ -385,7 +385,7 @@ class Effect:
         return None
 
     def under(self, load: Load) -> "Effect | None":
-        """The effect under another load; None where a load is nothing to it."""
+        """Return the effect for another load, or None if it does not depend on load."""
         return None
 
     def remarks(self, robot: Robot, estimates: Mapping[str, tuple[float, float]]) -> list[str]:

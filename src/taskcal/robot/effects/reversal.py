@@ -78,7 +78,7 @@ class Overshoot(DriveRest):
 
     key = "overshoot"
     label = "overshoot"
-    summary = "joints that keep a small rest of the last move, in proportion to the speed at which they came"
+    summary = "overshoot: residual joint error proportional to the speed at the end of the last move"
     uses = ("move",)
 
     def motion(self, conditions: Conditions) -> Float[np.ndarray, "n joints"] | None:
@@ -100,7 +100,7 @@ class Settling(DriveRest):
 
     key = "settling"
     label = "settling"
-    summary = "joints that keep a small rest of the last move, in proportion to its length"
+    summary = "settling: residual joint error proportional to the length of the last move"
     uses = ("move",)
     is_share: ClassVar[bool] = True
 

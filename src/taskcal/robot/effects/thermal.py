@@ -47,7 +47,7 @@ class ThermalExpansion(Effect, abstract=True):
 
     def rise(self, conditions: Conditions) -> Float[np.ndarray, " n"] | None:
         """Rise of each pose above the reference; NaN where unknown, None where nothing is known."""
-        raise TaskcalError(f"{type(self).__name__} does not say what it grows with")
+        raise TaskcalError(f"{type(self).__name__} must override rise()")
 
     def term(self, robot: Robot) -> LinearTerm:
         """Parameters ``thermal.expansion``, or ``J2.expansion`` …, metres per metre, and ``thermal.tx`` … of the base.

@@ -42,7 +42,7 @@ def describe_kinematics_yaml(path: str | Path, name: str | None = None) -> dict[
     joints: list[dict[str, Any]] = []
     for i, (link, joint) in enumerate(zip(LINKS, JOINTS, strict=True), start=1):
         if link not in places:
-            raise FileError(path, f"has no place of the link '{link}'; UR's kinematics have {', '.join(LINKS)}")
+            raise FileError(path, f"no entry for link '{link}'; UR's kinematics have {', '.join(LINKS)}")
         lacking = [key for key in PLACE if key not in places[link]]
         if lacking:
             raise FileError(path, f"has no {lacking[0]} of the link '{link}'")

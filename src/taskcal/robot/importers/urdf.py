@@ -109,7 +109,7 @@ def read_urdf_tree(path: Path) -> UrdfTree:
     """Links and joints of a URDF file, or of the URDF that a xacro file stands for.
 
     Raises:
-        FileError: it is not XML, not a URDF, its joints make no tree, or its macros fail.
+        FileError: it is not XML, not a URDF, its joints make no tree, or xacro macro expansion failed.
     """
     return _tree(path, _root(path))
 
@@ -159,7 +159,7 @@ def _joined(path: Path, name: str, links: list[str], joints: list[UrdfJoint]) ->
     roots = [link for link in links if link not in above]
     if len(roots) != 1:
         named = ", ".join(f"'{shown(link, 40)}'" for link in roots[:4]) or "none, its joints go round in a circle"
-        raise FileError(path, f"must have one link that hangs on no joint; it has {named}")
+        raise FileError(path, f"must have exactly one root link; found {named}")
     tree = UrdfTree(path=path, name=name, links=tuple(links), above=above)
     _see_a_tree(tree)
     _see_mimics(tree)

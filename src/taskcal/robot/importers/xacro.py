@@ -90,7 +90,7 @@ def expand_xacro(path: Path) -> bytes:
             "program, give --trust-xacro",
         )
     if done.returncode:
-        raise FileError(path, f"its macros fail: {shown(said[-1], 300)}")
+        raise FileError(path, f"xacro macro expansion failed: {shown(said[-1], 300)}")
     return done.stdout
 
 

@@ -92,7 +92,7 @@ def _errors(result: Mapping[str, Any], calibration: Calibration, texts: Texts) -
 
 
 def _tolerance(result: Mapping[str, Any], project: Project, texts: Texts) -> None:
-    """Whether rows that were not fitted keep the tolerance of the task."""
+    """Whether held-out rows keep the tolerance of the task."""
     task = project.choices.task
     if not task or result["held_out"] is None:
         return

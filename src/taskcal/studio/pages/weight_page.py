@@ -1,4 +1,4 @@
-"""What matters: which parameters move the tool over the task, and which its poses can tell apart, as the box is dragged."""
+"""Sensitivity: which parameters move the tool over the task, and which its poses can tell apart, as the box is dragged."""
 
 import asyncio
 from dataclasses import dataclass
@@ -98,7 +98,7 @@ async def build(studio: Studio, texts: Texts) -> None:
 
 
 class _Shown:
-    """What matters for the last place of the box; places that came and went meanwhile are passed over."""
+    """Sensitivity at the last place of the box; places that came and went meanwhile are passed over."""
 
     def __init__(self, model: ErrorModel, texts: Texts) -> None:
         self._model, self._texts = model, texts
