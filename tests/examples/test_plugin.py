@@ -1,5 +1,6 @@
 """A package of its own adds one thing of each kind, and no file of Taskcal's knows of it."""
 
+import csv
 import json
 import os
 import subprocess
@@ -184,6 +185,49 @@ assert {row["plate"] for row in rows} == {"1", "2", "3"} and all(0 <= float(r["h
     taskcal(run, "identify", "--robot", "arm.json", "heights.csv", "-o", "heights.json", "--force", "--json")
     told = json.loads(taskcal(run, "validate", "heights.json", "heights.csv", "--json"))
     assert told["mean_mm"] < 0.05, told
+
+
+PLANNED = {
+    "gauge": ({"height_mm", "plate"}, {"plate": {"1", "2", "3"}}),
+    "inclinometer": ({"tilt_x_deg", "tilt_y_deg"}, {}),
+}
+"""Columns that a plan adds to the joints, and what it fills in there."""
+
+
+@pytest.mark.parametrize("observe", PLANNED)
+def test_observation_of_a_package_is_planned(run: Run, observe: str) -> None:
+    """A kind without an instrument of its own is planned in the postures of its virtual cell."""
+    cell = ("--robot", "arm.json", "--task", "task.toml", "--observe", observe)
+    options = (*cell, "--count", "30", "--candidates", "90", "--force")
+    told = json.loads(taskcal(run, "plan", *options, "-o", "plan.csv", "--program", "plan.mod", "--json"))
+    assert told["observe"] == observe
+    assert told["expected_error_mm"] < told["before_mm"], told
+    rows = list(csv.DictReader(run("-c", "print(open('plan.csv').read())").splitlines()))
+    columns, filled = PLANNED[observe]
+    assert set(rows[0]) - {"id", *(f"J{k}_deg" for k in range(1, 7))} == columns
+    for column in columns:
+        assert {row[column] for row in rows} == filled.get(column, {""})
+
+
+def test_derivatives_of_the_inclinometer_are_those_of_its_predictions(run: Run) -> None:
+    code = """
+import numpy as np
+from taskcal.geometry import se3
+from taskcal.observations import Measured
+from taskcal_example.inclinometer import Inclinations
+rng, kind = np.random.default_rng(0), Inclinations()
+T = se3.pose(se3.exp(0.5 * rng.normal(size=(9, 3))), rng.normal(size=(9, 3)))
+g, blank, step = np.array([0.1, -0.2, 0.97]), kind.blank(9), 1e-6
+at = kind.differentiate(T, g, blank)
+def turned(w):
+    return kind.differentiate(se3.pose(se3.exp(w) @ T[:, :3, :3], T[:, :3, 3]), g, blank).residual
+for k, e in enumerate(step * np.eye(3)):
+    by_turn = (turned(-e) - turned(e)) / (2 * step)
+    by_g = (kind.differentiate(T, g - e, blank).residual - kind.differentiate(T, g + e, blank).residual) / (2 * step)
+    assert np.allclose(at.by_target[:, :, 3 + k], by_turn, atol=1e-8) and not at.by_target[:, :, :3].any()
+    assert np.allclose(at.by_unknown[:, :, k], by_g, atol=1e-8)
+"""
+    run("-c", code)
 
 
 @pytest.mark.parametrize("observe", ["inclinometer", "tracker+inclinometer", "socket+inclinometer"])

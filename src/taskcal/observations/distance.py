@@ -356,7 +356,6 @@ class WireInstrument(Instrument):
     """Anchors, and the wire's end on the tool."""
 
     directed: ClassVar[bool] = False
-    instructions: ClassVar[str] = "fill in d_mm in the plan's file, row by row; identify then reads it"
     rows_each: ClassVar[int] = FEWEST
     kind: ClassVar[type[Observation]] = Lengths
     shares: ClassVar[tuple[str, ...]] = ("wire_scale",)
@@ -397,6 +396,11 @@ class WireInstrument(Instrument):
         low, high = stated.get("shortest", SHORTEST), stated.get("longest", LONGEST)
         length = float(np.clip(FAR_SHARE * reach, low + (high - low) / 4, (low + high) / 2))
         return _anchors(p, pointing, length)
+
+    @property
+    def instructions(self) -> str:
+        """What is to be done with the file of a plan."""
+        return "fill in d_mm in the plan's file, row by row; identify then reads it"
 
     def faults(
         self, model: ErrorModel, q: Float[np.ndarray, "n joints"], of: Int[np.ndarray, " n"], links: Links

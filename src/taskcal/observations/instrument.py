@@ -160,10 +160,10 @@ class Instrument(ABC):
     """Options of a campaign that it takes, too, by their names: ``distances``, ``wire_scale``."""
     directed: ClassVar[bool] = True
     """Whether the direction of each fixture matters."""
-    instructions: ClassVar[str] = "fill in what is measured in the plan's file, row by row; identify then reads it"
-    """What is to be done with the file of a plan."""
     seated: ClassVar[str] = ""
     """Remark of a program at the posture that is measured, where it is approached."""
+    varies: ClassVar[bool] = False
+    """Whether poses near a measured one can be measured, so that a plan refines them."""
     rows_each: ClassVar[int] = 5
     """Rows that each fixture needs."""
     smooth_share: ClassVar[float] = 0.5
@@ -233,6 +233,16 @@ class Instrument(ABC):
     def label(self) -> str:
         """What a fixture is called, and the column that names it; empty where there are none."""
         return self.kind.label
+
+    @property
+    def instructions(self) -> str:
+        """What is to be done with the file of a plan."""
+        if self.kind.touched:
+            return (
+                "the rows name what is touched; the joints are those of the plan: before identifying, overwrite them by what the "
+                "controller shows where it touches"
+            )
+        return "fill in what is measured in the plan's file, row by row; identify then reads it"
 
     @property
     def count(self) -> int:
@@ -334,6 +344,18 @@ class Instrument(ABC):
                 f"it needs {self.rows_each}: try more candidates, move it, or allow more"
             )
         return measurable
+
+    def check(
+        self, model: ErrorModel, q: Float[np.ndarray, "n joints"], links: Links
+    ) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, "n targets"]]:
+        """Whether each pose can be measured, and what is seen there; none for an instrument that does not vary.
+
+        Args:
+            model: of the robot.
+            q: the poses, radians.
+            links: of the robot in each.
+        """
+        return np.zeros(len(q), dtype=bool), np.zeros((len(q), self.count), dtype=bool)
 
     def own_poses(
         self, model: ErrorModel, task: Task, measurable: Measurable, tried: int, seed: int, needed: int

@@ -300,9 +300,6 @@ TILT = np.radians(45.0)
 class CameraInstrument(Instrument):
     """Landmarks, and a camera on the tool that looks along its z axis."""
 
-    instructions: ClassVar[str] = (
-        "fill in what the camera measures in the plan's file, row by row; identify then reads it"
-    )
     kind: ClassVar[type[Observation]] = Landmarks
     settings: ClassVar[tuple[Setting, ...]] = (
         Setting(
@@ -351,6 +348,11 @@ class CameraInstrument(Instrument):
         """Before the tool."""
         low, high = stated.get("nearest", SIGHT_RANGE[0]), stated.get("farthest", SIGHT_RANGE[1])
         return _landmarks(p, pointing, 0.5 * (low + high))
+
+    @property
+    def instructions(self) -> str:
+        """What is to be done with the file of a plan."""
+        return "fill in what the camera measures in the plan's file, row by row; identify then reads it"
 
     def goals(
         self, model: ErrorModel, task: Task, fixture: int, u: Float[np.ndarray, "n 6"]

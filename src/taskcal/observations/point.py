@@ -183,6 +183,7 @@ class Tracker(Instrument):
 
     kind: ClassVar[type[Observation]] = Point
     smooth_share: ClassVar[float] = 1.0
+    varies: ClassVar[bool] = True
     station: Station | None = None
 
     @property

@@ -489,10 +489,6 @@ metres."""
 class SocketInstrument(Instrument):
     """Sockets, and a ball at the tip of the tool, whose stem runs along the tip's z axis."""
 
-    instructions: ClassVar[str] = (
-        "the rows name the sockets; the joints are those of the plan: before identifying, overwrite them by what the "
-        "controller shows with the ball seated"
-    )
     kind: ClassVar[type[Observation]] = Sockets
     shares: ClassVar[tuple[str, ...]] = ("distances",)
     seated: ClassVar[str] = "seated: read the joints"
@@ -540,6 +536,14 @@ class SocketInstrument(Instrument):
         elif distances is None:
             distances = block_distances() if fixtures is None else ()
         return replace(made, distances=distances)
+
+    @property
+    def instructions(self) -> str:
+        """What is to be done with the file of a plan."""
+        return (
+            "the rows name the sockets; the joints are those of the plan: before identifying, overwrite them by what the "
+            "controller shows with the ball seated"
+        )
 
     @property
     def obstacles(self) -> tuple[Box, ...]:

@@ -11,7 +11,7 @@ from taskcal.estimation.matrices import invert_scaled, pseudo_invert_scaled, squ
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.group_model import whiteners
-from taskcal.identification.layout import Layout
+from taskcal.identification.layout import UNOBSERVABLE_PRIOR, Layout
 from taskcal.identification.problem import problem_of, stated_rows, whitener
 from taskcal.observations import Observation, Point
 from taskcal.observations.base import TrackerNoise
@@ -307,8 +307,10 @@ def make_experiment(
         white=error * np.sqrt(1.0 - share),
         field=field,
     )
-    J_task, seen = task_rows(linear, goal), _any_seen(instrument, measurable.visible)
+    seen = _any_seen(instrument, measurable.visible)
     rows = np.concatenate([linear.rows(measurable.q[part], seen[part]) for part in _parts(len(measurable.q))])
+    linear = _hold_unseen_places(linear, rows)
+    J_task = task_rows(linear, goal)
     basis = span(rows.reshape(-1, rows.shape[2]), J_task)
     d, z = basis.shape[1], len(layout.names)
     known = np.zeros((len(basis), len(basis)))
@@ -321,6 +323,15 @@ def make_experiment(
         signal = _information_of(calibration, linear.deviations, basis) - np.eye(d)
     in_task = J_task @ basis
     return Experiment(linear=linear, basis=basis, prior=np.eye(d) + signal, signal=signal, task=in_task.T @ in_task)
+
+
+def _hold_unseen_places(linear: Linearisation, rows: Float[np.ndarray, "n b c"]) -> Linearisation:
+    """Hold a target where it is stated along axes of the tool of which no posture depends, as the fit does."""
+    places = np.concatenate(linear.layout.places)
+    unseen = places[~rows[:, :, places].any(axis=(0, 1))]
+    deviations = linear.deviations.copy()
+    deviations[unseen] = UNOBSERVABLE_PRIOR
+    return replace(linear, deviations=deviations)
 
 
 def _any_seen(instrument: Instrument, visible: Bool[np.ndarray, "n targets"]) -> Bool[np.ndarray, "n targets"]:

@@ -267,7 +267,7 @@ def refine(
     model: ErrorModel,
     experiment: Experiment,
     task: Task,
-    tracker: Tracker,
+    instrument: Instrument,
     q: Float[np.ndarray, "count joints"],
     visible: Bool[np.ndarray, "count targets"],
     *,
@@ -280,7 +280,7 @@ def refine(
         model: the model.
         experiment: of the plan.
         task: whose enlarged workspace the poses stay in.
-        tracker: of the plan.
+        instrument: of the plan, one that varies.
         q: the poses, radians.
         visible: which reflectors are seen at each.
         scale: standard deviation of the variations, radians or metres.
@@ -294,7 +294,7 @@ def refine(
     assert room is not None
     ok[ok] = room.contains(model.poses(moved[ok]))
     sees = np.zeros((len(moved), visible.shape[1]), dtype=bool)
-    able, seen = tracker.check(model, moved[ok], place_links(model, moved[ok]))
+    able, seen = instrument.check(model, moved[ok], place_links(model, moved[ok]))
     ok[np.flatnonzero(ok)] = able
     sees[ok] = seen[able]
     rows = np.zeros((len(moved), experiment.rows(q[:1], visible[:1]).shape[1], experiment.basis.shape[1]))
@@ -453,14 +453,16 @@ class PoseChoice:
     def _refined(
         self, q: Float[np.ndarray, "count joints"], visible: Bool[np.ndarray, "count targets"]
     ) -> tuple[Float[np.ndarray, "count joints"], Bool[np.ndarray, "count targets"]]:
-        """A tracker's poses after some rounds of refinement; as they are, where the poses or another criterion are given."""
-        options, tracker = self.options, self.options.instrument
-        if not isinstance(tracker, Tracker) or options.criterion != "task" or not isinstance(options.candidates, int):
+        """The poses after some rounds of refinement; as they are, where the poses or another criterion are given."""
+        options = self.options
+        if not options.instrument.varies or options.criterion != "task" or not isinstance(options.candidates, int):
             return q, visible
         for round_ in range(options.refine):
             options.progress(f"refining, round {round_ + 1}")
             scale, seed = 0.12 / (1 + round_), options.seed + round_
-            q, visible = refine(self.model, self.weighing, self.task, tracker, q, visible, scale=scale, seed=seed)
+            q, visible = refine(
+                self.model, self.weighing, self.task, options.instrument, q, visible, scale=scale, seed=seed
+            )
         return q, visible
 
     def _order(
