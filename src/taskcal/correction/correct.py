@@ -466,10 +466,6 @@ class RewrittenProgram:
     origin: tuple[tuple[int, float, float], ...]
     """For each of its motions, the one it comes from and the shares of that one's length where it begins and ends."""
 
-    def near(self, trajectory: ControllerTrajectory) -> Float[np.ndarray, "m joints"]:
-        """Approximate joints at the end of each motion, radians: those of the given motion that it comes from."""
-        return trajectory.end[[number for number, _, _ in self.origin]]
-
 
 def rewrite_program(
     given: Program,
@@ -502,7 +498,10 @@ def rewrite_program(
         again = program.reread(sources)
     else:
         first = given.moves[0]
-        sources = (compose_new_program(Path(into), robot, _with_frames_of(given, program), waypoints, trajectory),)
+        # the new program counts its targets in the frames as they were read
+        pairs = zip(program.moves, given.moves, strict=True)
+        framed = replace(program, moves=tuple(replace(move, tool=read.tool, part=read.part) for move, read in pairs))
+        sources = (compose_new_program(Path(into), robot, framed, waypoints, trajectory),)
         declares = language_of(Path(into)).declares_frames
         tool, part = (None, None) if declares else (first.tool, first.part)
         again = parse_program(sources, robot=robot, tool=tool, part=part)
@@ -532,14 +531,6 @@ def _wanted_poses(
             end = wanted.end.T if isinstance(wanted, Move) else wanted.T
             poses.append([end] if wanted.via is None else [wanted.via.T, end])
     return poses
-
-
-def _with_frames_of(given: Program, program: Program) -> Program:
-    """A program with the frames as they were read, for a new program that counts them as that one did."""
-    moves = tuple(
-        replace(move, tool=read.tool, part=read.part) for move, read in zip(program.moves, given.moves, strict=True)
-    )
-    return replace(program, moves=moves)
 
 
 def _origins(m: int, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[tuple[int, float, float], ...]:
@@ -585,7 +576,9 @@ def correct(
     expect_kinds({"calibration": Calibration, "program": Program}, calibration=calibration, program=program)
     expect_kinds({"cell": Cell | None, "bounds": Bounds | None}, cell=cell, bounds=bounds)
     cell, bounds, robot = cell or Cell(), bounds or Bounds(), calibration.model.robot
-    _require_motion(program)
+    if not program.moves:
+        why = "".join(f"; {diagnostic}" for diagnostic in program.diagnostics[:MAX_REASONS])
+        raise TaskcalError(f"{program.sources[0].path} has no motion that could be resolved{why}")
     progress("the joints of the nominal robot")
     given, mounted = program, mount(program, cell)
     program = with_spins(mounted.program, robot)
@@ -612,7 +605,8 @@ def correct(
         given, program, robot, cell, waypoints, trajectory, into=into, tolerance=subdivision.tolerance
     )
     written_moves, written = rewritten.program.moves, np.isin(np.arange(len(moves)), list(waypoints))
-    new_trajectory = simulate_controller(robot, written_moves, rewritten.refused, rewritten.near(trajectory))
+    near = trajectory.end[[number for number, _, _ in rewritten.origin]]
+    new_trajectory = simulate_controller(robot, written_moves, rewritten.refused, near)
     motion = joint_motion(robot, written_moves, new_trajectory)
     path = RoundedPath(segments=wanted, corners=trajectory.corners)
     before, after = assess(placed, path, trajectory), assess(placed, path, new_trajectory, rewritten.origin)
@@ -658,14 +652,3 @@ def _tolerances(variances: Float[np.ndarray, "m sources"]) -> tuple[float, float
     known = variances[np.isfinite(variances).all(axis=1)]
     rms = float(np.sqrt(known.sum(axis=1).mean())) if len(known) else 0.0
     return max(TOLERANCE, SHARE_OF_UNCERTAINTY * rms), rms
-
-
-def _require_motion(program: Program) -> None:
-    """See that a program has anything to correct.
-
-    Raises:
-        TaskcalError: none of its motions could be resolved; the message says why.
-    """
-    if not program.moves:
-        why = "".join(f"; {diagnostic}" for diagnostic in program.diagnostics[:MAX_REASONS])
-        raise TaskcalError(f"{program.sources[0].path} has no motion that could be resolved{why}")
