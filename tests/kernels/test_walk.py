@@ -99,7 +99,7 @@ def test_joint_side_pairs_add_up_in_the_column_they_share(case, rng):
     factor = rng.normal(size=(n, 2 * joints))
     layout = Columns(frames=np.full((len(case.e), 6), -1), joint=joint, column=column, count=3)
     J = walk.columns(case.chain, case.s, case.e, layout, factor, angular=True)
-    alone = walk.columns(case.chain, case.s, case.e, Columns.of_joints(case.chain), np.ones((n, joints)), angular=True)
+    alone = walk.columns(case.chain, case.s, case.e, case.chain.joint_columns, np.ones((n, joints)), angular=True)
     expected = np.zeros((n, 6, 3))
     for k in range(2 * joints):
         expected[:, :, column[k]] += factor[:, None, k] * alone[:, :, joint[k]]
@@ -147,7 +147,7 @@ def test_many_poses_on_threads_equal_few_poses_at_a_time(rng):
     ],
 )
 def test_room_of_another_kind_is_refused(out):
-    layout = Columns.of_joints(Chain.of([Joint(), Joint()]))
+    layout = Chain.of([Joint(), Joint()]).joint_columns
     with pytest.raises(ValueError, match=r"contiguous array of \(5, 3, 2\) doubles"):
         walk.allocate_columns(layout, 5, angular=False, out=out)
 

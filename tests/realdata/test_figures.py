@@ -12,8 +12,8 @@ from tests.realdata.figures import MAKERS
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 CLAIMS = importlib.import_module("claims").claims()
 
-LONG = {"named_effects", "all_effects"}
-"""Makers that take minutes; what effects leave on fewer splits is held to bounds by the tests of effects and conditions."""
+LONG = {"named_effects", "sockets", "all_effects"}
+"""Makers that take minutes; tests of effects, conditions and sockets hold to bounds what they make, on fewer splits."""
 
 
 def fits(made: str, said: str) -> bool:

@@ -29,7 +29,6 @@ from taskcal.kernels.points import (
     propagate_points,
     weigh,
 )
-from taskcal.kernels.walk import Columns
 from taskcal.observations import Differential, Measured, Observation, Point, Pose, block_size
 from taskcal.observations.base import TrackerNoise
 from taskcal.robot.conditions import Conditions
@@ -264,7 +263,7 @@ def joint_columns(
     at: Walked, point: Float[np.ndarray, " 3"] | None = None, *, angular: bool = True
 ) -> Float[np.ndarray, "n rows coordinates"]:
     """Derivative of a point on the tool, its origin by default, by the coordinates of the chain."""
-    columns = Columns.of_joints(at.chain)
+    columns = at.chain.joint_columns
     return walk.columns(at.chain, at.s, at.e, columns, np.ones_like(at.s), angular=angular, point=point)
 
 

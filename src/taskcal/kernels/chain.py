@@ -70,6 +70,12 @@ class Chain:
         """For the compiled passes."""
         return Steps(self.kind, self.index, self.fixed)
 
+    @cached_property
+    def joint_columns(self) -> "Columns":
+        """One column for each joint, none for error frames."""
+        joints = np.arange(self.joints)
+        return Columns(frames=np.full((self.frames, 6), -1), joint=joints, column=joints, count=self.joints)
+
     @classmethod
     def of(cls, steps: Sequence[Step]) -> "Chain":
         """Build the arrays; neighbouring fixed parts become one, identities none."""
@@ -145,9 +151,3 @@ class Columns:
     def fills(self) -> bool:
         """Whether every column belongs to something."""
         return int(np.count_nonzero(self.frames >= 0)) + len(np.unique(self.column)) == self.count
-
-    @classmethod
-    def of_joints(cls, chain: Chain) -> "Columns":
-        """One column for each joint of the chain, none for error frames."""
-        joints = np.arange(chain.joints)
-        return cls(frames=np.full((chain.frames, 6), -1), joint=joints, column=joints, count=chain.joints)

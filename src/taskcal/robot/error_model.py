@@ -368,7 +368,7 @@ class ErrorModel:
     ) -> Float[np.ndarray, "n 6 joints"]:
         """Derivative of the tool pose with respect to the controller's joints: rows vx vy vz wx wy wz in base axes."""
         at = self.walk(q, x)
-        layout = walk.Columns.of_joints(self.chain)
+        layout = self.chain.joint_columns
         ones = np.ones((len(at.s), self.chain.joints))
         by_coordinate = walk.columns(self.chain, at.s, at.e, layout, ones, angular=True)
         return by_coordinate @ self.slope(at.slopes)

@@ -126,7 +126,7 @@ class LoadPath:
         self, chain: Chain, point: Float[np.ndarray, " 3"] | None, *, angular: bool
     ) -> Float[np.ndarray, "n rows joints"]:
         own = np.ascontiguousarray(self.coordinates[:, : chain.joints])
-        layout = walk.Columns.of_joints(chain)
+        layout = chain.joint_columns
         return walk.columns(chain, own, np.zeros((0, 6)), layout, np.ones_like(own), angular=angular, point=point)
 
 
