@@ -4,6 +4,8 @@ The wheel is built from a source distribution and installed into an environment 
 environment, so that no network is needed; the installation of the sources, which lies there too, is not seen from the other.
 """
 
+import json
+import os
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -27,13 +29,16 @@ def install(folder: Path, wheel: Path) -> Path:
 
 
 def check(programs: Path, wheel: Path) -> None:
-    """See that the environment runs the wheel, and that all say the same version."""
+    """See that the environment runs the wheel, that all say the same version, and that the demonstration needs no other program."""
     place, version = run(
         [str(programs / "python"), "-c", "import taskcal; print(taskcal.__file__, taskcal.__version__, sep='\\n')"]
     ).split("\n")
     assert Path(place).is_relative_to(programs.parent), place
     assert wheel.name.split("-")[1] == version
     assert run([str(programs / "taskcal"), "--version"]) == f"taskcal {version}"
+    no_others = {**os.environ, "PATH": str(programs)}  # no git, no make, no compiler
+    said = run([str(programs / "taskcal"), "demo", "--count", "30", "--json"], programs.parent, **no_others)
+    assert (programs.parent / json.loads(said)["files"]["page"]).is_file()
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -39,7 +39,7 @@ def problem_about(model, campaign, seed, *, fixed=False):
 
 
 def assert_same_equations(found, expected, tolerance):
-    """Costs, and gradients and informations by the size of their columns."""
+    """Costs, gradients and information matrices by the size of their columns."""
     size = np.sqrt(np.diag(expected[2]) + 1e-300)
     np.testing.assert_allclose(found[0], expected[0], rtol=tolerance)
     np.testing.assert_allclose(

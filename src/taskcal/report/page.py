@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Literal
 
 from markupsafe import Markup
 
@@ -176,8 +176,6 @@ def run_browser(page: Path, arguments: Sequence[str]) -> str:
 # Figures of a report as files of their own: PNG, SVG or PDF.
 
 FigureFormat = Literal["png", "svg", "pdf"]
-
-FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
 
 _DRAWN = re.compile(r'<pre id="figure-files">(.*?)</pre>', re.DOTALL)
 
