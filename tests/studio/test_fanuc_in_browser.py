@@ -68,7 +68,7 @@ def test_the_whole_road_on_the_fanuc(chromium: Any, tmp_path: Path, data_folder:
         page.locator("input[type=file]").set_input_files({"name": "wrong.csv", "mimeType": "", "buffer": wrong})
         page.get_by_role("button", name="Check data").click()
         page.get_by_role("cell", name="Joint sign reversed (joint-sign)").wait_for(timeout=300_000)
-        page.get_by_role("button", name="Mend it").click()
+        page.get_by_role("button", name="Apply the fixes").click()
         page.get_by_label("File", exact=True).locator("option[selected]", has_text="wrong-mended").wait_for(
             state="attached", timeout=300_000
         )

@@ -72,7 +72,7 @@ def test_mistakes_are_found_and_mended_with_a_click(chromium: Any, example: tupl
         assert f"{said['error_before_mm']:.2f}" in text_of(page)
         assert said["fix"] in text_of(page)
         tab.picture("mistakes")
-        page.get_by_role("button", name="Mend it").click()
+        page.get_by_role("button", name="Apply the fixes").click()
         page.get_by_label("File", exact=True).locator("option[selected]", has_text="wrong-mended").wait_for(
             state="attached", timeout=300_000
         )
