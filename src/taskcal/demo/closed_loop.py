@@ -29,7 +29,7 @@ from taskcal.correction.correction import TOLERANCE, Bounds, Correction, Deviati
 from taskcal.correction.frames import Placed, Placement, fit_points, wanted_segments
 from taskcal.correction.path import RoundedPath
 from taskcal.demo.milling import ROWS, Milling, milling_program, with_part_frames
-from taskcal.demo.procedure import reference_task
+from taskcal.demo.procedure import reference_task, rms
 from taskcal.demo.true_robot import Sizes, TrueRobot, draw_true_robot
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
@@ -385,11 +385,6 @@ def largest_errors(runs: Sequence[LoopRun]) -> dict[str, Float[np.ndarray, " run
     """The largest error of every robot in each line of `LINES`, and the ``stated`` radius of 95 % at the worst target, metres."""
     largest = {line: np.array([errors_by_line(run)[line].length.max() for run in runs]) for line in LINES}
     return {**largest, "stated": np.array([RADIUS_95 * stated_errors(run).max() for run in runs])}
-
-
-def rms(values: Float[np.ndarray, " k"]) -> float:
-    """Root mean square."""
-    return float(np.sqrt((values**2).mean()))
 
 
 def stated_errors(run: LoopRun) -> Float[np.ndarray, " k"]:

@@ -107,6 +107,11 @@ class Errors:
     per_axis: tuple[float, float, float]
 
 
+def rms(values: Float[np.ndarray, " k"]) -> float:
+    """Root mean square."""
+    return float(np.sqrt((values**2).mean()))
+
+
 def errors_in_base(in_tracker: Float[np.ndarray, "n 3"], calibration: Calibration) -> Errors:
     """The size of errors, along the robot's base axes.
 

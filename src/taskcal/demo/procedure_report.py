@@ -22,6 +22,7 @@ from taskcal.demo.procedure import (
     Predictions,
     Procedure,
     frame_error,
+    rms,
 )
 from taskcal.reading.writer import campaign_text
 from taskcal.report.calibration import draw_parameters, draw_residuals
@@ -606,11 +607,6 @@ def _fit_label(p: Predictions) -> str:
 
 
 # Numbers as the demonstration's page says them.
-
-
-def rms(values: Float[np.ndarray, " n"]) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def length_text(metres: float) -> str:

@@ -23,14 +23,14 @@ def pose_performance_page(performance: CyclePerformance, source: str, *, version
     summary = performance.summary()
     sections = [
         Section(title="Summary", blocks=(Numbers(_worst_of_poses(performance)), Text((_MEANING,)))),
-        Section(title="Poses", blocks=(*_pose_charts(performance), _tabulate("Every pose", summary["poses"]))),
+        Section(title="Poses", blocks=(*_pose_charts(performance), tabulate_results("Every pose", summary["poses"]))),
     ]
     for key, title, words in (
         ("directions", "Directions of approach", "Distance between the means of several directions (7.2.3)."),
         ("distances", "Distances", "Accuracy and repeatability of the distance between two poses (7.3)."),
     ):
         if summary[key]:
-            table = _tabulate(f"All {title.lower()}", summary[key])
+            table = tabulate_results(f"All {title.lower()}", summary[key])
             sections.append(Section(title=title, blocks=(Text((words,)), table)))
     return _page("Performance of poses", sections, source, version)
 
@@ -64,7 +64,7 @@ def path_performance_page(performance: PathPerformance, source: str, *, version:
     )
     sections = [
         Section(title="Summary", blocks=(Numbers(tuple(items)), Text((_MEANING,)))),
-        Section(title="Along the path", blocks=(along, _tabulate("The path", [performance.summary()]))),
+        Section(title="Along the path", blocks=(along, tabulate_results("The path", [performance.summary()]))),
     ]
     return _page("Performance along a path", sections, source, version)
 
@@ -130,7 +130,8 @@ def _pose_charts(performance: CyclePerformance) -> list[Block]:
     ]
 
 
-def _tabulate(title: str, results: Sequence[Mapping[str, Any]]) -> Table:
+def tabulate_results(title: str, results: Sequence[Mapping[str, Any]]) -> Table:
+    """Tabulate summaries of poses, directions, distances or paths, a row for each."""
     keys = [key for key in dict.fromkeys(key for result in results for key in result) if key != "left_out"]
     values = {key: [result[key] for result in results if key in result] for key in keys}
     forms = {key: _form(column) for key, column in values.items()}

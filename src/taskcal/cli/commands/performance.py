@@ -1,6 +1,6 @@
 """``taskcal performance``: accuracy and repeatability of measured poses and paths, after ISO 9283."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -8,7 +8,7 @@ import typer
 
 from taskcal.cli.options.common import argument, option, split_names
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import info, show_table
+from taskcal.cli.output import info, show
 
 if TYPE_CHECKING:
     from taskcal.report.page import Page
@@ -53,7 +53,11 @@ def command(
     outputs.write(files)
     if files:
         info(f"wrote {page.in_words(files)}")
-    page.give(result, lambda: [_show(f"{title} of {measured}", rows) for title, rows in tables.items() if rows])
+    from taskcal.report.performance import tabulate_results
+
+    page.give(
+        result, lambda: [show(tabulate_results(f"{name} of {measured}", rows)) for name, rows in tables.items() if rows]
+    )
 
 
 def _pair(text: str) -> tuple[str, str]:
@@ -109,13 +113,3 @@ def _ask_for_cycles(what: str, cycles: int, wanted: int) -> None:
         info(f"{what} measured once has an accuracy but no repeatability; ISO 9283 requires {wanted} cycles")
     elif cycles < wanted:
         info(f"ISO 9283 requires {wanted} cycles of {what}; there are {cycles}")
-
-
-def _show(title: str, results: Sequence[Mapping[str, Any]]) -> None:
-    columns = [key for key in dict.fromkeys(key for result in results for key in result) if key != "left_out"]
-    rows = [[_text(result[key]) if key in result else "" for key in columns] for result in results]
-    show_table(title, [key.replace("_mm", " mm").replace("_deg", " °") for key in columns], rows)
-
-
-def _text(value: float | int | str) -> str:
-    return f"{value:.3f}" if isinstance(value, float) else str(value)
