@@ -1,7 +1,10 @@
 """Smaller ones of the files of `python -m tests.readers.oversized`."""
 
+from contextlib import suppress
+
 import pytest
 
+from taskcal.errors import TaskcalError
 from taskcal.io.text_file import MAX_FILE_MB
 from tests.readers.oversized import (
     KINDS,
@@ -64,7 +67,8 @@ def test_campaigns_are_read_in_little_memory(tmp_path):
     path = tmp_path / "file.csv"
     # what is loaded once is no part of what a file costs
     path.write_bytes(KINDS["campaign"].files()[0][1])
-    KINDS["campaign"].read(path)
+    with suppress(TaskcalError):
+        KINDS["campaign"].read(path)
     for wrong, write in campaigns(CAMPAIGN_MB * 1_000_000):
         outcome = check("campaign", path, write)
         assert sound(outcome, path), (wrong, outcome)

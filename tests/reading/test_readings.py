@@ -1,6 +1,6 @@
 """Files that hold joints, points or both, in the forms that instruments write."""
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from taskcal.errors import TaskcalError
@@ -10,7 +10,6 @@ from tests.reading.measured_files import NAMED, ROBOT
 text = st.text(st.sampled_from("0123456789.,;:-+eE \t\n\"'#/[]()xyzqJA_m°dégrnai="), max_size=200)
 
 
-@settings(max_examples=300)
 @given(text, st.booleans())
 def test_any_text_is_read_or_refused_with_its_name(tmp_path_factory, content, headed):
     path = tmp_path_factory.mktemp("fuzz") / "any.csv"
@@ -25,7 +24,6 @@ def test_any_text_is_read_or_refused_with_its_name(tmp_path_factory, content, he
 WHOLE = (NAMED.replace(" ", ";") + ";x_mm;y_mm;z_mm\n" + "10,5;20;-30;1;2;3;1000,25;-200;50\n" * 6).encode("utf-16")
 
 
-@settings(max_examples=300)
 @given(st.integers(0, len(WHOLE) - 1), st.binary(max_size=12), st.integers(0, 20))
 def test_damaged_bytes_are_read_or_refused(tmp_path_factory, at, noise, dropped):
     path = tmp_path_factory.mktemp("fuzz") / "any.csv"

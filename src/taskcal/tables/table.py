@@ -81,10 +81,19 @@ class Cells(Sequence[Row]):
     @overload
     def __getitem__(self, index: slice | np.ndarray) -> "Cells": ...
     def __getitem__(self, index: int | slice | np.ndarray) -> "Row | Cells":
-        if isinstance(index, slice | np.ndarray):
-            begins, widths = self.begins[index], self.widths[index]
-            at = np.repeat(begins - np.cumsum(widths) + widths, widths) + np.arange(widths.sum())
-            return Cells(self.cells[at], widths)
+        """A row, or those of a slice or a mask, in their order."""
+        if isinstance(index, np.ndarray):
+            return Cells(self.cells[np.repeat(index, self.widths)], self.widths[index])
+        if isinstance(index, slice):
+            begin, end, step = index.indices(len(self))
+            if step != 1:
+                chosen = np.zeros(len(self), dtype=bool)
+                chosen[index] = True
+                return self[chosen]
+            rows = slice(begin, max(begin, end))
+            first, cells = self.begins[rows], self.widths[rows].sum()
+            start = int(first[0]) if len(first) else 0
+            return Cells(self.cells[start : start + int(cells)], self.widths[rows])
         return tuple(self.cells[self.begins[index] : self.ends[index]].tolist())
 
     def column(self, k: int) -> np.ndarray:
@@ -193,7 +202,7 @@ class Table:
         return replace(self, notes=(*self.notes, *notes))
 
     def take(self, rows: slice | np.ndarray) -> "Table":
-        """Some of the rows: a slice, a mask or numbers."""
+        """Some of the rows: a slice or a mask."""
         return replace(self, rows=self.cells[rows], lines=np.asarray(self.lines, dtype=np.int64)[rows])
 
     def texts(self, column: str) -> list[str]:
