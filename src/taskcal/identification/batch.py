@@ -42,7 +42,7 @@ from taskcal.kernels.lanes import LANES
 from taskcal.kernels.points import allocate_points
 from taskcal.kernels.products import allocate_products
 from taskcal.observations.base import UNMEASURED
-from taskcal.registration.consensus import agrees_throughout, check_targets
+from taskcal.registration.consensus import agrees_throughout, check_targets, find_consensus
 from taskcal.registration.registration import Cloud, Registration, register_cloud, serves
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
@@ -199,7 +199,10 @@ def _register(
         check_targets(registration, campaign, options.target_within)
     except CampaignError:
         return None
-    return registration if serve and agrees_throughout(registration, cloud) else None
+    if serve and agrees_throughout(registration, cloud):
+        return registration
+    consensus = find_consensus(model, campaign, poses)
+    return consensus.registration if consensus.of_all else None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -181,7 +181,8 @@ def _settle(model: ErrorModel, campaign: Campaign, cloud: Cloud, rows: Int[np.nd
 def agrees_throughout(registration: Registration, cloud: Cloud) -> bool:
     """Whether every point is so near to where the registration of all of them has it that none can be found wrong.
 
-    A wrong point pulls a registration towards itself; half the distance up to which rows agree leaves room for that.
+    A wrong point pulls a registration towards itself, and its residual falls by its leverage: four fifths of the distance up to
+    which rows agree leave room for a leverage of a fifth.
     """
     distance = np.linalg.norm(
         cloud.residual(
@@ -191,7 +192,7 @@ def agrees_throughout(registration: Registration, cloud: Cloud) -> bool:
         ),
         axis=1,
     )
-    return bool(distance.max() <= 0.5 * max(FAR_SIGMAS * float(np.median(distance)), TRACKER_NOISE))
+    return bool(distance.max() <= 0.8 * max(FAR_SIGMAS * float(np.median(distance)), TRACKER_NOISE))
 
 
 def _distances(registration: Registration, cloud: Cloud, rows: int, model: ErrorModel) -> Float[np.ndarray, " n"]:
