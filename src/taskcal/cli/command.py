@@ -46,7 +46,7 @@ def in_users_words(message: str, names: Sequence[str], arguments: Sequence[str])
 
 
 def _typed(names: Sequence[str], arguments: Sequence[str]) -> str | None:
-    """What was typed as the value of an option, the last time."""
+    """Return the text last typed as the value of an option."""
     for k in range(len(arguments) - 1, -1, -1):
         name, equals, value = arguments[k].partition("=")
         if name in names:

@@ -75,7 +75,7 @@ def line_width() -> int:
 
 
 def started_as() -> str:
-    """How to call the command line again: as it was called, or by its bare name where the shell finds it."""
+    """Name the command line as it was called, or by its bare name where the shell finds it."""
     name = Path(sys.argv[0]).stem if sys.argv and sys.argv[0] else ""
     if name != "taskcal":
         return "taskcal"

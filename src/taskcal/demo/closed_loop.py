@@ -295,7 +295,7 @@ def _find_or_load(folder: Path, model: ErrorModel, campaign: Campaign) -> Calibr
 
 
 def _expected_model(robot: Robot) -> ErrorModel:
-    """What the measuring poses are planned for."""
+    """Model for which the measuring poses are planned."""
     return ErrorModel(robot) + Compliance() + Harmonics()
 
 
@@ -315,7 +315,7 @@ def _measure(
 
 
 def _true_placements(loop: ClosedLoop) -> dict[tuple[str, str], Placement]:
-    """Where the cutters and parts truly are: where the controller has them, in the true base and on the true spindle."""
+    """True poses of cutters and parts: the controller's, in the true base and on the true spindle."""
     into_tool = se3.inverse(loop.robot.T_flange_tool)
     out: dict[tuple[str, str], Placement] = {}
     for move in loop.program.moves:

@@ -177,7 +177,7 @@ def closed_loop_files(folder: Path) -> dict[str, Path]:
 def closed_loop_contents(
     loop: ClosedLoop, runs: Sequence[LoopRun], files: Mapping[str, Path], *, next_steps: str
 ) -> dict[Path, str | bytes]:
-    """What is to be written in each.
+    """Content of each file to be written.
 
     Args:
         loop: what the robots have in common.

@@ -45,7 +45,7 @@ def sweep_motors(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.nda
 
 
 def frame_error(found: Float[np.ndarray, "4 4"], true: Float[np.ndarray, "4 4"]) -> tuple[float, float]:
-    """How far a frame is off, metres, and by how much it is turned, radians."""
+    """Position error of a frame, metres, and its rotation error, radians."""
     off = se3.inverse(true) @ found
     return float(np.linalg.norm(off[:3, 3])), float(np.linalg.norm(se3.log(off[None, :3, :3])))
 

@@ -223,7 +223,7 @@ def _tolerance(parameter: Parameter) -> str:
 
 
 def tabulate_counts(procedure: Procedure) -> Table:
-    """How many parameters the publication keeps, and how many can be told apart."""
+    """Tabulate the numbers of published and of identifiable parameters."""
     elimination = procedure.elimination
     total = len(procedure.model)
     published = [row.published for row in elimination.rows]
@@ -253,7 +253,7 @@ def tabulate_counts(procedure: Procedure) -> Table:
 
 
 def tabulate_relations(procedure: Procedure) -> Table:
-    """Those of the published reduced model that repeat others, and what they repeat."""
+    """Tabulate the parameters of the published reduced model that depend on others, with their relations."""
     kept = set(published_kept(procedure.model))
     sets = list(procedure.elimination.eliminations)
     rows = [
@@ -331,7 +331,7 @@ def tabulate_registration(procedure: Procedure) -> Table:
 
 
 def tabulate_residuals(procedure: Procedure) -> Table:
-    """What each model leaves of the measurements that it was fitted to."""
+    """Tabulate the fit residuals of each model."""
     groups = tuple(
         (
             f"measured in {campaign}",
@@ -629,7 +629,7 @@ def um(metres: float) -> str:
 
 
 def identification_section(procedure: Procedure) -> Section:
-    """What was fitted, and what each model leaves of the measurements."""
+    """Section of the identification: fitted parameters and fit residuals of each model."""
     panels = {
         label: {f.model: f.calibration for f in procedure.fits if f.campaign == label} for label in procedure.campaigns
     }
@@ -823,7 +823,7 @@ def procedure_html(procedure: Procedure, *, next_steps: str, version: str) -> st
 
 
 def summary_points(procedure: Procedure) -> tuple[str, ...]:
-    """What to remember, with the numbers of this run."""
+    """Points of the summary, with the numbers of this run."""
     kept = len(published_kept(procedure.model))
     one, several = (procedure.fit(label, "all") for label in (ONE, SEVERAL))
     reduced = procedure.fit(ONE, "identifiable")

@@ -257,7 +257,7 @@ WIDTHS, SHARES = (2e-4, 1e-3, 5e-3), (0.5, 0.3, 0.2)
 
 
 def lost_motion(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n joints"]:
-    """How far through its lost motion each drive is, from −1 to 1, at joint positions reached one after another.
+    """Position of each drive within its lost motion, from −1 to 1, at joint positions reached one after another.
 
     Play operators of several widths, side by side (Prandtl and Ishlinskii); at the first position every drive is in the
     middle. Where only the direction counts, this is its sign.
@@ -310,7 +310,7 @@ class UnevenExpansion(ThermalExpansion, abstract=True):
         return replace(term, given=given)
 
     def rise(self, conditions: Conditions) -> Float[np.ndarray, " n"] | None:
-        """Of a robot that is warm throughout."""
+        """Temperature rise of a robot that is warm throughout."""
         return None if conditions.time is None else np.ones(len(conditions.time))
 
 
@@ -358,7 +358,7 @@ class TrueRobot:
     x: Float[np.ndarray, " p"]
 
     def measured(self, q: Float[np.ndarray, "n joints"]) -> Conditions:
-        """Of poses that are measured one after another: how far each drive is through its lost motion, and the time."""
+        """State of poses measured one after another: position of each drive within its lost motion, and the time."""
         return self._reached(q, MEASURED_FROM, MEASURED_UNTIL)
 
     def milled(

@@ -72,7 +72,7 @@ def score_model_error(at: Linearised, components: slice, weights: Float[np.ndarr
 
 
 def least_curvature(at: Linearised, components: slice, weights: Float[np.ndarray, " blocks"]) -> float:
-    """What tr QGQG is at least, correlations of all blocks included: (tr QG)² over the numbers that are left to judge u by.
+    """Lower bound of tr QGQG, correlations of all blocks included: (tr QG)² over the numbers that are left to judge u by.
 
     Of few blocks it is more than what they have each by itself: a step by theirs goes too far by the share of the numbers that
     the parameters take up. How they share them among components of two kinds is not known, and there none are taken off.

@@ -175,7 +175,7 @@ class _State:
         return -np.array([getattr(observability(row, poses), self.criterion) for row in s])
 
     def gains(self, among: Int[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-        """How much each of some candidates would improve the criterion, or D for a criterion of the spectrum."""
+        """Gain of each candidate in the criterion, or in D for a criterion of the spectrum."""
         rows = self.candidates.rows[among]
         flat = rows.reshape(-1, rows.shape[2])
         U = flat @ self.C
@@ -197,7 +197,7 @@ class _State:
     def pooled(
         self, pool: Int[np.ndarray, " k"], free: Bool[np.ndarray, " n"], chosen: list[int], left: int
     ) -> Int[np.ndarray, " j"]:
-        """Of a pool those that are free and may come next, or all such where the pool has none."""
+        """Free candidates of a pool that may come next; all free ones where the pool has none."""
         allowed = free & self.candidates.allowed(chosen, left)
         among = pool[allowed[pool]]
         return among if len(among) else np.flatnonzero(allowed)

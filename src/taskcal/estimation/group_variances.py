@@ -126,7 +126,7 @@ class Reduced:
         return out
 
     def covariance(self, spread: Float[np.ndarray, "grouped m"]) -> Float[np.ndarray, "p p"]:
-        """Of all parameters, from B of the grouped ones, whose covariance is B·Bᵀ: a sum of squares, negative nowhere."""
+        """Covariance of all parameters, from B of the grouped ones' covariance B·Bᵀ: a sum of squares, negative nowhere."""
         f, whole = self.groups.ungrouped, np.zeros((len(self.groups.group), spread.shape[1]))
         whole[self.groups.grouped], whole[f] = spread, -self.back @ spread
         out = whole @ whole.T
@@ -171,7 +171,7 @@ class Evidence:
         return self.reduced.H - V.T @ V
 
     def mean(self, own: Int[np.ndarray, " grouped"]) -> Float[np.ndarray, " grouped"]:
-        """Of the grouped parameters."""
+        """Mean of the grouped parameters."""
         return np.exp(self.log_variances)[own] * self.g
 
     @cached_property

@@ -138,7 +138,7 @@ R = TypeVar("R")
 
 @cache
 def _controller() -> ThreadpoolController:
-    """Of the libraries that are loaded; SciPy brings a BLAS of its own, which would be loaded later and keep its threads."""
+    """Thread controller of the loaded libraries; SciPy's own BLAS would be loaded later and keep its threads."""
     import_module("scipy.linalg")
     return ThreadpoolController()
 

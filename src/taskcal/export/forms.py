@@ -178,7 +178,7 @@ class CalibratedChain:
 
 
 def moved(kind: JointKind, value: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 4 4"]:
-    """What joints do at some values, radians or metres."""
+    """Motions of the joints at some values, radians or metres."""
     T = np.tile(np.eye(4), (len(value), 1, 1))
     if kind == "prismatic":
         T[:, 2, 3] = value

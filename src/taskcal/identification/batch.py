@@ -83,7 +83,7 @@ class Estimate:
     def predict(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
     ) -> Float[np.ndarray, "n targets 3"]:
-        """Where the target will be in the tracker frame, metres; arguments as of `Calibration.predict`."""
+        """Predict the target in the tracker frame, metres; arguments as in `Calibration.predict`."""
         base, targets = self.layout.frames(self.z)
         T = base @ self.tool_in_base(q, conditions)
         return np.stack([se3.apply(T, target[:3, 3]) for target in targets], axis=1)
@@ -168,7 +168,7 @@ def _is_small(model: ErrorModel, campaign: Campaign) -> bool:
 
 
 def _fit_alike(model: ErrorModel, campaigns: Sequence[Campaign], options: FitOptions) -> list[Estimate | None]:
-    """Of campaigns with as many rows each."""
+    """Fit campaigns that have as many rows each."""
     q = np.stack([one.q for one in campaigns])
     try:
         T = model.poses(q.reshape(-1, q.shape[2])).reshape(*q.shape[:2], 4, 4)
@@ -317,7 +317,7 @@ class _Fitting:
         return not tells_nothing(found.standard_errors, tolerances, found.prior_scale, likeliest, found.model_error[0])
 
     def estimate(self, i: int) -> Estimate:
-        """Of one robot."""
+        """Estimate of one robot."""
         state = self.state
         return Estimate(
             layout=self.layouts[i],
@@ -329,7 +329,7 @@ class _Fitting:
 
 
 def _model(layout: Layout, options: FitOptions) -> Model:
-    """What the robots have in common, as the compiled pass takes it."""
+    """Model that the robots have in common, as the compiled pass takes it."""
     model, prior = layout.model, prior_of(layout, options.prior)
     # the tracker's frame is never the identity here, which a chain would leave out
     moved = replace(layout.registration, T_tracker_base=se3.translation(1.0, 1.0, 1.0))

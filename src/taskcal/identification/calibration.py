@@ -175,7 +175,7 @@ def _describe_held_out(held_out: "HeldOut") -> dict[str, Any]:
 
 
 def _describe_observations(calibration: "Calibration") -> list[dict[str, Any]]:
-    """How each target was observed; none where a tracker measured all."""
+    """Describe the kind of observation of each target; none where a tracker measured all."""
     layout = calibration.layout
     if layout.tracked:
         return []
@@ -292,7 +292,7 @@ def summarise_calibration(calibration: "Calibration") -> dict[str, Any]:
 
 
 def list_unknowns(calibration: "Calibration") -> list[dict[str, Any]]:
-    """What stands where a tracker did not measure all: sockets, anchors …, each number with its standard error.
+    """List the unknowns of the observations (sockets, anchors …), each number with its standard error.
 
     Millimetres, milliradians, or parts per million, as the keys say; directions as they are.
     """
@@ -393,7 +393,7 @@ def residuals_on(
 
 
 def observed_kinds(calibration: "Calibration", campaign: Campaign) -> tuple[Observation, ...]:
-    """How each target of a campaign was observed; of a measured pose only the point where the calibration knows no rotation."""
+    """Kind of observation of each target of a campaign; a pose's point alone where the calibration knows no rotation."""
     one = Pose() if campaign.rotations is not None and calibration.layout.pose else Point()
     return campaign.observations or (one,) * len(campaign.targets)
 
@@ -401,7 +401,7 @@ def observed_kinds(calibration: "Calibration", campaign: Campaign) -> tuple[Obse
 def unknowns_of(
     calibration: "Calibration", campaign: Campaign, *, settled: bool = False
 ) -> tuple[Float[np.ndarray, " _"], ...]:
-    """What each kind does not know, from the calibration, or from the campaign's own rows where the calibration cannot tell.
+    """Unknowns of each kind, from the calibration, or from the campaign's own rows where the calibration has none.
 
     Args:
         calibration: of these targets.
@@ -494,7 +494,7 @@ def _derivative(
     conditions: Conditions,
     columns: Float[np.ndarray, "k targets b coordinates"],
 ) -> Float[np.ndarray, "k targets b p"]:
-    """Of the targets, by the parameters of terms under conditions."""
+    """Derivative of the targets by the parameters of terms under conditions."""
     parts: list[np.ndarray] = []
     for term in terms:
         factor = term.prepare(q, conditions)
@@ -649,7 +649,7 @@ class Calibration:
     def predict(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
     ) -> Float[np.ndarray, "n targets 3"] | Float[np.ndarray, "n 4 4"]:
-        """Where the targets will be in the tracker frame: points (n, targets, 3), metres, or poses (n, 4, 4).
+        """Predict the targets in the tracker frame: points (n, targets, 3), metres, or poses (n, 4, 4).
 
         Args:
             q: joint positions, radians.
@@ -894,7 +894,7 @@ class HeldOutSection(Section):
     nominal: list[list[list[Finite | None]]]
 
     def held_out(self, targets: int, width: int, kinds: tuple[type[Observation], ...]) -> HeldOut:
-        """What it describes, of targets that were observed so.
+        """Held-out errors that it describes, of targets with these observations.
 
         Raises:
             TaskcalError: the parts do not belong together.

@@ -195,7 +195,7 @@ def _measured(first: Calibration, second: Calibration) -> Float[np.ndarray, "n j
 
 
 def _frame_columns(R: Float[np.ndarray, "n 3 3"], points: Float[np.ndarray, "n points 3"]) -> Float[np.ndarray, "m f"]:
-    """What a small motion of the base, and a small offset of every point on the tool, does to the points."""
+    """Derivative of the points by a small motion of the base and a small offset of every point on the tool."""
     n, k = points.shape[:2]
     columns = np.zeros((n, k, 3, 6 + 3 * k))
     columns[..., :6] = se3.by_twist(points)
@@ -233,7 +233,7 @@ def _spread(calibration: Calibration, q: np.ndarray, tips: np.ndarray, basis: np
 
 
 def _chance(residual: Float[np.ndarray, " m"], spread: Float[np.ndarray, "m z"]) -> float:
-    """That normal errors of this spread are as far from zero."""
+    """Probability of normal errors of this spread as far from zero."""
     U, s, _ = np.linalg.svd(spread, full_matrices=False)
     known = s > 1e-6 * s.max(initial=0.0)
     if not known.any():

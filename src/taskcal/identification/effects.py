@@ -163,7 +163,7 @@ class Explanation:
 
     @property
     def worths(self) -> tuple[Stage, ...]:
-        """What each effect is worth among all others that were fitted with it, the most first."""
+        """Contribution of each effect among all others that were fitted with it, the largest first."""
         return tuple(stage for stage in self.stages if stage.among_others)
 
     def __repr__(self) -> str:
@@ -195,7 +195,7 @@ CHECK = "held-out rows"
 
 
 def search_steps(model: ErrorModel, campaign: Campaign, search: EffectSearch) -> tuple[str, ...]:
-    """What `select_effects` tells its `progress` one after another; it may pass over some.
+    """Steps that `select_effects` reports to its `progress` one after another; it may pass over some.
 
     Args:
         model: as given to `select_effects`.
@@ -485,7 +485,7 @@ def _shortly(refusal: TaskcalError) -> str:
 
 
 def _worth(effect: Effect, one: GroupModelFound, *, enters: bool) -> Stage:
-    """What the model would lose without an effect."""
+    """Loss of the model without an effect."""
     groups = one.fitted.group_model.of_effect(effect.name)
     fall = log_integrated(one.fitted.found) - log_integrated(one.fitted.found, groups)
     errors = one.errors.without[effect.name]

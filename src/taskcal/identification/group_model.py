@@ -81,7 +81,7 @@ class PoseNoise:
         return parts + [c[:, :, None] * c[:, None, :] for c in columns]
 
     def covariance(self, at: Linearisation, noise: Float[np.ndarray, "n targets b b"]) -> Float[np.ndarray, "n m m"]:
-        """Of every pose; the identity where nothing was seen."""
+        """Covariance of every pose; the identity where nothing was seen."""
         n, targets, b = noise.shape[:3]
         R = np.zeros((n, targets * b, targets * b))
         for t in range(targets):
@@ -125,7 +125,7 @@ def score_noise(
 
 
 def weigh(square: Float[np.ndarray, " n"], numbers: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """What a pose counts whose error has this squared length in units of its covariance, made up of so many numbers.
+    """Weight of a pose whose error has this squared length in units of its covariance, made up of so many numbers.
 
     Errors of real robots have longer tails than normal ones: each pose's covariance is divided by a weight of its own, drawn
     from a gamma distribution of mean 1, so that errors are t-distributed with `FREEDOM` degrees of freedom (Lange, Little and
@@ -210,7 +210,7 @@ class GroupModel:
 
     @cached_property
     def groups(self) -> Groups:
-        """As the equations take them."""
+        """Groups, as the equations take them."""
         location, spread = np.zeros(len(self.labels)), expected_spread(self.labels)
         if self.geometry_factor is not None:
             own = [i for i, label in enumerate(self.labels) if label.effect == GEOMETRY]
@@ -391,14 +391,14 @@ def _fit_once(
 
 
 def _stated(one: GroupModel, z: Float[np.ndarray, " z"]) -> tuple[Float[np.ndarray, "k z"], Float[np.ndarray, " k"]]:
-    """What is known beside the measurements, as rows like theirs."""
+    """Stated knowledge beside the measurements, as rows like theirs."""
     known = stated_rows(one.problem.layout, z, one.problem.seen.kinds)
     A = known.by_entry * one.scale
     return A, known.residual + A @ ((z - one.problem.layout.start()) / one.scale)
 
 
 def _by_loss(at: Linearisation, W: np.ndarray, problem: Problem, options: FitOptions) -> Float[np.ndarray, "n m"]:
-    """How much each number counts under the loss: by the root mean square of its target's whitened residuals."""
+    """Weight of each number under the loss: by the root mean square of its target's whitened residuals."""
     white = np.einsum("nij,nj->ni", W, at.residual)
     n, targets = problem.seen.valid.shape
     by_target = np.sqrt((white.reshape(n, targets, -1) ** 2).mean(axis=2))
@@ -411,7 +411,7 @@ def sampled_poses(n: int) -> Int[np.ndarray, " k"]:
 
 
 def spread_to_all(values: Float[np.ndarray, " k"], n: int) -> Float[np.ndarray, " n"]:
-    """What is known of the poses that stand for all; of the others, among so many, the mean."""
+    """Values of the sampled poses; for the others, among so many, the mean."""
     out = np.full(n, values.mean())
     out[sampled_poses(n)] = values
     return out

@@ -146,7 +146,7 @@ def _considered(fitted: GroupFit, S: Float[np.ndarray, "z z"]) -> Float[np.ndarr
 
 
 def _remarks(fitted: GroupFit, z: Float[np.ndarray, " z"], S: Float[np.ndarray, "z z"]) -> tuple[str, ...]:
-    """What is unusual about the effects' estimates."""
+    """List the unusual estimates of the effects."""
     model = fitted.group_model.problem.layout.model
     deviation = np.sqrt(np.maximum(np.diag(S), 0.0))
     estimates = {

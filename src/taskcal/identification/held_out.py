@@ -170,7 +170,7 @@ class HeldOut:
 
     @property
     def standard_error(self) -> float:
-        """Of the mean error over all rows, from how much the parts differ, metres; NaN with a single part."""
+        """Standard error of the mean error over all rows, from the scatter of the parts, metres; NaN with a single part."""
         sums, counts = self._by_part()
         parts, total = int((counts > 0).sum()), counts.sum()
         if parts < 2:
@@ -186,7 +186,7 @@ class HeldOut:
         return sums, np.bincount(self.part, weights=seen.sum(axis=1)).astype(int)
 
     def summary(self) -> dict[str, Any]:
-        """How the rows were held out, and how much the parts differ, in millimetres."""
+        """Summary of the hold-out and of the scatter of its parts, in millimetres."""
         means = self.part_means * 1e3
         return {
             "by": self.by,
@@ -350,7 +350,7 @@ def studentise(
 def _squared_lengths(
     residual: Float[np.ndarray, "k b"], own: Float[np.ndarray, "k b b"], floor: Float[np.ndarray, " k"]
 ) -> Float[np.ndarray, " k"]:
-    """Of residuals in units of their own covariances; directions whose variance is below the floor do not count.
+    """Squared lengths of residuals in units of their own covariances; directions whose variance is below the floor do not count.
 
     The fit follows those entirely: they have no residual to judge.
     """

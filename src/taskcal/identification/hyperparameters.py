@@ -44,7 +44,7 @@ class Hyperparameters:
     def of_deviations(
         cls, model_error: Sequence[float], prior_scale: float | None = None, origin: str = "as given"
     ) -> "Hyperparameters":
-        """From standard deviations.
+        """Make it from standard deviations.
 
         Args:
             model_error: per axis, metres, and radians for poses.
@@ -119,12 +119,12 @@ class Fitted:
 
     @property
     def prediction_covariance(self) -> Float[np.ndarray, "n targets b b"]:
-        """Of what is predicted."""
+        """Covariance of the predictions."""
         return self._propagated[1]
 
     @cached_property
     def weights(self) -> Float[np.ndarray, "n targets"]:
-        """Of the loss."""
+        """Weights of the loss."""
         if isinstance(self.loss, Squared):
             return np.ones(self.problem.seen.valid.shape)
         white = (self.white @ np.nan_to_num(self.residual)[..., None])[..., 0]
@@ -144,7 +144,7 @@ class Fitted:
 
     @property
     def parameters(self) -> Linearised:
-        """What is said of the parameters, without the blocks."""
+        """Hyperparameters of the parameters, without the blocks."""
         k, b = len(self.prior.sizes), self.covariance.shape[-1]
         prior = self.prior.parameters or GaussianPrior.of_deviations(self.prior.sizes)
         return Linearised(
@@ -321,7 +321,7 @@ def fit_with_hyperparameters(problem: Problem, prior: PriorOfEstimate, options: 
 def _beginning(
     problem: Problem, prior: PriorOfEstimate, options: FitOptions, sought: _Sought
 ) -> tuple[Float[np.ndarray, " z"], Hyperparameters]:
-    """Where the search begins: the nominal robot; of very many rows, what some of them come to."""
+    """Start of the search: the nominal robot; for very many rows, the result of a sample of them."""
     if len(problem.q) > SAMPLED_FROM and sought.linear and (sought.error or sought.scale):
         some = np.sort(np.random.default_rng(0).choice(len(problem.q), size=SAMPLE, replace=False))
         fitted = fit_with_hyperparameters(problem.take(some), prior, options)
@@ -484,7 +484,7 @@ def spread_out(values: Float[np.ndarray, "..."], some: Layout, whole: Layout) ->
 
 
 def _entries(some: Layout, whole: Layout) -> Int[np.ndarray, " k"]:
-    """Where the entries of a layout stand in that of all parameters."""
+    """Positions of a layout's entries in that of all parameters."""
     return np.concatenate([some.kept, np.arange(len(whole.kept), len(whole.names))])
 
 

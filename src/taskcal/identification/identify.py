@@ -174,7 +174,7 @@ def _said(left_out: tuple[LeftOut, ...], names: list[str], seen: int) -> str:
 def _judge(
     calibration: Calibration, campaign: Campaign, fitted: Bool[np.ndarray, " n"], noise: TrackerNoise | None
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """How far the farthest target of each row that was left out is off, metres, and in its standard deviations; else zero."""
+    """Distance of the farthest target of each row left out, metres, and in its standard deviations; else zero."""
     distance, length = np.zeros(len(campaign)), np.zeros(len(campaign))
     rest = np.flatnonzero(campaign.seen & ~fitted)
     if len(rest):
@@ -187,7 +187,7 @@ def _judge(
 def farthest_targets(
     calibration: Calibration, campaign: Campaign, noise: TrackerNoise | None
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """How far the farthest target of each row is off its prediction, metres, and in standard deviations."""
+    """Distance of the farthest target of each row from its prediction, metres, and in standard deviations."""
     residual = np.nan_to_num(calibration.residuals_on(campaign))
     covariance = covariance_on(calibration, campaign) + campaign.covariances(noise)
     square = np.einsum("nti,nti->nt", residual, np.linalg.solve(covariance, residual[..., None])[..., 0])
@@ -502,7 +502,7 @@ def _measured_numbers(campaign: Campaign, width: int) -> int:
 
 
 def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign, has_prior: bool) -> tuple[str, ...]:
-    """What is unusual about a fit, in words."""
+    """List what is unusual about a fit, in words."""
     out: list[str] = []
     layout, unknowns = outcome.layout, len(fit.solution.z)
     scale = outcome.hyper.prior_scale

@@ -103,7 +103,7 @@ class Layout:
 
     @cached_property
     def chain(self) -> Chain:
-        """From the measuring frame to the tool."""
+        """Chain from the measuring frame to the tool."""
         return Chain.of([Fixed(self.registration.T_tracker_base), ErrorFrame(), *self.model.steps])
 
     @cached_property
@@ -200,7 +200,7 @@ def layout_of(
     fixed: bool,
     aligned: bool = False,
 ) -> Layout:
-    """How the estimate of a campaign is laid out.
+    """Lay out the estimate of a campaign.
 
     Args:
         model: the model.
@@ -250,7 +250,7 @@ class PriorOfEstimate:
         return np.concatenate([self.sizes, np.full(len(self.frames), FRAME_SIZE)])
 
     def precision(self, factor: float) -> Float[np.ndarray, "z z"]:
-        """Of a whole estimate z, frames included."""
+        """Precision of a whole estimate z, frames included."""
         k, out = len(self.sizes), np.zeros((len(self.start),) * 2)
         if self.parameters is not None:
             out[:k, :k] = self.parameters.precision / factor
@@ -258,7 +258,7 @@ class PriorOfEstimate:
         return out
 
     def covariance(self, factor: float) -> Float[np.ndarray, "z z"]:
-        """Of a whole estimate z, where there is a prior of every parameter."""
+        """Covariance of a whole estimate z, where there is a prior of every parameter."""
         k, out = len(self.sizes), np.zeros((len(self.start),) * 2)
         if self.parameters is not None:
             out[:k, :k] = factor * self.parameters.covariance
@@ -267,7 +267,7 @@ class PriorOfEstimate:
 
     @property
     def mean(self) -> Float[np.ndarray, " z"]:
-        """Of a whole estimate z."""
+        """Mean of a whole estimate z."""
         out = self.start.copy()
         out[: len(self.sizes)] = 0.0 if self.parameters is None else self.parameters.mean
         return out

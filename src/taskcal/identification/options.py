@@ -130,7 +130,7 @@ class FitOptions:
         return self if self.keep is None else replace(self, keep=(*self.keep, *names))
 
     def described(self, model: ErrorModel, campaign: Campaign) -> dict[str, Any]:
-        """What they were for a model and a campaign, as a file can hold it."""
+        """Describe the options for a model and a campaign, as a file can hold them."""
         kept = range(len(model)) if self.keep is None else model.indices(self.keep)
         loss = {"kind": type(self.loss).__name__.lower()}
         model_error = list(self.model_error) if isinstance(self.model_error, tuple) else self.model_error

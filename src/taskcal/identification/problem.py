@@ -56,7 +56,7 @@ class Seen:
 
     @classmethod
     def of(cls, campaign: Campaign, layout: Layout) -> "Seen":
-        """What a campaign measured of a layout's targets."""
+        """Make the measurements of a campaign of a layout's targets."""
         return cls(
             position=np.ascontiguousarray(campaign.points),
             rotation=campaign.rotations,
@@ -276,7 +276,7 @@ class StatedRows(NamedTuple):
 
 
 def stated_rows(layout: Layout, z: Float[np.ndarray, " z"], kinds: tuple[Observation, ...]) -> StatedRows:
-    """What the kinds know of their own unknowns, such as distances of sockets."""
+    """Rows of what the kinds know of their own unknowns, such as distances of sockets."""
     parts = [StatedRows(np.zeros(0), np.zeros((0, len(z))))]
     for kind, unknown, own in zip(kinds, layout.unknowns(z), layout.own, strict=True):
         known = kind.stated(unknown)
@@ -314,7 +314,7 @@ class Problem:
 
     @cached_property
     def _joint_side(self) -> tuple[np.ndarray, np.ndarray]:
-        """Where no entry of z moves the joint side: it is evaluated once."""
+        """Joint side where no entry of z moves it: it is evaluated once."""
         model, given = self.layout.model, self.layout.given
         at = model.walk(self.q, given, self.layout.parameter_columns, None if given is None else self._prepared)
         return at.s, at.factor
@@ -397,7 +397,7 @@ class Problem:
     def information(
         self, z: Float[np.ndarray, " z"], whitener: Float[np.ndarray, "n targets b b"]
     ) -> Float[np.ndarray, "z z"]:
-        """Of the estimate, by the measurements and by what is stated."""
+        """Information of the estimate, from the measurements and from what is stated."""
         return self.equations(whitener, SQUARED, 1.0)(z)[2]
 
 

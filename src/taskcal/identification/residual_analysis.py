@@ -137,7 +137,7 @@ def _of_time(campaign: Campaign) -> Iterator[Regressor]:
 
 
 def _of_distance(calibration: Calibration, point: Float[np.ndarray, "n 3"]) -> Regressor:
-    """From the tracker, which stands in the origin of its frame."""
+    """Distance from the tracker, which stands in the origin of its frame."""
     beam = point - se3.inverse(calibration.T_tracker_base)[:3, 3]
     distance = np.linalg.norm(beam, axis=1, keepdims=True)
     return Regressor(
@@ -314,7 +314,7 @@ def _carried(basis: Float[np.ndarray, "n k"], regressor: Regressor) -> Float[np.
 
 
 def _size(regressor: Regressor) -> float:
-    """Of the movement, so that a ridge treats all quantities alike."""
+    """Size of the movement, so that a ridge treats all quantities alike."""
     return float(np.sqrt((regressor.carrier**2).sum(axis=1).mean()))
 
 

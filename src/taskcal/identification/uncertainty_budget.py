@@ -68,7 +68,7 @@ def budget_at(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> Unc
 
 
 def budget_of_parts(parts: Iterable[tuple[str, Evaluation, float]]) -> UncertaintyBudget:
-    """Of mean squares in space, metres²; those of next to nothing are left out."""
+    """Make the budget of mean squares in 3D, metres²; negligible parts are left out."""
     return UncertaintyBudget(
         contributions=tuple(
             Contribution(source=source, evaluation=kind, deviation=float(np.sqrt(square)))

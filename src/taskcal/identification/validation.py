@@ -75,7 +75,7 @@ def _compared(calibration: Calibration, campaign: Campaign) -> tuple[Compared, .
 
 
 def errors_on(calibration: Calibration, campaign: Campaign) -> Float[np.ndarray, "n targets b"]:
-    """What a validation judges: measured less predicted in the tracker's frame.
+    """Residuals that a validation judges: measured less predicted in the tracker's frame.
 
     Without a tracker, what stands (sockets, anchors …) is where the calibrated robot finds it in this campaign.
 
@@ -220,7 +220,7 @@ class Examination:
         return out
 
     def summary(self) -> dict[str, Any]:
-        """What `Validation.summary` says, the share inside the stated regions, the outliers, and every point."""
+        """Summary: that of `Validation.summary`, the coverage of the stated regions, the outliers, and every point."""
         compared = [
             {"name": one.name, "stated_mm": one.stated * 1e3, "found_mm": one.found * 1e3}
             for one in self.validation.compared

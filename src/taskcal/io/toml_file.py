@@ -38,12 +38,12 @@ class _Stop(NamedTuple):
 
     @property
     def value(self) -> str:
-        """What stands behind the first equals sign of the line, up to where the parser stopped and beyond."""
+        """Value after the first equals sign of the line, up to where the parser stopped and beyond."""
         return (self.before + self.behind).partition("=")[2].strip()
 
     @property
     def key(self) -> str:
-        """What stands before the equals sign, or the line where it has none."""
+        """Key before the equals sign, or the line where it has none."""
         return (self.before + self.behind).partition("=")[0].strip()
 
 

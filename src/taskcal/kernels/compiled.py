@@ -16,12 +16,12 @@ class Kernel:
         self._function, self._kept, self._options = function, kept, options
 
     def __call__(self, *arguments: Any) -> Any:
-        """What the compiled function returns."""
+        """Call the compiled function."""
         return self.dispatcher(*arguments)
 
     @cached_property
     def dispatcher(self) -> Any:
-        """What Numba makes of the function."""
+        """Numba's dispatcher of the function."""
         import numba
 
         njit: Any = numba.njit

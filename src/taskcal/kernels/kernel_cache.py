@@ -55,7 +55,7 @@ class _Implementation(caching.CompileResultCacheImpl):
     _locator_classes = [_Locator]  # noqa: RUF012 - Numba reads it
 
     def reduce(self, data: Any) -> Any:
-        """What is kept of a compiled kernel.
+        """Reduce a compiled kernel to what is stored.
 
         The functions of Numba that it calls have environments, for objects of Python that none of them has; kept as they are,
         each would import the module that it comes from, SciPy among them.
@@ -81,12 +81,12 @@ class _Files:
         self._base, self._stamp = implementation.filename_base, implementation.locator.get_source_stamp()
 
     def path(self, key: Any) -> Path:
-        """Where the machine code of a signature, on a processor, lies."""
+        """Path of the machine code of a signature on a processor."""
         digest = hashlib.sha256(repr((key, self._stamp)).encode()).hexdigest()[:16]
         return self._folder / f"{self._base}.{digest}.nbc"
 
     def load(self, key: Any) -> Any:
-        """What was saved; None where nothing is.
+        """Load a saved kernel; None where there is none.
 
         Raises:
             ValueError: it is damaged.

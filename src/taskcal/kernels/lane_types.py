@@ -49,7 +49,7 @@ class Lanes(types.Type):
         return Conversion.safe if isinstance(other, types.Float | types.Integer | types.IntegerLiteral) else None
 
     def unify(self, typingctx: Any, other: Any) -> Any:
-        """What begins as a number may go on as lanes."""
+        """Unify with a number: a variable that begins as a number may go on as SIMD vectors."""
         return self if isinstance(other, types.Float) else None
 
 
@@ -153,7 +153,7 @@ def _as_lanes(array: Any) -> Any:
 
 
 def _address(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
-    """Of a register's worth of a flat array."""
+    """Address of a register's worth of a flat array."""
     data = make_array(kind)(context, builder, array).data
     return builder.bitcast(builder.gep(data, [index]), DOUBLES.as_pointer())
 

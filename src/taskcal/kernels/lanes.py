@@ -22,7 +22,7 @@ def cosine_and_sine(angle: Any) -> Any:
 
 
 def square_root(number: Any) -> Any:
-    """Of a number or of lanes, rounded correctly; not a number where it is negative."""
+    """Square root of a number or of SIMD vectors, rounded correctly; not a number where it is negative."""
     return np.sqrt(number)
 
 

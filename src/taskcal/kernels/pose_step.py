@@ -117,7 +117,7 @@ def _solve(A, y):
 
 @part
 def _set_off(T, target, free_spin, y, w):
-    """How far T is off: weighted translation and angles y, rotation vector w."""
+    """Set the error of T: translation and angles y, rotation vector w; the angular columns in the axes of the angles."""
     if free_spin:
         _tilt(T, target, w)
         for a in range(2):
@@ -173,7 +173,7 @@ def step_towards(
     e: Float[np.ndarray, "frames 6"],
     by_joint: Float[np.ndarray, "m coordinates joints"],
 ) -> Step:
-    """How far the tip is from its goal, and the damped least-squares step of the joints towards it.
+    """Error of the tip, and the damped least-squares step of the joints towards its goal.
 
     Args:
         goal: where the tip shall be.

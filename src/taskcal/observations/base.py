@@ -332,7 +332,7 @@ class Observation(ABC):
     def covariance(
         self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise
     ) -> Float[np.ndarray, "n w w"]:
-        """Of the noise of each row, m² and rad²; the uncertainty, metres, where the campaign states it."""
+        """Covariance of the noise of each row, m² and rad²; from the uncertainty, metres, where the campaign states it."""
 
     def settle(
         self, target: Float[np.ndarray, "n 4 4"], measured: Measured, known: Float[np.ndarray, " u"]
@@ -347,7 +347,7 @@ class Observation(ABC):
         return np.nan_to_num(known)
 
     def stated(self, unknown: Float[np.ndarray, " u"]) -> Stated:
-        """What is known of the unknowns."""
+        """Stated knowledge of the unknowns."""
         return Stated(np.zeros(0), np.zeros((0, len(unknown))), np.zeros(0))
 
     def with_unknown_scale(self) -> "Observation | None":
@@ -355,7 +355,7 @@ class Observation(ABC):
         return None
 
     def compare(self, unknown: Float[np.ndarray, " u"]) -> tuple[Compared, ...]:
-        """What is stated beside what is found; nothing for kinds of which nothing is stated."""
+        """Compare stated lengths with those found; empty for kinds of which nothing is stated."""
         return ()
 
     def named_like(self, other: "Observation", unknown: Float[np.ndarray, " u"]) -> Float[np.ndarray, " v"]:
@@ -420,14 +420,14 @@ class Observation(ABC):
         raise CampaignError(f"'{cls.key}' observations cannot be simulated: the kind says nothing of a cell for them")
 
     def place(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Placed:
-        """Where target and unknowns are, from poses of the tool alone; of what a tracker measured the registration finds it."""
+        """Estimate target and unknowns from poses of the tool alone; for a tracker's measurements the registration finds them."""
         raise CampaignError(
             f"'{self.key}' observations do not tell their own place; they are registered with the tracker"
         )
 
     @classmethod
     def read(cls, columns: ObservedColumns) -> Read | None:
-        """What a file says; None where it does not have the kind's columns.
+        """Read the kind's columns of a file; None where it does not have them.
 
         Raises:
             FileError: a cell is not what it must be.
@@ -439,12 +439,12 @@ class Observation(ABC):
         return None
 
     def describe(self) -> dict[str, Any]:
-        """What a file holds of it, beside its key: all but the rows."""
+        """Describe it for a file, beside its key: all but the rows."""
         return {}
 
     @classmethod
     def of_description(cls, content: Mapping[str, Any]) -> "Observation":
-        """What `describe` gave, without rows."""
+        """Make it from what `describe` gave, without rows."""
         return cls(**content)
 
 

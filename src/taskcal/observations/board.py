@@ -74,7 +74,7 @@ class Boards(Landmarks):
         return Differential(np.concatenate([at.residual, turned], axis=1), by_target, by_unknown.reshape(n, 6, -1))
 
     def place(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Placed:
-        """As a landmark by its position alone; the board then is turned as most rows say.
+        """Place the landmark by its position alone; the board is then turned as most rows say.
 
         Raises:
             CampaignError: too few rows.
@@ -105,7 +105,7 @@ class Boards(Landmarks):
     def covariance(
         self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise
     ) -> Float[np.ndarray, "n w w"]:
-        """Of the noise of each row."""
+        """Covariance of the noise of each row."""
         out = np.zeros((len(measured.points), 6, 6))
         out[:, :3, :3] = super().covariance(measured, uncertainty, tracker)
         out[:, 3:, 3:] = TURN_RESOLUTION**2 * np.eye(3)
@@ -113,7 +113,7 @@ class Boards(Landmarks):
 
     @classmethod
     def stage(cls, tool: Float[np.ndarray, "n 4 4"], places: int | None, rng: np.random.Generator) -> Scene:
-        """As a landmark, the board turned towards the sensor, but for some 20°."""
+        """Stage it as a landmark, the board turned towards the sensor, but for some 20°."""
         scene = super().stage(tool, places, rng)
         landmarks = scene.unknown.reshape(-1, 3)
         facing = se3.nearest_rotation(tool[:, :3, :3].mean(axis=0))

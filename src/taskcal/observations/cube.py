@@ -94,7 +94,7 @@ class CubeSize:
 
 
 def sizes_of(columns: ObservedColumns, cubes: Sequence[str]) -> tuple[CubeSize, ...]:
-    """What the rows say of every cube.
+    """Estimate the size of every cube from the rows.
 
     Raises:
         FileError: they do not say the same, or no length.
@@ -216,7 +216,7 @@ class Cubes(Touching):
 
     @property
     def deviations(self) -> Float[np.ndarray, " u"]:
-        """As good as unknown where a cube stands, and how well it is made."""
+        """Standard deviations: a cube's pose is as good as unknown, its size known as well as it is made."""
         return np.tile([*(6 * [1.0]), EDGE_ERROR, *(3 * [SQUARENESS])], len(self.sizes))
 
     @property
@@ -363,7 +363,7 @@ class Cubes(Touching):
         return own
 
     def _start(self, fitted: FittedPlanes, known: Float[np.ndarray, " u"] | None) -> Float[np.ndarray, " u"]:
-        """Where each cube is, by planes on three axes at least; else where it is known to be.
+        """Start of each cube, from planes on three axes at least; else where it is known to be.
 
         Raises:
             CampaignError: neither tells.
@@ -459,10 +459,10 @@ class Cubes(Touching):
         }
 
     def describe(self) -> dict[str, Any]:
-        """What a file holds of it."""
+        """Describe it for a file."""
         return {"faces": list(self.faces), "sizes": [asdict(size) for size in self.sizes]}
 
     @classmethod
     def of_description(cls, content: Mapping[str, Any]) -> "Cubes":
-        """What `describe` gave, without rows."""
+        """Make it from what `describe` gave, without rows."""
         return cls(faces=tuple(content["faces"]), sizes=tuple(CubeSize(**size) for size in content["sizes"]))

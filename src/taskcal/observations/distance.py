@@ -208,7 +208,7 @@ class Lengths(Standalone):
     def covariance(
         self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise
     ) -> Float[np.ndarray, "n w w"]:
-        """Of the noise of each row."""
+        """Covariance of the noise of each row."""
         deviation = np.full(len(measured.points), RESOLUTION) if uncertainty is None else uncertainty
         return deviation[:, None, None] ** 2
 
@@ -251,12 +251,12 @@ class Lengths(Standalone):
         return {"d_mm": d, "anchor": self.labels(measured)}
 
     def describe(self) -> dict[str, Any]:
-        """What a file holds of it."""
+        """Describe it for a file."""
         return {"anchors": list(self.anchors), "scaled": self.scaled}
 
     @classmethod
     def of_description(cls, content: Mapping[str, Any]) -> "Lengths":
-        """What `describe` gave, without rows."""
+        """Make it from what `describe` gave, without rows."""
         return cls(anchors=tuple(content["anchors"]), scaled=bool(content["scaled"]))
 
 
@@ -399,7 +399,7 @@ class WireInstrument(Instrument):
 
     @property
     def instructions(self) -> str:
-        """What is to be done with the file of a plan."""
+        """Instructions for the file of a plan."""
         return "fill in d_mm in the plan's file, row by row; identify then reads it"
 
     def faults(

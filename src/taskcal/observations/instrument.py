@@ -226,17 +226,17 @@ class Instrument(ABC):
 
     @property
     def name(self) -> str:
-        """What options call it."""
+        """Name that options use."""
         return self.kind.instrument
 
     @property
     def label(self) -> str:
-        """What a fixture is called, and the column that names it; empty where there are none."""
+        """Name of a fixture, and of the column that names it; empty where there are none."""
         return self.kind.label
 
     @property
     def instructions(self) -> str:
-        """What is to be done with the file of a plan."""
+        """Instructions for the file of a plan."""
         if self.kind.touched:
             return (
                 "the rows name what is touched; the joints are those of the plan: before identifying, overwrite them by what the "

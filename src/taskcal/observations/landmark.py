@@ -138,7 +138,7 @@ class Landmarks(Standalone):
     def covariance(
         self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise
     ) -> Float[np.ndarray, "n w w"]:
-        """Of the noise of each row."""
+        """Covariance of the noise of each row."""
         deviation = np.full(len(measured.points), RESOLUTION) if uncertainty is None else uncertainty
         return deviation[:, None, None] ** 2 * np.eye(3)
 
@@ -193,12 +193,12 @@ class Landmarks(Standalone):
         return {**cells, "landmark": self.labels(measured)}
 
     def describe(self) -> dict[str, Any]:
-        """What a file holds of it."""
+        """Describe it for a file."""
         return {"landmarks": list(self.landmarks)}
 
     @classmethod
     def of_description(cls, content: Mapping[str, Any]) -> "Landmarks":
-        """What `describe` gave, without rows."""
+        """Make it from what `describe` gave, without rows."""
         return cls(landmarks=tuple(content["landmarks"]))
 
 
@@ -351,7 +351,7 @@ class CameraInstrument(Instrument):
 
     @property
     def instructions(self) -> str:
-        """What is to be done with the file of a plan."""
+        """Instructions for the file of a plan."""
         return "fill in what the camera measures in the plan's file, row by row; identify then reads it"
 
     def goals(

@@ -45,7 +45,7 @@ SAME_PLACE = 1e-9
 
 
 def to_one_side(normals: Float[np.ndarray, "planes 3"]) -> Float[np.ndarray, "planes 3"]:
-    """Of the two normals of each plane the one whose largest coordinate is positive."""
+    """Choose of each plane's two normals the one whose largest coordinate is positive."""
     return normals * np.sign(np.take_along_axis(normals, np.abs(normals).argmax(axis=1)[:, None], axis=1))
 
 
@@ -165,7 +165,7 @@ class Touching(Standalone):
     def covariance(
         self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise
     ) -> Float[np.ndarray, "n w w"]:
-        """Of the noise of each row."""
+        """Covariance of the noise of each row."""
         deviation = np.full(len(measured.points), TOUCH) if uncertainty is None else uncertainty
         return deviation[:, None, None] ** 2
 
@@ -270,7 +270,7 @@ class Planes(Touching):
         return found.reshape(-1)
 
     def stated(self, unknown: Float[np.ndarray, " u"]) -> Stated:
-        """That normals have the length one."""
+        """Condition that normals have unit length."""
         count = len(self.planes)
         normal = unknown.reshape(-1, 4)[:, :3]
         length = np.linalg.norm(normal, axis=1)
@@ -309,10 +309,10 @@ class Planes(Touching):
         return {"plane": self.labels(measured)}
 
     def describe(self) -> dict[str, Any]:
-        """What a file holds of it."""
+        """Describe it for a file."""
         return {"planes": list(self.planes)}
 
     @classmethod
     def of_description(cls, content: Mapping[str, Any]) -> "Planes":
-        """What `describe` gave, without rows."""
+        """Make it from what `describe` gave, without rows."""
         return cls(planes=tuple(content["planes"]))

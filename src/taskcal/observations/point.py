@@ -41,7 +41,7 @@ class Point(Observation):
     def covariance(
         self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise
     ) -> Float[np.ndarray, "n w w"]:
-        """Of the noise of each row."""
+        """Covariance of the noise of each row."""
         if uncertainty is not None:
             return uncertainty[:, None, None] ** 2 * np.eye(3)
         return tracker.covariance(measured.points)
@@ -227,7 +227,7 @@ class Tracker(Instrument):
         )
 
     def keep(self, model: ErrorModel, reached: TaskPoses) -> Measurable:
-        """Those of some poses that can be measured.
+        """Keep the poses that can be measured.
 
         Raises:
             ReachError: none can; the message counts why.

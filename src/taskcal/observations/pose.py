@@ -30,7 +30,7 @@ class Pose(Observation):
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """How far the instrument's rotations are turned against the axes of its positions."""
+        """Rotation of the instrument's rotations against the axes of its positions."""
         return () if self.aligned else ("orientation.rx", "orientation.ry", "orientation.rz")
 
     @property
@@ -57,7 +57,7 @@ class Pose(Observation):
     def covariance(
         self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise
     ) -> Float[np.ndarray, "n w w"]:
-        """Of the noise of each row."""
+        """Covariance of the noise of each row."""
         out = np.zeros((len(measured.points), 6, 6))
         out[:, :3, :3] = Point().covariance(measured, uncertainty, tracker)
         out[:, 3:, 3:] = tracker.rotation**2 * np.eye(3)

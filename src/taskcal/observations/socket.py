@@ -178,7 +178,7 @@ class Sockets(Standalone):
     def covariance(
         self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise
     ) -> Float[np.ndarray, "n w w"]:
-        """Of the noise of each row."""
+        """Covariance of the noise of each row."""
         deviation = np.full(len(measured.points), SEAT) if uncertainty is None else uncertainty
         return deviation[:, None, None] ** 2 * np.eye(3)
 
@@ -209,7 +209,7 @@ class Sockets(Standalone):
         return Scene(kind, "ball", np.eye(4), centres.reshape(-1), approach)
 
     def stated(self, unknown: Float[np.ndarray, " u"]) -> Stated:
-        """What is known of the unknowns beside the measurements."""
+        """Stated knowledge of the unknowns beside the measurements."""
         apart, direction = self.apart(unknown.reshape(-1, 3))
         count = len(self.distances)
         by_unknown = np.zeros((count, len(self.sockets), 3))
@@ -229,7 +229,7 @@ class Sockets(Standalone):
 
     @cached_property
     def _whitener(self) -> Float[np.ndarray, "k k"]:
-        """Of the errors of the stated distances."""
+        """Whitener of the errors of the stated distances."""
         return whiten_distances(self.distances)
 
     def compare(self, unknown: Float[np.ndarray, " u"]) -> tuple[Compared, ...]:
@@ -322,7 +322,7 @@ class Sockets(Standalone):
         return {"place": [label.rpartition("/")[0] for label in labels], "socket": sockets}
 
     def describe(self) -> dict[str, Any]:
-        """What a file holds of it."""
+        """Describe it for a file."""
         return {
             "sockets": list(self.sockets),
             "distances": [asdict(d) for d in self.distances],
@@ -330,7 +330,7 @@ class Sockets(Standalone):
 
     @classmethod
     def of_description(cls, content: Mapping[str, Any]) -> "Sockets":
-        """What `describe` gave, without rows."""
+        """Make it from what `describe` gave, without rows."""
         return cls(
             sockets=tuple(content["sockets"]), distances=tuple(SocketDistance(**d) for d in content["distances"])
         )
@@ -357,7 +357,7 @@ class _Rows(NamedTuple):
 
     @classmethod
     def of_poses(cls, R: np.ndarray, p: np.ndarray, k: np.ndarray) -> "_Rows":
-        """From the poses of the tool and the socket of each."""
+        """Make it from the poses of the tool and the socket of each."""
         _, of = np.unique(k, return_inverse=True)
         socket = np.zeros((int(of.max()) + 1, len(k)))
         socket[of, np.arange(len(k))] = 1.0
@@ -386,7 +386,7 @@ class _Rows(NamedTuple):
         return np.linalg.norm((A @ t - b).reshape(-1, 3), axis=1)
 
     def left(self, weight: Float[np.ndarray, " n"], t: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "n 3"]:
-        """Where each ball is, less the mean of its socket."""
+        """Distance of each ball from the mean of its socket, by component."""
         A, p = self.centred(weight)
         return A @ t + p
 
@@ -539,7 +539,7 @@ class SocketInstrument(Instrument):
 
     @property
     def instructions(self) -> str:
-        """What is to be done with the file of a plan."""
+        """Instructions for the file of a plan."""
         return (
             "the rows name the sockets; the joints are those of the plan: before identifying, overwrite them by what the "
             "controller shows with the ball seated"

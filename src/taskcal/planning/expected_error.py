@@ -109,7 +109,7 @@ def _costs(
     FXK: Float[np.ndarray, "p n"],
     groups: Sequence[Int[np.ndarray, " _"]],
 ) -> Float[np.ndarray, " groups"]:
-    """What the mean squared error grows by without each group."""
+    """Increase of the mean squared error without each group."""
     out = np.empty(len(groups))
     alone = np.flatnonzero([len(g) == 1 for g in groups])
     if len(alone):
@@ -286,7 +286,7 @@ def _without_frames(
 
 
 def known_hyperparameters(calibration: Calibration, origin: str = "as calibrated") -> Hyperparameters:
-    """Those of a calibration."""
+    """Hyperparameters of a calibration."""
     common = Hyperparameters.of_deviations(calibration.model_error, calibration.prior_scale, origin)
     return replace(common, own=calibration.group_deviations, joint_error=calibration.joint_error)
 
@@ -294,7 +294,7 @@ def known_hyperparameters(calibration: Calibration, origin: str = "as calibrated
 def assumed_hyperparameters(
     model: ErrorModel, model_error: float | None = None, prior_scale: float = 1.0
 ) -> Hyperparameters:
-    """Those of a robot that was not measured: its tolerances, and the model error given, of its file, or typical."""
+    """Hyperparameters of a robot that was not measured: its tolerances, and the model error given, of its file, or typical."""
     error = model_error_of(model.robot, model_error)
     return Hyperparameters.of_deviations((error.position, 0.0), prior_scale, error.source)
 
@@ -354,7 +354,7 @@ class PlanPrior:
 def prior_from_campaign(
     model: ErrorModel, campaign: Campaign, station: Station | None, noise: TrackerNoise | None
 ) -> PlanPrior:
-    """What a campaign shows of robot and cell.
+    """Prior of robot and cell from a campaign.
 
     Raises:
         CampaignError: a campaign of poses, or targets that are not the station's.
@@ -374,7 +374,7 @@ def prior_from_campaign(
 
 
 def prior_from_calibration(model: ErrorModel, calibration: Calibration, station: Station | None) -> PlanPrior:
-    """What a calibration knows, its parameters' covariance above all.
+    """Prior from a calibration, its parameters' covariance above all.
 
     Raises:
         CampaignError: a calibration of another model, of poses, without a prior or with frames held, or targets that are

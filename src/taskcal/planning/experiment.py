@@ -335,7 +335,7 @@ def _hold_unseen_places(linear: Linearisation, rows: Float[np.ndarray, "n b c"])
 
 
 def _any_seen(instrument: Instrument, visible: Bool[np.ndarray, "n targets"]) -> Bool[np.ndarray, "n targets"]:
-    """As if every reflector were seen at every pose; without a tracker, the fixtures as they are."""
+    """Experiment in which every reflector is seen at every pose; without a tracker, the fixtures as they are."""
     return visible | instrument.kind.in_tracker
 
 

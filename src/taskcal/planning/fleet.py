@@ -105,7 +105,7 @@ def find_fleet(folder: str | Path) -> FleetFiles:
 
 
 def _names(folder: Path) -> Generator[str, None, None]:
-    """Of all files, relative to the folder, with slashes."""
+    """Names of all files, relative to the folder, with slashes."""
     for place, folders, files in os.walk(folder):
         folders[:] = [name for name in folders if not name.startswith(".")]
         for name in files:
@@ -143,7 +143,7 @@ def laid_out(files: Iterable[SentFile]) -> Generator[Path, None, None]:
 
 
 def reason_of(refusal: Exception, folder: Path) -> str:
-    """What a refusal says of a file in a folder, with the file's name in the fleet's."""
+    """State a refusal of a file in a folder, with the file's name in the fleet's."""
     return str(refusal).replace(f"{folder}{os.sep}", "")
 
 
@@ -284,7 +284,7 @@ class FleetCalibration:
 
     @property
     def verdict(self) -> Literal["good", "too few rows", "no better", "not checked"]:
-        """What rows that were held out say of it."""
+        """Verdict of the held-out rows."""
         if self.held_out is None or self.nominal is None:
             return "not checked"
         if self.held_out >= self.nominal:
@@ -312,7 +312,7 @@ class Change:
     """Those that differ by more than two standard errors, the most changed first."""
 
     def verdict(self, level: float) -> Literal["unchanged", "small", "changed"]:
-        """As `Comparison.verdict`, at a level that allows for how many comparisons there are."""
+        """Verdict as `Comparison.verdict`, at a level that allows for the number of comparisons."""
         if self.chance >= level:
             return "unchanged"
         return "changed" if self.excess > self.unexplained else "small"

@@ -97,7 +97,7 @@ class Plan:
 
     @property
     def geometry_allowance(self) -> float | None:
-        """What the accuracy leaves to the identified geometry, beside the model error of a single pose, metres.
+        """Error that the accuracy leaves to the identified geometry, beside the model error of a single pose, metres.
 
         None if no accuracy is stated; zero if the model error alone takes all of it.
         """
@@ -105,7 +105,7 @@ class Plan:
 
     @property
     def enough(self) -> int | None:
-        """How many poses the accuracy needs at a single pose of the task, the model error of that pose included.
+        """Number of poses that the accuracy needs at a single pose of the task, the model error of that pose included.
 
         None if these do not reach it or none is stated.
         """
@@ -143,7 +143,7 @@ class Plan:
         }
 
     def _of_fixtures(self) -> dict[str, Any]:
-        """What is measured at which fixture, without a tracker."""
+        """Columns that state what is measured at which fixture, without a tracker."""
         if self.of is None:
             return {}
         names, label = self.names, self.instrument.label
@@ -244,7 +244,7 @@ class PlanOptions:
 
     @property
     def instrument(self) -> Instrument:
-        """What measures."""
+        """Instrument that measures."""
         return self.observe or Tracker(station=self.station)
 
     @classmethod
@@ -371,7 +371,7 @@ def _changes(q: Float[np.ndarray, "n joints"], i: int, ends: Int[np.ndarray, " k
 
 
 def _cost(q: Float[np.ndarray, "*ways n joints"]) -> Float[np.ndarray, "*ways"]:
-    """Of every way through n poses; steps from or to a pose that is not a number cost nothing."""
+    """Cost of every way through n poses; steps from or to a pose that is not a number cost nothing."""
     step = np.diff(q, axis=-2)
     turns = np.count_nonzero(step[..., 1:, :] * step[..., :-1, :] < 0.0, axis=(-2, -1))
     return np.asarray(np.nan_to_num(np.abs(step).max(axis=-1)).sum(axis=-1) + REVERSAL * turns)
@@ -505,7 +505,7 @@ RANDOM_PLANS = 20
 
 
 def _prior(model: ErrorModel, options: PlanOptions) -> PlanPrior:
-    """What is known beforehand."""
+    """Prior of the plan."""
     if options.campaign is not None:
         return prior_from_campaign(model, options.campaign, options.station, options.noise)
     if options.calibration is not None:
@@ -664,12 +664,12 @@ def check_demands(plan: Plan, count: int) -> None:
 
 
 def extrapolate_poses(plan: Plan, error: float) -> float:
-    """How many poses would lower the geometry's expected error to `error`, metres, if it falls with the root of their number."""
+    """Number of poses that lower the geometry's expected error to `error`, metres, if it falls with the root of their number."""
     return len(plan.q) * (plan.expected / error) ** 2
 
 
 def describe_lost(plan: Plan) -> str:
-    """How many candidates fell away for each reason, in words; empty where none did."""
+    """State how many candidates were rejected for each reason; empty where none was."""
     return ", ".join(f"{number} {reason}" for reason, number in plan.lost.items() if number)
 
 
@@ -692,7 +692,7 @@ def describe_accuracy(plan: Plan) -> str:
 
 
 def _allowance(plan: Plan) -> str:
-    """How much of the accuracy the model error of a single pose leaves to the geometry, in words."""
+    """State the share of the accuracy that the model error of a single pose leaves to the geometry."""
     if not plan.geometry_allowance or not plan.model_error:
         return ""
     return (

@@ -206,7 +206,7 @@ def left_out_errors(
 
 
 def _pose_noise(whole: Calibration) -> PoseNoise:
-    """What single poses add, as the calibration found it."""
+    """Pose-specific error, as the calibration found it."""
     joints = len(whole.model.robot.joints)
     return PoseNoise(
         position=whole.model_error[0] ** 2,
@@ -228,7 +228,7 @@ ELIMINATING = "which parameters the poses tell apart"
 
 
 def selection_steps(campaign: Campaign | None) -> tuple[str, ...]:
-    """What `select` tells its `progress` one after another, with a campaign or without."""
+    """Steps that `select` reports to its `progress` one after another, with a campaign or without."""
     return REACHING, DESIGNING, SHRINKING, *(() if campaign is None else (VALIDATING,)), ELIMINATING
 
 
@@ -420,7 +420,7 @@ def design_for(
 
 
 def _kept(model: ErrorModel, gone: Sequence[ParameterGroup]) -> list[int]:
-    """What remains without some groups."""
+    """Parameters that remain without some groups."""
     return sorted(set(range(len(model))) - {int(i) for group in gone for i in group.members})
 
 
@@ -464,7 +464,7 @@ def _cross_validate(
 
 
 def _choose(ladder: tuple[NestedModel, ...], accuracy: float | None) -> tuple[int, str]:
-    """How many parameters go, and the rule that says so."""
+    """Number of parameters to drop, and the rule that says so."""
     full = ladder[0].expected
     if accuracy is not None:
         if full > accuracy:

@@ -163,7 +163,7 @@ class VirtualRobots:
 
     @classmethod
     def of_tolerances(cls, model: ErrorModel, model_error: float | None) -> "VirtualRobots":
-        """As the robot's file has them."""
+        """Make it from the tolerances of the robot's file."""
         nothing = np.zeros(len(model.robot.joints))
         error = model_error_of(model.robot, model_error)
         return cls(model=model, deviations=model.tolerances, model_error=error, joint_error=nothing)
@@ -193,7 +193,7 @@ class VirtualRobots:
         return rng.normal(size=len(self.model)) * self.deviations
 
     def conditions(self, q: Float[np.ndarray, "n joints"]) -> Conditions | None:
-        """How poses are reached one after another, where the model asks."""
+        """Conditions of poses reached one after another, where the model asks for them."""
         return conditions_in_order(self.model.robot, q) if self.model.conditioned else None
 
     def measure(
@@ -219,7 +219,7 @@ class VirtualRobots:
     def unexplained(
         self, truth: Truth, q: Float[np.ndarray, "n joints"], rng: np.random.Generator
     ) -> Float[np.ndarray, "n 3"]:
-        """What single poses add to the tool point at each pose, metres."""
+        """Pose-specific error of the tool point at each pose, metres."""
         white = self.model_error.position * rng.normal(size=(len(q), 3))
         if not self.joint_error.any():
             return white
@@ -297,7 +297,7 @@ class _Measured(NamedTuple):
 
 
 def robots_together(setting: StudySetting) -> int:
-    """How many robots are best tried at once: what is measured otherwise than by a tracker is identified one by one."""
+    """Number of robots best tried at once: other instruments than a tracker are identified one by one."""
     fitted = (can_fit_together(_model_of(setting, name), options) for name, options in setting.models.items())
     return TOGETHER if not setting.aligned and any(fitted) else 1
 
@@ -336,7 +336,7 @@ def _model_of(setting: StudySetting, name: str) -> ErrorModel:
 
 
 def _learn(setting: StudySetting, name: str, measured: Sequence[_Measured]) -> list[Calibration | Estimate | None]:
-    """What the model that a name stands for says of each campaign; None where nothing was learnt."""
+    """Result of the named model for each campaign; None where nothing was learnt."""
     model, options = _model_of(setting, name), setting.models[name]
     campaigns = [case.campaign for case in measured]
     together = [None] * len(campaigns) if name == "auto" else fit_together(model, campaigns, options)
@@ -393,7 +393,7 @@ def _off(setting: StudySetting, calibration: Calibration | Estimate, truth: Trut
 
 
 def errors_before(setting: StudySetting, robots: int) -> tuple[float, ...]:
-    """What the nominal robot is off with frames that were taught with it, of every robot, metres."""
+    """Error of the nominal robot, with frames that were taught with it, of every robot, metres."""
     q, model = setting.task_q, setting.robots.model
     way, out = setting.robots.conditions(q), list[float]()
     for index in range(robots):
@@ -465,7 +465,7 @@ class Study:
 
     @property
     def geometry_allowance(self) -> float | None:
-        """What the accuracy leaves to the identified geometry, beside the model error of a single pose, metres.
+        """Error that the accuracy leaves to the identified geometry, beside the model error of a single pose, metres.
 
         None if no accuracy is stated; zero if the model error alone takes all of it.
         """
@@ -491,7 +491,7 @@ class Study:
         ]
 
     def _quantiles(self, rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-        """Of the robots of one plan, count and model."""
+        """Quantiles over the robots of one plan, count and model."""
         geometry = np.array([row["rms_mm"] for row in rows])
         single = np.array([row["rms_with_model_error_mm"] for row in rows])
         accurate = {} if self.accuracy is None else {"share_accurate": float(np.mean(single <= self.accuracy * 1e3))}

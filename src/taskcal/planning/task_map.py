@@ -192,7 +192,7 @@ class Uncertainty:
 
 
 def uncertainty_over(calibration: Calibration, task: Task, seed: int = 0) -> Uncertainty:
-    """How well the tool is known over a task: by the tolerances alone, and calibrated.
+    """Uncertainty of the tool over a task: by the tolerances alone, and calibrated.
 
     Args:
         calibration: the calibration.

@@ -196,7 +196,7 @@ def agrees_throughout(registration: Registration, cloud: Cloud) -> bool:
 
 
 def _distances(registration: Registration, cloud: Cloud, rows: int, model: ErrorModel) -> Float[np.ndarray, " n"]:
-    """How far the farthest target of every row is off, metres; a measured pose's rotation counts at the robot's reach."""
+    """Distance of the farthest target of every row, metres; a measured pose's rotation counts at the robot's reach."""
     T, targets = registration.T_tracker_base, registration.T_tool_target
     residual = cloud.residual(T[:3, :3], T[:3, 3], targets[:, :3, 3])
     square = np.einsum("ni,ni->n", residual, residual)
@@ -376,7 +376,7 @@ def check_targets(registration: Registration, campaign: Campaign, within: float)
 
 
 def most_wrong_rows(rows: int) -> int:
-    """How many rows of so many may be wrong."""
+    """Largest number of rows of so many that may be wrong."""
     return max(1, round(MAX_WRONG_SHARE * rows))
 
 

@@ -90,7 +90,7 @@ class Cloud:
     def residual(
         self, Z: Float[np.ndarray, "3 3"], t: Float[np.ndarray, " 3"], offsets: Float[np.ndarray, "targets 3"]
     ) -> Float[np.ndarray, "n 3"]:
-        """What a tracker frame and targets leave of the points: y − Z·(p + R·o) − t, metres."""
+        """Residual of the points for a tracker frame and targets: y − Z·(p + R·o) − t, metres."""
         local = self.R @ offsets[0] if self.count == 1 else (self.R @ offsets[self.target][:, :, None])[:, :, 0]
         return self.y - (self.p + local) @ Z.T - t
 
@@ -169,7 +169,7 @@ def register(model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 
 def register_observations(
     T: Float[np.ndarray, "n 4 4"], campaign: Campaign, model: ErrorModel
 ) -> tuple[Registration, Float[np.ndarray, " n"]]:
-    """What a tracker saw first, as without others; then every other target by itself, in the tracker's frame or in the base.
+    """Register a tracker's targets first, as without others; then every other target, in the tracker's frame or the base.
 
     Args:
         T: poses of the tool in the base.
@@ -224,7 +224,7 @@ def nominal_poses(model: ErrorModel, campaign: Campaign) -> Float[np.ndarray, "n
 def distances(
     registration: Registration, campaign: Campaign, T: Float[np.ndarray, "n 4 4"]
 ) -> Float[np.ndarray, "n targets"]:
-    """How far every target is from where tool poses T have it, metres; NaN where it was not seen."""
+    """Distance of every target from where tool poses T have it, metres; NaN where it was not seen."""
     ends = (registration.T_tracker_base @ T)[:, None] @ registration.T_tool_target
     return np.linalg.norm(campaign.points - ends[..., :3, 3], axis=2)
 
@@ -300,7 +300,7 @@ def place_targets(model: ErrorModel, campaign: Campaign, T_tracker_base: Float[n
 def register_closely(
     campaign: Campaign, T: Float[np.ndarray, "n 4 4"], start: Float[np.ndarray, "3 3"] | None = None
 ) -> Registration:
-    """As `register`, but from one start only: for the many subsets that a search for sound rows looks through.
+    """Register as `register`, but from one start only: for the many subsets that a search for sound rows looks through.
 
     Args:
         campaign: the measurements.
@@ -317,7 +317,7 @@ def register_closely(
 
 
 def register_cloud(cloud: Cloud, start: Float[np.ndarray, "3 3"] | None = None) -> Registration:
-    """As `register_closely`, of points that show every target."""
+    """Register as `register_closely` points that show every target."""
     if cloud.Y is None:
         Z = refine(closed_form(cloud.moments) if start is None else start, cloud.moments)[0]
         X = np.broadcast_to(np.eye(3), (cloud.count, 3, 3))
@@ -328,7 +328,7 @@ def register_cloud(cloud: Cloud, start: Float[np.ndarray, "3 3"] | None = None) 
 
 
 def _search(cloud: Cloud, reach: float) -> Float[np.ndarray, "3 3"]:
-    """From the closed form, and from many orientations if that ends where no robot would be."""
+    """Search from the closed form, and from many orientations if that ends where no robot would be."""
     moments = cloud.moments
     best = refine(closed_form(moments), moments)
     if best[1] > PLAUSIBLE_SHARE * reach:
@@ -420,12 +420,12 @@ class RegistrationResiduals:
 
     @property
     def maximum(self) -> float:
-        """Of all targets seen, metres."""
+        """Maximum over all targets seen, metres."""
         return float(np.nanmax(self.distances))
 
     @property
     def by_row(self) -> Float[np.ndarray, " n"]:
-        """Of the target that is farthest off in each row, metres; zero where none was seen."""
+        """Distance of the farthest target in each row, metres; zero where none was seen."""
         return np.nan_to_num(self.distances, nan=0.0).max(axis=1)
 
     def summary(self) -> dict[str, float]:
@@ -434,7 +434,7 @@ class RegistrationResiduals:
 
 
 def registration_residuals(registration: Registration, model: ErrorModel, campaign: Campaign) -> RegistrationResiduals:
-    """What a registration leaves of the campaign that it is from, or of another one of the same targets.
+    """Residuals of a registration on its campaign, or on another one of the same targets.
 
     Args:
         registration: tracker frame and targets.

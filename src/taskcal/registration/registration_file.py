@@ -85,7 +85,7 @@ def registration_text(registration: Registration, model: ErrorModel, campaign: C
 
 
 def describe_registration(registration: Registration) -> dict[str, Any]:
-    """What `RegistrationSection` reads, in this file and in a calibration's."""
+    """Describe a registration as `RegistrationSection` reads it, in this file and in a calibration's."""
     return {
         "method": registration.method,
         "file": registration.file,

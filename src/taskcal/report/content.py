@@ -170,11 +170,11 @@ class Scene:
 
     @property
     def scale_decades(self) -> float:
-        """Where the slider stands at first."""
+        """Initial position of the slider."""
         return math.log10(self.scale or 1.0)
 
     def content(self) -> dict[str, Any]:
-        """What the page draws."""
+        """Content that the page draws."""
         return {
             "poses": self.poses,
             "radius": self.radius,

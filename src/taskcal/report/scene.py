@@ -193,7 +193,7 @@ def link_radius(robot: Robot) -> float:
 
 
 def _tracker(calibration: Calibration) -> Mapping[str, Any]:
-    """Where the measuring frame is, or the direction in which it lies."""
+    """Place of the measuring frame, or the direction in which it lies."""
     T, reach = calibration.T_tracker_base, calibration.model.robot.reach
     at = -T[:3, :3].T @ T[:3, 3]
     away = float(np.linalg.norm(at))

@@ -32,7 +32,7 @@ class ValueInput(Element, component="value_input.js"):
 
     @property
     def value(self) -> str:
-        """What the server has it at."""
+        """Value on the server."""
         return self.props["value"]
 
     def show(self, value: str) -> None:
@@ -271,7 +271,7 @@ def message(said: str, *, fine: bool = False) -> TextElement:
 
 
 def command_line(line: str) -> TextElement:
-    """What does the same on the command line, in the project's folder."""
+    """Command line that does the same, in the project's folder."""
     return text("code", line).classes("command")
 
 

@@ -89,7 +89,7 @@ def with_axis(written: str, section: Mapping[str, Any]) -> str:
 
 
 def _value(value: Any) -> str:
-    """As TOML, on one line."""
+    """Write a value as TOML, on one line."""
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{key} = {_value(one)}" for key, one in value.items()) + " }"
     return "[" + ", ".join(map(_value, value)) + "]" if isinstance(value, list) else json.dumps(value)
@@ -165,7 +165,7 @@ class AxisEditor:
                 self._frame(section)
 
     def _frame(self, section: dict[str, Any]) -> None:
-        """Where the frame of an axis that carries the part is, with the axis at zero."""
+        """Frame of an axis that carries the part, with the axis at zero."""
         texts = self._texts
         frame = section.get("frame", {"position_mm": [0.0, 0.0, 0.0]})
         place = np.array(frame["position_mm"], dtype=float)
@@ -394,7 +394,7 @@ class OrientationEditor:
         ui.navigate.reload()
 
     def _tell(self) -> None:
-        """Where the tool's z points, in words that need no convention of angles."""
+        """State the direction of the tool's z axis in words that need no convention of angles."""
         for place, orientation in zip(self._directions, self._editor.box.workspace.orientations, strict=True):
             x, y, z = orientation.rotation[:, 2]
             place.set_text(self._texts("task.points_to", direction=f"{x:+.3f} {y:+.3f} {z:+.3f}"))

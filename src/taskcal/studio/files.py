@@ -120,7 +120,7 @@ ROBOT_DROPS = (*ROBOT_ENDINGS, *TABLE_ENDINGS, ARCHIVE, *MESH_ENDINGS)
 
 
 def receiver(studio: Studio) -> Callable[[str, Request], Awaitable[Response]]:
-    """What takes files for a project.
+    """Receiver of files for a project.
 
     Args:
         studio: whose project it is.
@@ -169,7 +169,7 @@ APART += "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; worker
 
 
 def giver(studio: Studio) -> Callable[[str, str, Request], Response]:
-    """What gives files of a project.
+    """Sender of files of a project.
 
     Args:
         studio: whose project it is.
@@ -188,7 +188,7 @@ def giver(studio: Studio) -> Callable[[str, str, Request], Response]:
 
 
 def mesh_giver(studio: Studio) -> Callable[[str, int], Response]:
-    """What gives meshes of a project's robots, as triangles: by number, so that no name of a mesh comes from outside.
+    """Sender of meshes of a project's robots, as triangles: by number, so that no name of a mesh comes from outside.
 
     Args:
         studio: whose project it is.

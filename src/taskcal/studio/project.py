@@ -162,7 +162,7 @@ class Project:
 
     @property
     def choices(self) -> Choices:
-        """As the file has them now; whoever edits it by hand is heard.
+        """Choices as the file has them now; edits by hand count.
 
         Raises:
             FileError: it is not as it should be.

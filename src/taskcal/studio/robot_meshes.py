@@ -38,7 +38,7 @@ class RobotMeshes:
     """Why others are not drawn."""
 
     def poses(self, names: Iterable[str], q: Float[np.ndarray, " joints"]) -> list[Float[np.ndarray, "4 4"]]:
-        """Of the meshes in the robot's base at joint positions, radians or metres."""
+        """Poses of the meshes in the robot's base at joint positions, radians or metres."""
         links = self.looks.link_poses(dict(zip(names, map(float, q), strict=True)))
         return [links[visual.link] @ visual.origin for _, visual in self.drawn]
 
@@ -131,7 +131,7 @@ def _found(project: Project, robot: str, file: str) -> Path:
 
 @lru_cache(maxsize=64)
 def _converted(path: Path, changed: int, size: int) -> tuple[bytes, int]:
-    """As `triangles_of`; of a file that did not change, once."""
+    """Convert as `triangles_of`, once for a file that did not change."""
     # half a second to import, for those alone who have meshes
     import trimesh
 

@@ -64,7 +64,7 @@ class CommandRun:
 
     @property
     def line(self) -> str:
-        """As a person would type it, in the project's folder."""
+        """Command line as a person would type it, in the project's folder."""
         return "taskcal " + shlex.join(argument for argument in self.arguments if argument != "--json")
 
     async def run(self, then: Callable[["CommandRun"], Awaitable[None]] | None = None) -> None:

@@ -179,7 +179,7 @@ class Gate:
 
 
 def cookie_name(token: str) -> str:
-    """Of the cookie that holds a token: another one for every token."""
+    """Name of the cookie that holds a token: another one for every token."""
     return f"{COOKIE}-{sha256(token.encode()).hexdigest()[:12]}"
 
 
@@ -409,7 +409,7 @@ class _Plain(logging.Formatter):
 
 
 def show_log() -> None:
-    """What goes wrong is said on standard error, where whoever started the studio sees it."""
+    """Show errors on standard error, where whoever started the studio sees them."""
     shown = logging.StreamHandler()
     shown.setFormatter(_Plain())
     logging.basicConfig(handlers=[shown], level=logging.WARNING)
@@ -435,7 +435,7 @@ async def _settings(request: Request) -> Response:
 
 
 def _broken(error: Exception) -> None:
-    """What a page shows that failed: what a user can do, and nothing of the code."""
+    """Page shown in place of one that failed: what a user can do, and nothing of the code."""
     log.error("a page failed", exc_info=error)
     known: Any = (
         str(error) if isinstance(error, TaskcalError) else "Taskcal itself failed; the server's terminal says where."

@@ -53,13 +53,13 @@ class ToolRoom:
 
     @property
     def orientation(self) -> Orientation:
-        """As tasks have it."""
+        """Orientation, as tasks have it."""
         cone, spin = np.radians([self.cone, self.spin])
         return Orientation(rotation=_rotation(self.angles), cone=float(cone), spin=float(spin))
 
     @property
     def section(self) -> dict[str, Any]:
-        """As task files have it."""
+        """Section, as task files have it."""
         section: dict[str, Any] = {"rpy_deg": list(self.angles), "cone_deg": self.cone}
         return section | ({"spin": "free"} if self.spin >= FREE else {"spin_deg": self.spin})
 
@@ -237,7 +237,7 @@ def read_together(project: Project, program: str) -> list[str]:
 
 
 def program_poses(program: Program, robot: Robot) -> Float[np.ndarray, "n 4 4"]:
-    """Where the robot's own tool is, in the base, while the flange is where the program's targets have it; metres.
+    """Poses of the robot's own tool in the base while the flange is where the program's targets have it; metres.
 
     Raises:
         TaskcalError: no motion of it goes to a pose in a frame that stands still.

@@ -133,7 +133,7 @@ def enlarge(task: Task, model: ErrorModel) -> Task:
 
 
 def measuring_task(model: ErrorModel, task: Task) -> Task:
-    """Where to measure without a plan: the task's own workspace; for poses or a path, which may lie on one line, around it."""
+    """Task in which to measure without a plan: the task's own workspace; for poses or a path, which may be a line, around it."""
     return task if task.workspace is not None else enlarge(task, model)
 
 
@@ -252,7 +252,7 @@ class WorkspaceSection(TurnSection):
         return self
 
     def turned(self) -> Float[np.ndarray, "3 3"]:
-        """Of the shape in the frame."""
+        """Rotation of the shape in the frame."""
         return towards(np.array(self.axis)) if self.shape == "cylinder" else self.rotation()
 
 

@@ -57,7 +57,7 @@ class TrueRobot:
     def poses(
         self, q: Float[np.ndarray, "n joints"], target: Float[np.ndarray, "4 4"], conditions: Conditions | None = None
     ) -> Float[np.ndarray, "n 4 4"]:
-        """Of a target, in the measuring frame."""
+        """Poses of a target in the measuring frame."""
         return self.T_tracker_base @ self.model.poses(q, self.x, conditions) @ target
 
 
@@ -191,14 +191,14 @@ def _differential(scene: Scene, target: Float[np.ndarray, "k 4 4"], rows: Int[np
 
 
 def _noise(scene: Scene, count: int, rng: np.random.Generator) -> Float[np.ndarray, "n w"]:
-    """As large as the kind says."""
+    """Noise as large as the kind says."""
     covariance = scene.observation.covariance(scene.observation.blank(count), None, TrackerNoise())
     factor = np.linalg.cholesky(covariance)
     return (factor @ rng.normal(size=(*factor.shape[:2], 1)))[:, :, 0]
 
 
 def _read(scene: Scene, target: Float[np.ndarray, "n 4 4"], noise: Float[np.ndarray, "n w"]) -> Measured:
-    """What the instrument shows at true poses of the target."""
+    """Readings of the instrument at true poses of the target."""
     blank = scene.observation.blank(len(target))
     if scene.observation.touched:
         return blank
@@ -330,7 +330,7 @@ class SimulationOptions:
 
     @property
     def kinds(self) -> dict[str, type[Observation]]:
-        """What each instrument observes.
+        """Kinds of observation of each instrument.
 
         Raises:
             UnknownName: an instrument that does not exist.
@@ -482,7 +482,7 @@ def _visit(
     conditions: Conditions | None,
     rng: np.random.Generator,
 ) -> Campaign:
-    """What is read of what stands there."""
+    """Measurements of a fixture."""
     found = visit(robot, scene, q, conditions=conditions, rng=rng)
     points = found.read.points
     if options.lost:
@@ -507,7 +507,7 @@ def _track(
     conditions: Conditions | None,
     rng: np.random.Generator,
 ) -> Campaign:
-    """What a tracker sees."""
+    """Measurements of a tracker."""
     noise = options.noise or TrackerNoise()
     if conditions is None and robot.model.conditioned:
         conditions = conditions_in_order(robot.model.robot, q)

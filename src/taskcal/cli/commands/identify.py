@@ -299,7 +299,7 @@ def show_report(
 
 
 def next_steps(calibration: "Calibration", result: Mapping[str, Any], tracker_mm: float) -> list[str]:
-    """What to do next, the most urgent first.
+    """List the next steps, the most urgent first.
 
     Args:
         calibration: the fit.

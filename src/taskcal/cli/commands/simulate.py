@@ -119,7 +119,7 @@ class ObserveOptions:
 
     @property
     def kinds(self) -> "list[type[Observation]]":
-        """What the instruments observe."""
+        """Kinds of observation that the instruments make."""
         return [instrument_of(name) for name in self.observe.split("+")]
 
     @property
@@ -129,7 +129,7 @@ class ObserveOptions:
 
     @property
     def lengths(self) -> str:
-        """What lengths may be stated beside the rows, in words; empty for none."""
+        """Name the lengths that may be stated beside the rows; empty for none."""
         return next((kind.stated_lengths for kind in self.kinds if kind.stated_lengths), "")
 
 

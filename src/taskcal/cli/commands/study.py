@@ -76,7 +76,7 @@ class StudyOptions:
 
     @property
     def kinds(self) -> str:
-        """Of plans."""
+        """Kinds of plans."""
         return self.plans or ("planned,random" if self.instruments == [TRACKER] else "random")
 
     def __post_init__(self) -> None:

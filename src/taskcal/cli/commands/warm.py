@@ -43,7 +43,7 @@ def command(as_json: JsonOption = False) -> None:
 
 
 def _kept_kernels() -> set[Path]:
-    """Of every installation that keeps its kernels there, each in a folder of its own."""
+    """List the kernel folders of every installation that keeps its kernels there."""
     from taskcal.kernels.kernel_cache import cache_folder
 
     return set(cache_folder().rglob("*.nbc"))

@@ -73,7 +73,7 @@ class TableOptions:
 
     @property
     def read_options(self) -> "ReadOptions":
-        """What is stated, as the reader takes it."""
+        """Stated options, as the reader takes them."""
         from taskcal.reading.reader import ReadOptions
         from taskcal.tables.forms import TableForm
 

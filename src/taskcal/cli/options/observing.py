@@ -29,7 +29,7 @@ TRACKER = "tracker"
 
 
 def _settings() -> dict[str, dict[str, Setting]]:
-    """What instruments let their user state: by option and instrument."""
+    """Settings of the instruments, by option and instrument."""
     out: dict[str, dict[str, Setting]] = {}
     for name, instrument in instrument_classes().items():
         for setting in instrument.settings:
@@ -90,7 +90,7 @@ class _Observing:
 
     @property
     def instrument(self) -> type[Instrument]:
-        """What measures."""
+        """Instrument that measures."""
         return instrument_classes()[self.observe]
 
     @property
@@ -116,7 +116,7 @@ class _Observing:
         )
 
     def mounted(self, model: "ErrorModel") -> "np.ndarray":
-        """What the tool carries, in its frame."""
+        """Pose of the mounted item in the tool frame."""
         import numpy as np
 
         from taskcal.geometry import se3

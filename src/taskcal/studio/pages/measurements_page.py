@@ -54,7 +54,7 @@ def show_course(campaign: Campaign, texts: Texts) -> None:
 
 
 def draw_drift(campaign: Campaign, texts: Texts) -> go.Figure:
-    """How far every reference point is from its median place, row by row."""
+    """Draw the distance of every reference point from its median place, row by row."""
     drawn = go.Figure()
     for k, (name, points) in enumerate(campaign.reference_points.items()):
         away = np.linalg.norm(points - np.nanmedian(points, axis=0), axis=1) * 1e3
@@ -119,7 +119,7 @@ async def build(studio: Studio, texts: Texts) -> None:
 
 
 def campaign_facts(campaign: Campaign, texts: Texts) -> list[tuple[str, str]]:
-    """What a campaign holds."""
+    """Facts of a campaign."""
     lost = int((~campaign.valid).sum())
     told = [
         (texts("measurements.rows"), str(len(campaign))),
@@ -213,7 +213,7 @@ def _mistakes(studio: Studio, texts: Texts) -> Sequence[Mapping[str, Any]]:
 
 
 def mend(finding: Mapping[str, Any], texts: Texts) -> str:
-    """What mends a finding: the doctor's line, and what it comes to where that line is in another language."""
+    """State the remedy of a finding: the doctor's line, and its meaning where that line is in another language."""
     if texts.language == LIBRARY_LANGUAGE:
         return finding["fix"]
     return f"{texts.named('mend', finding['id'], subject=', '.join(finding['subject']))} ({finding['fix']})"

@@ -76,7 +76,7 @@ async def build(studio: Studio, texts: Texts) -> None:
 
 
 def plan_of(choices: Choices) -> str:
-    """Where the plan of a task is kept; its program is a module of the same name, as RAPID lets it be."""
+    """Path of the plan of a task; its program is a module of the same name, as RAPID lets it be."""
     stem = re.sub(r"[^A-Za-z0-9]", "_", Path(choices.task).stem)[:MAX_STEM]
     return f"{LAYOUT.plans}/m_{stem}_{choices.poses}.csv"
 
@@ -104,7 +104,7 @@ def _begin(studio: Studio) -> None:
 
 
 def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> None:
-    """What to expect of the plan, and its files."""
+    """Show the expected error of the plan, and its files."""
     text("h2", texts("plan.expected"))
     facts(
         [
@@ -171,7 +171,7 @@ async def _poses(
 
 
 def of_poses(result: Mapping[str, Any], count: int) -> Mapping[str, Sequence[str]]:
-    """What the command line said of each of so many poses, by what it is: gaps in millimetres, reflectors that are seen."""
+    """Statements of the command line on each of so many poses, by kind: gaps in millimetres, reflectors that are seen."""
     gaps = {name: [f"{gap:.0f}" for gap in gaps] for name, gaps in result["clearance_mm"].items() if gaps is not None}
     seen = {"visible": [", ".join(names) for names in result["visible"]]} if "visible" in result else {}
     return {name: values for name, values in {**gaps, **seen}.items() if len(values) == count}

@@ -78,7 +78,7 @@ async def build(studio: Studio, texts: Texts) -> None:
 
 
 def _around(project: Project, texts: Texts, asked: Sequence[int]) -> None:
-    """What was measured of tool and part, and what external axes carry: the cell file; open where axes are asked for."""
+    """Edit the cell file (measured tool and part, external axes); open where axes are asked for."""
     choices = project.choices
     cells = {path: path for path in project.files(LAYOUT.cells, CELL_ENDINGS)}
 
@@ -185,7 +185,7 @@ def _along(points: np.ndarray, errors: np.ndarray, places: list[str], texts: Tex
 
 
 def _changes(project: Project, corrected: str) -> list[str]:
-    """What changed in a file, line by line; nothing where it is too long to be compared."""
+    """Changes of a file, line by line; none where it is too long to be compared."""
     before = project.path(f"{LAYOUT.programs}/{Path(corrected).name}")
     after = project.path(corrected)
     if not before.is_file() or not after.is_file():

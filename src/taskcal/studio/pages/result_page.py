@@ -140,7 +140,7 @@ class _Left:
 
 
 def _place(calibration: Calibration) -> _Left | None:
-    """Where residuals are in space; None where that cannot be told, or nothing was seen."""
+    """Draw the residuals in 3D; None where that cannot be told, or nothing was seen."""
     if calibration.layout.base_size == 0:  # measured without a tracker
         return None
     rows, targets = np.nonzero(np.isfinite(calibration.residuals[:, :, :3]).all(axis=2))

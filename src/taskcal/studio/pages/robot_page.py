@@ -165,7 +165,7 @@ def _show(robot: Robot, model: ErrorModel, texts: Texts, meshes: RobotMeshes | N
 
 
 def slider_ranges(robot: Robot) -> Float[np.ndarray, "joints 2"]:
-    """Where sliders begin and end: the limits, or so far to either side where a joint has none."""
+    """Ranges of the sliders: the limits, or so far to either side where a joint has none."""
     half = np.where(robot.prismatic, 0.5 * UNLIMITED_RAD, UNLIMITED_RAD)
     limits = robot.limits
     return np.column_stack(
@@ -231,7 +231,7 @@ class _Jog:
 
 
 def tool_place(model: ErrorModel, q: Float[np.ndarray, " joints"]) -> Mapping[str, str]:
-    """Where the nominal robot has its tool, as ``taskcal poses`` writes it."""
+    """Tool pose of the nominal robot, as ``taskcal poses`` writes it."""
     T = model.nominal.poses(q[None])[0]
     position = " ".join(f"{value:.4f}" for value in T[:3, 3] * 1e3)
     return {

@@ -108,7 +108,7 @@ class _Shown:
         self._cells: list[TextElement] = []
 
     def make_room(self) -> None:
-        """Where it is shown."""
+        """Place in which it is shown."""
         self._place = ui.element("div").props('role=status data-updates="0"')
 
     def want(self, task: Task) -> None:
