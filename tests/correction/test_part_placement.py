@@ -150,7 +150,7 @@ def test_the_best_comes_first(robot, program):
         ({"low": np.ones(3)}, "from 1 to 0"),
         ({"turn": (1.0, 0.0)}, "from 1 to 0"),
         ({"high": np.full(3, np.nan)}, "from 0 to nan"),
-        ({"steps": (0, 1)}, "0 steps"),
+        ({"steps": (0, 1)}, "not 0 and 1"),
         ({"high": np.ones(3), "steps": (20, 1)}, "8000 placements"),
     ],
 )
