@@ -305,4 +305,4 @@ def test_a_figure_that_was_given_is_not_said_to_be_found(run: Run, cell: Path, t
     assert "0.05 mm per axis (1σ), as given" in given
     assert "2 times the tolerances, as given" in given
     nothing = run(*fit, "-o", tmp_path / "nothing.json", "--keep", "none", "--prior", "none").out
-    assert "residuals of geometry beyond tracker noise" in nothing
+    assert "residuals of geometry beyond tracker noise" in " ".join(nothing.split())  # it may break the line there
