@@ -27,7 +27,8 @@ def calibration(seed=0, *, kind="one target", **options) -> Calibration:
     return identify(model, campaign, **options)
 
 
-def test_an_estimate_is_nil_where_not_kept_and_its_errors_are_the_covariances():
+def test_calibration_estimate_is_zero_for_fixed_parameters():
+    """Fixed parameters have an estimate of zero, and standard errors come from the covariance."""
     found = calibration(keep=["J2", "J4.rz"])
     kept = found.model.indices(["J2", "J4.rz"])
     others = np.setdiff1d(np.arange(45), kept)
@@ -57,7 +58,8 @@ def test_a_calibration_shows_robot_size_and_model_error():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_residuals_on_a_campaign_are_what_was_measured_less_what_is_predicted(kind):
+def test_residuals_are_measured_minus_predicted_on_campaign(kind):
+    """Residuals on a campaign are measured minus predicted positions."""
     rng = np.random.default_rng(4)
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     campaign, _ = measure(rng, model, irb6660_positions(rng, 50), sigma=3e-5, **KINDS[kind])

@@ -97,7 +97,8 @@ def test_a_saved_calibration_loads_to_the_last_bit(tmp_path, kind, options):
     assert (tmp_path / "again.json").read_bytes() == path.read_bytes()
 
 
-def test_the_file_is_plain_json_that_names_format_version_units_and_parameters(saved):
+def test_calibration_file_is_json_with_format_version_and_units(saved):
+    """A calibration file is plain JSON that names its format, version, units and parameters."""
     found, text = saved
     data = json.loads(text, parse_constant=lambda constant: pytest.fail(f"{constant} is not JSON"))
     assert data["format"] == "taskcal-calibration"
@@ -316,7 +317,7 @@ def test_calibration_that_could_not_be_read_is_not_written(tmp_path, saved, brok
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_calibration_with_options_that_come_back_otherwise_is_not_written(tmp_path):
+def test_save_rejects_options_that_json_changes(tmp_path):
     """An effect of one's own whose options JSON turns into something else."""
 
     @dataclass(frozen=True, kw_only=True)

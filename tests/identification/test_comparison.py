@@ -35,7 +35,8 @@ def changed(name, amount):
 
 
 @pytest.mark.parametrize("second", [{}, {"targets": 3}, {"pose": True, "rotation_sigma": 5e-5}])
-def test_a_robot_that_has_not_changed_is_called_so_whatever_tracker_targets_and_poses(second):
+def test_compare_reports_unchanged_robot_for_any_setup(second):
+    """A robot without changes is reported as unchanged, whatever the tracker frame, targets and poses."""
     first = calibrated(1)
     for one, other in ((first, calibrated(2, **second)), (calibrated(2, **second), first)):
         compared = compare(one, other)
@@ -88,14 +89,16 @@ def test_chance_is_as_often_small_as_it_says_or_more_seldom():
     assert np.mean(low) <= 0.5
 
 
-def test_a_difference_below_what_the_models_leave_is_called_small():
+def test_compare_reports_small_change_below_model_error():
+    """A difference below the model error of the two calibrations is reported as small."""
     before, after = calibrated(1), calibrated(2, changed("J2.rz", 4e-4))
     vague = replace(after, model_error=(1e-3,))
     assert compare(before, vague).verdict == "small"
     assert compare(before, vague).summary()["verdict"] == "small"
 
 
-def test_robots_with_other_joints_are_refused_and_other_nominal_ones_have_no_parameters_in_common():
+def test_compare_rejects_other_joints_and_nominal_geometry():
+    """Robots with other joints are rejected; robots with other nominal geometry share no parameters."""
     one = calibrated(1)
     seven = replace(one, model=ErrorModel(load_robot("barrett-wam")))
     with pytest.raises(TaskcalError, match="calibrations of one robot can be compared"):

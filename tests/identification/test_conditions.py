@@ -29,7 +29,8 @@ def measured(seed: int, kind: type[Effect] = Backlash, b: float = 3e-4, count: i
 
 
 @pytest.mark.parametrize("kind", [Backlash, Settling, Overshoot])
-def test_what_is_left_of_the_way_is_found_within_its_standard_errors(kind):
+def test_identify_recovers_lost_motion_within_standard_errors(kind):
+    """Identified lost motion is within its standard errors of the true value."""
     scaled = []
     for seed in range(12):
         model, campaign, truth = measured(seed, kind)
@@ -71,7 +72,8 @@ def test_ways_compete_where_the_campaign_has_them():
     assert [stage.name for stage in unknown.stages] == ["geometry", "all effects", "encoder gain"]
 
 
-def test_without_conditions_a_model_with_backlash_is_the_model_without():
+def test_backlash_model_without_conditions_equals_geometry():
+    """Without approach directions a model with lost motion predicts the same as the model without it."""
     model, campaign, _ = measured(0)
     blind = identify(model, with_conditions(campaign, approach=None))
     plain = identify(ErrorModel(model.robot), campaign)
@@ -79,7 +81,8 @@ def test_without_conditions_a_model_with_backlash_is_the_model_without():
     np.testing.assert_array_equal(blind.estimate[-3:], 0.0)
 
 
-def test_rows_held_out_are_predicted_for_the_side_they_were_reached_from(tmp_path):
+def test_holdout_predicts_rows_for_their_approach_direction(tmp_path):
+    """Held-out rows are predicted for the approach direction with which they were measured."""
     model, campaign, _ = measured(1)
     fitted, held = campaign.split(0.4, np.random.default_rng(0))
     found = identify(model, fitted)
@@ -89,7 +92,7 @@ def test_rows_held_out_are_predicted_for_the_side_they_were_reached_from(tmp_pat
     np.testing.assert_array_equal(again.predict(held.q, held.conditions), found.predict(held.q, held.conditions))
 
 
-def test_the_uncertainty_counts_the_side_only_where_it_is_not_known():
+def test_uncertainty_includes_approach_only_if_unknown():
     """Over both sides of every joint, errors of the middle spread as the covariance without conditions says."""
     model, _, truth = measured(2)
     rng = np.random.default_rng(5)

@@ -51,7 +51,8 @@ def kept_and_relations(model, q):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_minimal_model_with_the_mapped_prior_predicts_what_the_full_model_does(seed):
+def test_minimal_model_with_mapped_prior_predicts_as_full_model(seed):
+    """The minimal model with the mapped prior gives the predictions of the full model."""
     rng, model, campaign = tiny_campaign(seed)
     kept, B = kept_and_relations(model, industrial_positions(rng, 200))
     assert len(kept) < len(model)
@@ -66,7 +67,8 @@ def test_the_minimal_model_with_the_mapped_prior_predicts_what_the_full_model_do
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_dropping_a_dependent_parameter_leaves_every_prediction_unchanged(seed):
+def test_dropping_dependent_parameter_keeps_predictions(seed):
+    """Dropping a linearly dependent parameter leaves every prediction unchanged."""
     rng, model, campaign = tiny_campaign(seed)
     J = model.jacobian(industrial_positions(rng, 200)).reshape(-1, len(model))
     full, fixed = GaussianPrior.of_deviations(model.tolerances), {"model_error": 1e-6, "prior_scale": 1.0}
@@ -90,7 +92,7 @@ def test_dropping_a_dependent_parameter_leaves_every_prediction_unchanged(seed):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("loss", [Squared(), Huber(0.7)], ids=lambda loss: type(loss).__name__)
-def test_what_is_not_estimated_is_considered_as_an_independent_calculation_does(kind, loss):
+def test_consider_covariance_equals_independent_calculation(kind, loss):
     """The covariance of an estimator x = G·y, whatever its gain, from the dense matrices of the whole problem.
 
     A point of weight w counts as one whose variance is 1/w times as large.
@@ -145,7 +147,8 @@ def test_what_is_not_estimated_is_considered_as_an_independent_calculation_does(
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("prior", ["tolerances", None])
-def test_with_nothing_to_estimate_the_residuals_are_those_of_the_registration(kind, prior, tmp_path):
+def test_residuals_without_parameters_equal_registration(kind, prior, tmp_path):
+    """With no parameter to estimate, the residuals are those of the registration."""
     rng, model = arm(6)
     q = industrial_positions(rng, 30)
     campaign, _ = measure(rng, model, q, defects(rng, model), sigma=3e-5, **KINDS[kind])

@@ -22,7 +22,8 @@ MANY = pytest.param(400, marks=pytest.mark.long)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("spread_deg", [20.0, pytest.param(0.0, marks=pytest.mark.long)])
-def test_intervals_cover_the_truth_as_often_as_they_say_and_the_error_is_near_the_bound(spread_deg):
+def test_interval_coverage_is_nominal_and_error_is_near_bound(spread_deg):
+    """Intervals have their nominal coverage, and the error is near its lower bound."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     task = reference_task(np.radians(spread_deg))
     measured, unseen = reach_task(model, task, 60), reach_task(model, task, 50, seed=1)

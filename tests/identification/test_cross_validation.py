@@ -57,7 +57,8 @@ def test_rows_that_follow_each_other_closely_are_one_posture():
 
 
 @given(generators)
-def test_folds_hold_as_many_postures_and_change_with_the_seed_alone(rng):
+def test_folds_have_equal_pose_counts_and_depend_on_seed(rng):
+    """Folds hold equally many distinct poses and change with the seed alone."""
     q = rng.uniform(-2, 2, (43, 6))
     fold = fold_of(q, 5, 3)
     assert sorted(np.bincount(fold)) == [8, 8, 9, 9, 9]
@@ -73,7 +74,8 @@ def test_fewer_postures_than_folds_are_refused():
 
 
 @pytest.mark.parametrize("kind", [{"targets": 3, "lost": 0.2}, {"pose": True}])
-def test_every_point_is_predicted_by_a_fit_that_has_not_seen_its_row(kind):
+def test_cross_validation_predicts_each_point_out_of_fold(kind):
+    """Every point is predicted by a fit that excludes its row."""
     rng = np.random.default_rng(0)
     model = ErrorModel(robot_from(industrial(rng)))
     campaign, _ = measure(
@@ -103,7 +105,7 @@ def test_the_standard_error_of_the_mean_counts_rows_not_targets():
 
 
 @pytest.mark.slow
-def test_a_selection_is_not_told_the_errors_of_poses_that_were_measured_again():
+def test_selection_excludes_repeats_of_validation_poses():
     """Each posture has an error of its own: who has fitted it once predicts it better the second time."""
     rng = np.random.default_rng(0)
     model = ErrorModel(robot_from({**industrial(rng), "joint": industrial(rng)["joint"][:3]}))

@@ -38,7 +38,8 @@ def errors_of(fits, truth, unseen):
 
 
 @pytest.mark.long
-def test_where_there_is_no_effect_the_prediction_is_that_of_geometry(robot):
+def test_auto_equals_geometry_if_robot_has_no_effects(robot):
+    """For a robot without effects the prediction with `auto` is that of the geometric model."""
     model, ratios, picked = ErrorModel(robot), [], 0
     for seed in range(6):
         rng = np.random.default_rng(seed)
@@ -64,7 +65,7 @@ def test_where_there_is_no_effect_the_prediction_is_that_of_geometry(robot):
     ],
     ids=lambda e: type(e).__name__,
 )
-def test_an_effect_is_found_among_all_and_predicts_nearly_as_if_it_had_been_told(robot, true):
+def test_auto_predicts_nearly_as_well_as_known_effect(robot, true):
     """What looking for all others costs is a few micrometres where nothing but the tracker errs besides."""
     model, errors = ErrorModel(robot), []
     for seed in range(3):
@@ -138,7 +139,8 @@ def test_candidates_suit_what_is_known_of_a_robot():
     )
 
 
-def test_of_two_effects_with_the_same_parameters_the_likelier_takes_part(robot):
+def test_auto_keeps_likelier_of_effects_with_equal_parameters(robot):
+    """Of two effects with the same parameters, only the likelier one is kept."""
     model, rng = ErrorModel(robot), np.random.default_rng(2)
     campaign, _ = simulate(model + SOFT, poses(robot, rng, 60), rng=rng)
     one = Harmonics(orders=(1,))
@@ -149,7 +151,8 @@ def test_of_two_effects_with_the_same_parameters_the_likelier_takes_part(robot):
     assert found.calibration.model.effects[0] == one
 
 
-def test_the_table_says_what_all_effects_and_each_of_them_are_worth(robot):
+def test_effect_table_states_gain_of_all_and_of_each_effect(robot):
+    """The table states the gain of all effects together and the contribution of each."""
     model, rng = ErrorModel(robot), np.random.default_rng(0)
     campaign, _ = simulate(model + Harmonics(orders=(1,)), poses(robot, rng, 80), rng=rng)
     found = explain(model, campaign, candidates=CHEAP, folds=4)
@@ -213,7 +216,8 @@ def test_explain_finds_effects_where_geometry_explains_nothing():
     assert one < 0.1 * frames
 
 
-def test_explain_falls_back_to_frames_where_nothing_explains_rows():
+def test_explain_falls_back_to_registration_if_uninformative():
+    """`explain` falls back to the registration if no parameter explains the rows."""
     model, campaign, _, _ = soft_arm(1, moving=(1, 2), still=ErrorModel(load_robot("ur5")).names)
     found = explain(model, campaign, candidates=(EncoderGain(joints=("J6",)),))
     assert not len(found.calibration.estimated)
@@ -242,7 +246,8 @@ def test_explain_converges_at_fifteen_rows():
     assert explain(model, campaign, candidates=CHEAP).calibration.estimated.any()
 
 
-def test_effects_are_left_out_where_neighbours_are_predicted_worse(robot, monkeypatch):
+def test_effects_are_dropped_if_neighbours_are_predicted_worse(robot, monkeypatch):
+    """Effects are dropped if they worsen the prediction of groups of neighbouring poses."""
     from taskcal.identification import effects as module
 
     model, rng = ErrorModel(robot), np.random.default_rng(0)

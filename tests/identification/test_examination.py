@@ -25,7 +25,8 @@ def case(seed=0, rows=160, **kind):
 
 
 @pytest.mark.parametrize("kind", [{"targets": 3, "lost": 0.1}, {"pose": True, "rotation_sigma": 1e-4}])
-def test_points_have_the_errors_of_the_validation_and_lie_in_their_regions_as_often_as_stated(kind):
+def test_examination_repeats_validation_errors_and_coverage(kind):
+    """Points have the errors of the validation, and the stated regions have their nominal coverage."""
     calibration, held = case(**kind)
     examined = examine(calibration, held)
     assert examined.validation.summary() == validate(calibration, held).summary()
@@ -45,7 +46,8 @@ def test_some_targets_in_another_order_keep_their_regions():
     np.testing.assert_allclose(whole.studentised[of_third], some.studentised[some.targets == 0])
 
 
-def test_a_wrong_point_is_an_outlier_by_its_row_of_the_whole_campaign():
+def test_examination_names_outlier_by_row_of_whole_campaign():
+    """A wrong point is an outlier under its row number in the whole campaign."""
     calibration, held = case()
     points = held.points.copy()
     points[4, 0] += 1e-3

@@ -94,7 +94,8 @@ BEYOND = [
 
 
 @pytest.mark.parametrize(("option", "message"), BEYOND, ids=lambda value: str(value)[:30])
-def test_a_number_that_no_campaign_can_have_is_refused_wherever_it_is_given(measured, option, message) -> None:
+def test_fit_options_reject_out_of_range_numbers_everywhere(measured, option, message) -> None:
+    """A number that is impossible for any campaign is rejected at every entry point."""
     makers = (
         lambda: FitOptions(**option),
         lambda: FitOptions.of(**option),
@@ -112,7 +113,8 @@ def test_bounds_themselves_are_taken() -> None:
         assert FitOptions(**option)
 
 
-def test_an_option_that_does_not_exist_is_refused_with_those_that_do() -> None:
+def test_fit_options_name_valid_options_if_unknown() -> None:
+    """An unknown option is rejected with a list of the valid options."""
     with pytest.raises(TypeError, match="no option 'nose' of a fit; there are keep, prior, loss, noise"):
         FitOptions.of(nose=1.0)
 

@@ -79,7 +79,8 @@ def test_so_are_those_of_any_arm_that_deviates_by_any_amount(seed):
 
 
 @pytest.mark.parametrize("spread_deg", [0.0, 20.0])
-def test_so_are_those_of_a_four_bar_in_one_orientation_and_in_many(spread_deg):
+def test_joint_fit_equals_single_fits_for_four_bar(spread_deg):
+    """Four-bar robots give the same calibrations in a joint fit, measured in one orientation or in many."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = reach_task(model, reference_task(np.radians(spread_deg)), 60).q
     campaigns = [simulate(model, q, rng=np.random.default_rng(seed), model_error=5e-5)[0] for seed in range(4)]
@@ -112,7 +113,8 @@ def test_what_stands_beside_a_campaign_does_not_change_a_byte():
         assert (a.model_error, a.prior_scale) == (b.model_error, b.prior_scale)
 
 
-def test_so_many_poses_that_they_are_walked_on_several_threads_are_fitted_all_the_same():
+def test_joint_fit_is_identical_on_several_threads():
+    """A campaign gets the same calibration in a joint fit large enough for several threads."""
     model, campaigns = campaigns_of(7, 70, rows=150)
     found = fit_together(model, campaigns, FitOptions(model_error=1e-4, prior_scale=1.0))
     assert all(one is not None for one in found)
@@ -169,7 +171,7 @@ def test_so_are_correlated_priors_and_effects():
     assert fit_together(model + Compliance(), campaigns, FitOptions()) == [None]
 
 
-def test_so_is_a_campaign_of_which_nothing_is_learnt():
+def test_joint_fit_rejects_uninformative_campaign():
     """With so large a model error some campaigns say nothing."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = reach_task(model, reference_task(), 12).q
@@ -185,7 +187,8 @@ def test_so_is_a_campaign_of_which_nothing_is_learnt():
     assert [one is None for one in fit_together(model, campaigns, FitOptions())] == refused
 
 
-def test_a_pose_at_which_a_loop_does_not_close_is_left_to_the_single_fit():
+def test_joint_fit_leaves_open_loop_poses_to_single_fit():
+    """A campaign with a pose at which the loop does not close is left to the single fit."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = reach_task(model, reference_task(), 30).q
     campaign, _ = simulate(model, q, rng=np.random.default_rng(0))

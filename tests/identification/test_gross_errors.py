@@ -110,7 +110,8 @@ def test_over_two_hundred_campaigns(model, poses):
     assert np.mean(innocent) <= 0.05
 
 
-def test_a_sound_campaign_is_fitted_as_if_nothing_had_been_looked_for(model, poses):
+def test_gross_error_search_keeps_fit_of_sound_campaign(model, poses):
+    """A campaign without gross errors is fitted as if no search had taken place."""
     campaign, _ = simulate(model, poses[20.0][0], rng=np.random.default_rng(3))
     looked, kept = identify(model, campaign), identify(model, campaign, gross_errors="keep")
     assert looked.left_out == ()
@@ -156,7 +157,8 @@ def test_more_wrong_rows_than_can_be_told_are_refused(model, poses):
         identify(model, replace(campaign, points=points))
 
 
-def test_a_target_too_far_from_the_tool_point_is_refused_unless_it_may_be_there(model, poses):
+def test_identify_rejects_distant_target_unless_allowed(model, poses):
+    """A target too far from the TCP is rejected unless its distance is allowed."""
     far = {"far": np.array([0.0, 1.2, 0.4])}
     campaign, _ = simulate(model, poses[20.0][0], rng=np.random.default_rng(3), targets=far)
     with pytest.raises(

@@ -28,7 +28,8 @@ def measured(count=60, *, pose=False, true=GAIN, x=None, seed=0):
 
 
 @pytest.mark.parametrize("pose", [False, True], ids=["points", "poses"])
-def test_a_calibration_of_the_one_model_is_saved_and_loaded_to_the_last_bit(tmp_path, pose):
+def test_group_model_calibration_round_trips_bit_for_bit(tmp_path, pose):
+    """A calibration of the group model is saved and loaded to the last bit."""
     model, campaign, _, unseen = measured(pose=pose)
     made = explain(model, campaign, candidates=(EncoderGain(), Harmonics(orders=(1, 2))), folds=3).calibration
     assert len(made.joint_error) == 6
@@ -60,7 +61,7 @@ def test_an_error_of_a_joint_turns_and_shifts_what_it_carries():
     np.testing.assert_allclose(C[:, 0], expected, rtol=2e-3, atol=1e-13)
 
 
-def test_an_order_far_beyond_the_others_of_its_joint_gets_a_size_of_its_own():
+def test_dominant_gear_order_gets_its_own_variance():
     """Order 20 of one joint: among thirty that share a size it would be taken for noise, or they for as large."""
     tone = Harmonics(joints=("J2",), orders=(20,))
     model = ErrorModel(load_robot("abb-irb120"))
@@ -76,7 +77,8 @@ def test_an_order_far_beyond_the_others_of_its_joint_gets_a_size_of_its_own():
     assert error < 1.25 * np.linalg.norm(told.predict(unseen) - truth.points(unseen), axis=2).mean()
 
 
-def test_an_order_of_a_motor_is_found_though_it_is_no_whole_number():
+def test_non_integer_motor_order_is_identified():
+    """A motor order is identified although it is not an integer."""
     tone = Harmonics(joints=("J2",), orders=(101.37,))
     model = ErrorModel(load_robot("abb-irb120"))
     x = np.zeros(len(model + tone))

@@ -39,7 +39,8 @@ def case(kind=None, rows=40, seed=0):
 
 
 @given(generators, st.sampled_from(["neighbours", "blocks", "rows"]), st.floats(0.05, 0.95))
-def test_about_the_share_that_was_asked_for_is_held_out_and_the_seed_alone_chooses(rng, by, share):
+def test_holdout_share_is_approximate_and_set_by_seed(rng, by, share):
+    """About the requested share is held out, and the seed alone determines the rows."""
     campaign = unmeasured(rng.uniform(-2, 2, (60, 6)))
     chosen = [Holdout(share=share, by=by, seed=seed).choose(campaign) for seed in (1, 1, 2, 3, 4)]
     np.testing.assert_array_equal(*chosen[:2])
@@ -69,7 +70,8 @@ def test_neighbours_and_blocks_are_held_out_whole():
 
 
 @pytest.mark.parametrize("kind", [{"targets": 3, "lost": 0.2}, {"pose": True, "rotation_sigma": 1e-4}])
-def test_a_share_is_predicted_by_the_calibration_that_is_returned(kind):
+def test_holdout_share_is_predicted_by_returned_calibration(kind):
+    """The held-out share is predicted by the calibration that is returned."""
     _, campaign, fit, nominal = case(kind)
     calibration = hold_out(fit, campaign, Holdout(share=0.3), nominal)
     kept = calibration.held_out
@@ -84,7 +86,8 @@ def test_a_share_is_predicted_by_the_calibration_that_is_returned(kind):
     assert kept.nominal_validation.summary() == pytest.approx(before.summary())
 
 
-def test_folds_are_predicted_by_fits_that_have_not_seen_them_and_the_calibration_has_all_rows():
+def test_holdout_folds_are_out_of_sample_and_fit_uses_all_rows():
+    """Folds are predicted by fits that exclude them, and the returned calibration uses all rows."""
     _, campaign, fit, nominal = case()
     calibration = hold_out(fit, campaign, Holdout(folds=3), nominal)
     kept = calibration.held_out

@@ -62,9 +62,10 @@ def test_many_rows_begin_from_some_of_them_and_end_as_all_do(kind: str, monkeypa
     assert_alike(found, expected)
 
 
-def test_rows_of_a_large_campaign_that_disagree_are_judged_by_some_of_the_others(
+def test_sampling_of_large_campaign_rejects_same_gross_errors(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """Judging discrepant rows of a large campaign against a sample of its rows rejects the same rows."""
     model, campaign = measured("points", 400)
     points = campaign.points.copy()
     points[[5, 90, 333], 0] += [0.0, 0.4, 0.0]

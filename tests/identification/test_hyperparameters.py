@@ -41,7 +41,8 @@ def test_each_group_of_a_pose_has_the_model_error_of_the_truth(position: float, 
         assert found.model_error[group] == pytest.approx(expected, rel=0.2), group
 
 
-def test_a_group_without_model_error_gets_none_beside_one_that_has_some() -> None:
+def test_rotation_model_error_is_zero_if_only_position_has_one() -> None:
+    """Rotations without model error get none although positions have model error."""
     model, campaign = poses_with_model_error(12, POSITION, 1e-9)
     found = identify(model, campaign, noise=NOISE)
     assert found.model_error[0] == pytest.approx(POSITION, rel=0.2)
@@ -59,7 +60,8 @@ def test_a_model_error_that_is_given_is_that_of_its_own_group() -> None:
     np.testing.assert_allclose(added[:, 0], np.broadcast_to(expected, (5, 6, 6)), atol=1e-6 * ROTATION**2)
 
 
-def test_a_fit_without_a_tracker_ends_although_only_the_prior_says_how_all_that_stands_is_turned():
+def test_fit_without_tracker_ends_if_rotation_is_prior_only():
+    """A fit without a tracker ends although only the prior determines the rotation of the fixed objects."""
     model, rng = ErrorModel(load_robot("abb-irb120")), np.random.default_rng(3)
     campaign, _ = socket_campaign(rng, model, rng.normal(size=len(model)) * model.tolerances, 90, noise=2e-5)
     calibration = identify(model, campaign, gross_errors="keep")

@@ -120,7 +120,8 @@ def test_a_robust_fit_minimises_the_cost_that_scipy_does(kind, loss):
 
 @pytest.mark.parametrize("spread_deg", [0, 20])
 @pytest.mark.parametrize("seed", range(2))
-def test_without_a_prior_the_irb6660_in_nearly_one_orientation_does_not_run_away(spread_deg, seed):
+def test_irb6660_without_prior_converges_in_one_orientation(spread_deg, seed):
+    """Without a prior the IRB 6660 measured in nearly one orientation does not diverge."""
     rng = np.random.default_rng(seed)
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = irb6660_positions(rng, 60)
@@ -140,7 +141,8 @@ OUTLIERS = {4: 3e-3, 17: 1.5e-3, 40: 5e-3}
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("loss", [Squared(), Huber(), Cauchy()], ids=lambda loss: type(loss).__name__)
-def test_outliers_are_named_by_row_and_a_robust_loss_recovers_the_robot(kind, loss):
+def test_outliers_are_named_and_robust_loss_recovers_robot(kind, loss):
+    """Outliers are named by row, and a robust loss recovers the robot."""
     rng, model = arm(3)
     campaign, truth = measure(rng, model, industrial_positions(rng, 80), defects(rng, model), sigma=2e-5, **KINDS[kind])
     clean = identify(model, campaign)
@@ -189,7 +191,8 @@ def test_the_model_error_is_found_and_a_sound_campaign_has_none():
     assert identify(model, noisy).model_error[0] == pytest.approx(np.sqrt(1e-4**2 - 2e-5**2), rel=0.15)
 
 
-def test_frames_that_are_held_stay_where_the_registration_put_them():
+def test_fixed_frames_stay_as_registered():
+    """Frames that are held fixed keep their registered values."""
     rng, model = arm(4)
     campaign, truth = measure(rng, model, industrial_positions(rng, 60), defects(rng, model), targets=2, sigma=1e-5)
     held = Registration(
@@ -244,7 +247,8 @@ def test_a_fit_is_the_same_whatever_the_order_of_the_rows():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_residuals_are_measured_less_predicted_and_nan_where_the_beam_was_lost(kind):
+def test_residuals_are_measured_minus_predicted_or_nan(kind):
+    """Residuals are measured minus predicted, and NaN for rows with a lost beam."""
     rng, model = arm(2)
     campaign, _ = measure(rng, model, industrial_positions(rng, 40), defects(rng, model), sigma=2e-5, **KINDS[kind])
     calibration = identify(model, campaign)
@@ -296,7 +300,7 @@ def test_points_calculated_in_the_base_are_remarked(sigma):
     assert any("a frame that is the robot's own base" in remark for remark in found.remarks) == (sigma == 0.0)
 
 
-def test_a_step_to_lengths_at_which_the_loop_does_not_close_is_shortened():
+def test_step_is_shortened_if_loop_does_not_close():
     """Near its singular position the loop turns ever faster with its lengths, so that the first step goes too far."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     rng = np.random.default_rng(0)
@@ -318,7 +322,8 @@ def test_a_step_to_lengths_at_which_the_loop_does_not_close_is_shortened():
     np.testing.assert_allclose(found.estimate[rod], x[rod], atol=1e-5)
 
 
-def test_a_row_at_which_the_loop_does_not_close_is_named_though_the_frames_are_given():
+def test_open_loop_row_is_named_if_frames_are_given():
+    """A row at which the loop does not close is named although the frames are given."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     campaign, _ = measure(np.random.default_rng(0), model, irb6660_positions(np.random.default_rng(1), 30))
     frames, q = register(model, campaign), campaign.q.copy()

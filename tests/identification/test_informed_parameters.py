@@ -8,7 +8,8 @@ TOLERANCES, SCALE, ERROR = np.array([1e-3, 2e-4]), 0.7, 1e-3
 PRIOR = SCALE * TOLERANCES
 
 
-def test_rows_tell_nothing_where_every_parameter_stays_as_uncertain_as_before():
+def test_rows_are_uninformative_if_no_variance_falls():
+    """Rows are uninformative if every parameter stays as uncertain as before."""
     assert tells_nothing(PRIOR, TOLERANCES, SCALE, SCALE, ERROR)
     assert tells_nothing(1.01 * PRIOR, TOLERANCES, SCALE, SCALE, ERROR)
 
@@ -17,7 +18,8 @@ def test_one_parameter_that_is_learnt_is_enough():
     assert not tells_nothing(PRIOR * [1.0, 0.5], TOLERANCES, SCALE, SCALE, ERROR)
 
 
-def test_what_is_learnt_is_weighed_against_the_most_probable_scale():
+def test_information_is_judged_at_most_probable_scale():
+    """The information gained is judged against the most probable scale."""
     half = 0.5 * PRIOR
     assert tells_nothing(half, TOLERANCES, SCALE, 1e-2 * SCALE, ERROR)
     # what the rows tell is three quarters of all: beside a prior of a standard deviation s, 1/√(1 + 3 s²) is left of it

@@ -22,7 +22,8 @@ def exactly(structure):
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
-def test_data_without_noise_give_the_truth_s_predictions_to_a_nanometre(structure):
+def test_noise_free_data_give_true_predictions_to_1_nm(structure):
+    """Data without noise give the true predictions to a nanometre."""
     some, calibration = exactly(structure)
     q = unseen(some, 100)
     nominal = some.model.poses(q) @ some.truth.T_tool_target[0]
@@ -32,7 +33,8 @@ def test_data_without_noise_give_the_truth_s_predictions_to_a_nanometre(structur
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
-def test_a_calibration_of_any_structure_is_saved_and_loaded_to_the_last_bit(structure, tmp_path):
+def test_calibration_of_any_structure_round_trips_bit_for_bit(structure, tmp_path):
+    """A calibration of any structure is saved and loaded to the last bit."""
     some, made = exactly(structure)
     made.save(tmp_path / "cal.json")
     loaded, q = load_calibration(tmp_path / "cal.json"), unseen(some)

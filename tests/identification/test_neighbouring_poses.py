@@ -24,7 +24,8 @@ def test_a_twentieth_of_a_round_number_is_a_twentieth(rng):
 
 
 @given(generators)
-def test_poses_of_a_group_are_nearer_to_each_other_than_poses_drawn_at_random(rng):
+def test_neighbour_groups_are_closer_than_random_poses(rng):
+    """Poses of a group are closer to each other than poses drawn at random."""
     q = rng.uniform(-2, 2, (120, 3))
     group = group_neighbours(q, 12)
     radius = [np.linalg.norm(q[group == k] - q[group == k].mean(axis=0), axis=1).mean() for k in range(12)]
@@ -32,7 +33,8 @@ def test_poses_of_a_group_are_nearer_to_each_other_than_poses_drawn_at_random(rn
 
 
 @given(generators)
-def test_a_trajectory_falls_into_pieces_though_each_row_is_close_to_the_next(rng):
+def test_trajectory_is_split_into_segments(rng):
+    """A trajectory is split into segments although each row is close to the next."""
     turn = np.linspace(0.0, 3.0, 400)[:, None] * rng.uniform(0.5, 1.0, 6)
     group = group_neighbours(turn, 10)
     assert len(set(group)) == 10

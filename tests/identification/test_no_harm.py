@@ -8,7 +8,8 @@ from tests.identification.no_harm import KINDS, ROBOTS, WITH, WITHOUT, draw
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "seed"), [pytest.param("nothing", 42, marks=pytest.mark.long), ("gain", 1)])
-def test_one_robot_of_a_kind_is_predicted_nearly_as_well_as_by_who_knows_the_kind(kind, seed):
+def test_auto_is_nearly_as_accurate_as_known_robot_class(kind, seed):
+    """One robot of a class is predicted nearly as well as with the effects of its class known."""
     outcome = draw(ROBOTS[seed % len(ROBOTS)], KINDS[kind], seed)
     assert outcome.auto < 1.2 * outcome.told
     assert outcome.auto < 1.1 * outcome.geometry
@@ -26,7 +27,7 @@ def test_without_effects_nothing_is_lost():
 
 
 @pytest.mark.long
-def test_a_single_effect_costs_a_tenth_at_most_of_what_knowing_it_gives():
+def test_auto_loses_at_most_a_tenth_of_known_effect_gain():
     """But for single orders of the gears: who is told the order knows one of thirty."""
     kinds = [WITH[kind] for kind in WITH if not kind.startswith("order")]
     outcomes = [draw(ROBOTS[seed % len(ROBOTS)], kinds[seed // len(ROBOTS) % len(kinds)], seed) for seed in range(60)]

@@ -26,7 +26,8 @@ def tool_error(calibration, truth, seed=0, *, sized=False):
 
 
 @pytest.mark.parametrize("kind", KINDS_WITHOUT_TRACKER)
-def test_the_robot_is_found_without_a_tracker_and_without_a_guess(kind):
+def test_identify_recovers_robot_without_tracker_or_guess(kind):
+    """The robot is identified without a tracker and without initial values."""
     model, campaign, truth = observed(kind, 2, rows=80)
     calibration = identify(model, campaign)
     nominal = identify(model, campaign, keep=[], prior=None)
@@ -73,7 +74,8 @@ def test_a_calibration_is_saved_and_loaded_with_what_stands(kind, tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["socket", "distance"])
-def test_errors_are_along_the_axes_of_the_base_only_where_they_were_measured_along_them(kind, tmp_path):
+def test_errors_are_in_base_axes_only_if_measured_in_them(kind, tmp_path):
+    """Errors are along the axes of the base only if they were measured along them."""
     model, both, _ = observed_with_points(kind, 4, rows=60)
     out = np.arange(0, len(both), 5)
     fitted = identify(model, both.take(np.setdiff1d(np.arange(len(both)), out)))
@@ -112,7 +114,8 @@ def test_planes_tell_all_but_the_size_of_the_robot():
     assert not any("how large" in remark for remark in cube.remarks)
 
 
-def test_without_a_stated_distance_the_size_of_the_robot_is_not_seen():
+def test_scale_is_unobservable_without_stated_distance():
+    """Without a stated distance the scale of the robot is unobservable."""
     model, campaign, _ = observed("socket", 6, rows=80)
     unstated = replace(campaign, observations=tuple(replace(one, distances=()) for one in campaign.observations))
     stated, free = identify(model, campaign), identify(model, unstated)
@@ -146,7 +149,8 @@ def test_a_row_in_the_wrong_socket_is_left_out_and_named():
     assert "1 of 60 rows cannot be right" in calibration.remarks[0]
 
 
-def test_a_validation_judges_each_socket_by_its_own_mean_wherever_its_block_stands():
+def test_validation_centres_each_socket_wherever_block_is():
+    """A validation judges each socket by its own mean, wherever its block is fixed."""
     model, campaign, _ = observed("socket", 5, rows=80)
     (kind,) = campaign.observations
     first = np.isin(kind.of, (0, 1))
@@ -163,7 +167,8 @@ def test_a_validation_judges_each_socket_by_its_own_mean_wherever_its_block_stan
     assert validation.summary()["distance_max_mm"] == pytest.approx(1e3 * abs(one.found - one.stated))
 
 
-def test_what_the_calibration_knows_of_a_socket_is_where_rows_held_out_are_expected():
+def test_holdout_rows_are_expected_at_estimated_sockets():
+    """Held-out rows are expected at the socket positions that the calibration estimated."""
     model, campaign, _ = observed("socket", 5, rows=60)
     calibration = identify(model, campaign.take(np.arange(50)))
     (known,) = unknowns_of(calibration, campaign.take(np.arange(50, 60)))
@@ -174,7 +179,8 @@ def test_what_the_calibration_knows_of_a_socket_is_where_rows_held_out_are_expec
     )
 
 
-def test_the_stated_covariance_is_that_of_the_errors_over_many_robots():
+def test_stated_covariance_matches_errors_over_robots():
+    """The stated covariance is that of the errors over many simulated robots."""
     squares = []
     for seed in range(8):
         model, campaign, _ = observed("socket", 100 + seed, rows=60)

@@ -38,7 +38,8 @@ def test_a_direction_that_the_fit_follows_entirely_is_not_judged() -> None:
     np.testing.assert_allclose(lengths, np.sqrt(8.0))
 
 
-def test_the_limit_is_the_quantile_shared_among_all_points_and_the_longest_comes_first() -> None:
+def test_outlier_limit_is_bonferroni_quantile_longest_first() -> None:
+    """The limit is the quantile shared among all points, and outliers are listed by falling length."""
     own = np.broadcast_to(np.eye(3), (50, 2, 3, 3))
     limit = np.sqrt(chi2.isf(0.05 / 100, 3))
     residual = np.zeros((50, 2, 3))
@@ -48,7 +49,8 @@ def test_the_limit_is_the_quantile_shared_among_all_points_and_the_longest_comes
     assert outliers[0].residual == pytest.approx(2.0 * limit)
 
 
-def test_a_sound_campaign_names_any_outlier_as_often_as_the_level_says() -> None:
+def test_false_outlier_rate_equals_level() -> None:
+    """A campaign without outliers names one as often as the level states."""
     rng = np.random.default_rng(1)
     own, campaign = np.broadcast_to(np.eye(3), (40, 1, 3, 3)), campaign_of(np.zeros((40, 1, 3)))
     named = sum(bool(studentise(rng.normal(size=(40, 1, 3)), own, own, campaign, 0.1)[1]) for _ in range(1000))

@@ -76,7 +76,8 @@ def test_factor_keeps_the_variance_of_every_combination(seed, size, least, kind)
 STATED = 1e-13
 
 
-def test_matrix_that_is_no_covariance_is_refused_before_it_is_written():
+def test_save_rejects_invalid_covariance():
+    """A matrix that is not a covariance is rejected before it is written."""
     C = np.array([[1.0, 0.99, -0.99], [0.99, 1.0, 0.99], [-0.99, 0.99, 1.0]])
     for wrong in (C, np.diag([1.0, -1e-12]), np.array([[0.0, 1e-3], [1e-3, 1.0]]), np.full((2, 2), np.nan)):
         with pytest.raises(FitError, match="the covariance of the fit is none"):
@@ -99,7 +100,8 @@ def test_what_is_not_a_packed_factor_is_refused(described, words):
         unpack_factor(described)
 
 
-def test_a_calibration_with_many_parameters_is_saved_packed_and_loads_to_the_last_bit(tmp_path):
+def test_large_calibration_is_packed_and_round_trips_exactly(tmp_path):
+    """A calibration with many parameters is saved packed and loaded to the last bit."""
     rng = np.random.default_rng(0)
     model = ErrorModel(load_robot("ur5"))
     campaign, _ = simulate(model, rng.uniform(-1.5, 1.5, (30, 6)), rng=rng)

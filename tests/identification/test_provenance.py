@@ -12,7 +12,8 @@ from tests.laws.campaigns import measure
 from tests.laws.robots import irb6660_positions
 
 
-def test_what_was_left_out_of_the_campaign_stays_with_the_calibration(tmp_path):
+def test_provenance_keeps_excluded_rows(tmp_path):
+    """Rows excluded from the campaign are recorded in the calibration."""
     rng = np.random.default_rng(0)
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     campaign, _ = measure(rng, model, irb6660_positions(rng, 30), np.zeros(len(model)), sigma=3e-5)

@@ -96,7 +96,8 @@ def test_a_side_of_approach_is_told_from_its_joint(model):
     assert by_name["approach of J2"].share < 0.05
 
 
-def test_targets_that_move_as_one_are_the_robot_and_others_are_not(model):
+def test_common_target_motion_is_attributed_to_robot(model):
+    """Targets that move together indicate the robot; independent ones do not."""
     campaign = measure(model, targets=TARGETS, count=60)
     rng = np.random.default_rng(7)
     common = campaign.points + 3e-4 * rng.normal(size=(60, 1, 3))
@@ -141,7 +142,8 @@ def test_levers_are_those_of_the_measured_point(model):
 
 
 @pytest.mark.parametrize(("poses", "functions"), [(60, 8), (105, 9), (165, 13)])
-def test_a_smooth_function_has_a_knot_for_every_fifteen_poses_and_six_at_least(poses, functions):
+def test_smooth_term_has_one_knot_per_15_poses_at_least_six(poses, functions):
+    """A smooth function has one knot for every fifteen poses, and six at least."""
     rng = np.random.default_rng(0)
     values, carrier = rng.uniform(-1.0, 1.0, (poses, 1)), rng.normal(size=(poses, 3, 1))
     regressor = Regressor(name="a", moves="b", values=values, carrier=carrier, unit="", scale=1.0)

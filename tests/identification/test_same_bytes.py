@@ -29,7 +29,8 @@ def digest(rows: int) -> str:
     return hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).hexdigest()
 
 
-def test_another_process_with_other_threads_and_hashes_gives_the_same_bytes() -> None:
+def test_identify_is_byte_identical_across_threads_and_hashes() -> None:
+    """Another process with other thread counts and hash seeds writes the same bytes."""
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "3")
     code = f"from {__name__} import digest; print(digest(40))"
     ended = subprocess.run(

@@ -13,7 +13,8 @@ from taskcal.identification.calibration import load_calibration
 STORED = Path(__file__).parent / "stored"
 
 
-def test_stored_calibration_predicts_the_same_and_keeps_its_bytes(tmp_path: Path) -> None:
+def test_stored_calibration_keeps_predictions_and_bytes(tmp_path: Path) -> None:
+    """A stored calibration gives the same predictions and is written back with the same bytes."""
     calibration = load_calibration(STORED / "calibration.json")
     said = {name: np.array(values) for name, values in json.loads((STORED / "predicted.json").read_text()).items()}
     np.testing.assert_allclose(calibration.predict(said["q"]), said["points"], rtol=0, atol=1e-12)

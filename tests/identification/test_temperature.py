@@ -41,7 +41,8 @@ def found() -> tuple[Calibration, Campaign, Truth]:
     return identify(model, campaign), campaign, truth
 
 
-def test_expansion_and_drift_are_found_within_their_standard_errors():
+def test_expansion_and_drift_are_within_standard_errors():
+    """Identified expansion and drift are within their standard errors of the true values."""
     scaled: list[np.ndarray] = []
     for seed in range(8):
         model, campaign, truth = measured(seed)
@@ -80,7 +81,8 @@ def test_other_temperatures_are_validated_as_such(found):
     assert square.mean() < 3.0 * 2.0
 
 
-def test_a_saved_calibration_predicts_the_same_at_every_temperature(found, tmp_path):
+def test_saved_calibration_predicts_equally_at_any_temperature(found, tmp_path):
+    """A saved calibration gives the same predictions at every temperature."""
     calibration, campaign, _ = found
     calibration.save(tmp_path / "cal.json")
     again = load_calibration(tmp_path / "cal.json")
@@ -175,7 +177,8 @@ def competing(model: ErrorModel, campaign) -> set[str]:
     return {type(effect).__name__ for effect in default_candidates(model.robot, campaign.conditions)}
 
 
-def test_expansion_is_among_the_default_candidates_where_temperatures_differ_and_nowhere_else():
+def test_expansion_is_candidate_only_if_temperatures_differ():
+    """Expansion is a default candidate only if the temperatures of the campaign differ."""
     model, campaign, _ = measured(3, count=40)
     plain = ErrorModel(model.robot)
     kinds = competing(plain, campaign)

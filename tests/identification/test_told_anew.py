@@ -37,5 +37,6 @@ def test_a_cell_told_in_another_way_is_predicted_the_same(way):
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
-def test_a_cell_of_any_structure_told_in_every_other_way_is_predicted_the_same(structure):
+def test_prediction_is_invariant_to_description_of_cell(structure):
+    """A cell of any structure is predicted the same in every equivalent description."""
     assert_the_same(structure, *TOLD_ANEW)

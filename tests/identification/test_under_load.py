@@ -41,7 +41,8 @@ def poses(rng, count):
     return rng.uniform([-1.2, -0.6, -0.6, -1.5, -1.5, -2.0], [1.2, 0.7, 0.6, 1.5, 1.5, 2.0], (count, 6))
 
 
-def test_under_a_cut_the_robot_goes_where_its_calibration_under_gravity_says(robot, tmp_path):
+def test_calibration_predicts_pose_under_cutting_force(robot, tmp_path):
+    """Under a cutting force the robot moves as its calibration under gravity predicts."""
     rng = np.random.default_rng(0)
     model = ErrorModel(robot) + Compliance(load=HEAVY)
     x = draw_defects(model, rng)

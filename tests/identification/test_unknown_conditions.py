@@ -25,7 +25,8 @@ def reached(rng, *, count=40, pose=False):
     return identify(model, campaign)
 
 
-def test_untold_ways_spread_the_targets_as_all_ways_and_all_effects_of_the_posterior_do():
+def test_unknown_approach_covariance_matches_posterior_spread():
+    """Unknown approach directions spread the targets as all directions and the posterior effects do."""
     rng = np.random.default_rng(0)
     found = reached(rng)
     q, count = positions(rng, 1), 100
@@ -63,7 +64,7 @@ def test_each_joint_whose_way_is_not_told_adds_its_own_share(pose):
     assert np.all(size[1] < size[2])
 
 
-def test_untold_temperatures_widen_a_prediction_by_as_much_as_they_spread():
+def test_unknown_temperature_widens_prediction_by_its_spread():
     """True errors over temperatures as they were in the campaign, which a prediction is not told."""
     rng = np.random.default_rng(2)
     model, temperature = ErrorModel(ROBOT) + Thermal(), rng.normal(24.0, 4.0, 60)

@@ -71,7 +71,8 @@ def test_held_out_rows_are_predicted_to_the_noise(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_moved_tracker_and_target_need_reregistering_and_the_geometry_stays(kind):
+def test_validation_reregisters_moved_tracker_and_target(kind):
+    """A moved tracker and target need a new registration; the geometry keeps its values."""
     rng, model, calibration, _, truth = calibrated(kind)
     q = industrial_positions(rng, 60)
     moved, _ = measure(rng, model, q, truth.x, sigma=5e-5, **KINDS[kind])

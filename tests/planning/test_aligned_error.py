@@ -16,7 +16,8 @@ def poses(seed: int, count: int = 40):
     return np.random.default_rng(seed).uniform(-2.0, 2.0, (count, 6))
 
 
-def test_a_base_that_stands_elsewhere_and_another_tool_point_are_no_error():
+def test_aligned_error_ignores_moved_base_and_tcp():
+    """A base in another place and another TCP cause no aligned error."""
     T = MODEL.poses(poses(0))
     base = se3.pose(se3.exp(np.array([1e-4, -2e-4, 3e-4])), np.array([0.002, -0.001, 0.003]))
     true = se3.apply(base @ T, np.array([1e-3, 2e-3, -1e-3]))
@@ -24,7 +25,8 @@ def test_a_base_that_stands_elsewhere_and_another_tool_point_are_no_error():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_what_is_left_is_the_least_that_any_frame_and_tool_point_leave(seed):
+def test_aligned_error_is_minimum_over_frame_and_tcp(seed):
+    """The aligned error is the minimum over all work frames and TCPs."""
     q, rng = poses(seed), np.random.default_rng(seed)
     weights = rng.uniform(0.5, 2.0, 40)
     T, true = MODEL.poses(q), MODEL.poses(q, 1e-3 * rng.normal(size=len(MODEL)))[:, :3, 3]

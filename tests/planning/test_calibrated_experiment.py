@@ -94,7 +94,7 @@ def test_the_expected_error_is_that_of_all_that_is_unknown(calibration, task, mo
     assert every.error(q, visible) < narrow.error(q, visible) < every.before
 
 
-def test_a_plan_that_knows_of_the_effects_leaves_less_than_one_that_does_not(calibration, campaign, task):
+def test_plan_with_effects_beats_plan_without_effects(calibration, campaign, task):
     """Rows that tell harmonics apart, judged by all that is unknown."""
     goal, pool = reach_task(GEOMETRY, task), poses(400, 5)
     geometric = identify(GEOMETRY, campaign)
@@ -108,7 +108,8 @@ def test_a_plan_that_knows_of_the_effects_leaves_less_than_one_that_does_not(cal
     assert knowing.extends
 
 
-def test_a_choice_takes_the_effects_of_a_joint_as_a_whole_with_the_sizes_that_were_found(calibration, campaign, task):
+def test_selection_takes_joint_effects_as_one_estimated_group(calibration, campaign, task):
+    """A selection takes the effects of a joint as a whole, with their estimated magnitudes."""
     model, known = calibration.model, known_hyperparameters(calibration)
     chosen = select(model, task, campaign, hyperparameters=known, folds=3)
     ripple = f"{RIPPLE.name} of J2"
@@ -126,7 +127,8 @@ def test_a_choice_takes_the_effects_of_a_joint_as_a_whole_with_the_sizes_that_we
     assert chosen.ladder[0].cross_validated < 0.5 * chosen.ladder[-1].cross_validated
 
 
-def test_what_the_data_inform_is_judged_by_the_sizes_that_were_found(calibration):
+def test_information_uses_estimated_magnitudes(calibration):
+    """The information of the data is judged by the estimated magnitudes."""
     informed = informed_parameters(calibration)
     sizes = dict(zip(calibration.names, calibration.group_deviations, strict=True))
     errors = dict(zip(calibration.names, calibration.standard_errors, strict=True))

@@ -12,7 +12,8 @@ from tests.planning.without_tracker import MODEL, TASK, TIP, plan_of, way_of
 WAY = way_of("camera")
 
 
-def test_every_landmark_is_in_the_picture_within_range_and_not_too_flat():
+def test_landmarks_are_in_view_in_range_and_not_oblique():
+    """Every landmark is in the image, within range and not too oblique."""
     made = plan_of("camera")
     camera = MODEL.poses(made.q) @ TIP
     seen = se3.apply(se3.inverse(camera), WAY.fixtures.position[made.of])

@@ -12,7 +12,8 @@ from taskcal.task.task import enlarge
 from tests.planning.measuring_cell import TASK, cell
 
 
-def test_a_reflector_that_is_never_visible_is_refused_with_the_reasons(model):
+def test_candidates_reject_reflector_that_is_never_visible(model):
+    """A reflector that is never visible is rejected with the reasons."""
     blind = Reflector(name="smr", position=np.zeros(3), axis=np.array([0, 0, -1.0]), acceptance=np.radians(1.0))
     with pytest.raises(ReachError, match=r"none of 100 candidate poses.*no reflector visible; move the tracker"):
         plan(model, TASK, 12, candidates=100, station=cell(reflectors=(blind,)))
@@ -21,7 +22,8 @@ def test_a_reflector_that_is_never_visible_is_refused_with_the_reasons(model):
         plan(model, TASK, 12, candidates=100, station=cell(keep_out=(everywhere,)))
 
 
-def test_planned_poses_are_inside_the_room_that_measuring_may_take(model, small):
+def test_planned_poses_stay_in_measurement_workspace(model, small):
+    """Planned poses are inside the workspace allowed for measuring."""
     assert model.robot.inside_limits(small.q).all()
     assert clear_of_itself(place_links(model, small.q)).all()
     T = model.poses(small.q)

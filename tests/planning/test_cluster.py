@@ -94,7 +94,8 @@ def test_a_scheduler_that_is_not_there_is_named(monkeypatch):
 
 
 @pytest.mark.slow
-def test_workers_that_are_not_there_or_have_another_release_are_named(monkeypatch, tmp_path):
+def test_cluster_names_absent_and_mismatched_workers(monkeypatch, tmp_path):
+    """Workers that are absent or run another release are named."""
     monkeypatch.setattr(module, "PATIENCE", 0.5)
     with scheduler(tmp_path, python=NO_TASKCAL) as started:
         engine = f"dask:{started.address}"

@@ -47,7 +47,8 @@ def test_the_expected_error_is_the_mean_over_simulated_robots(cell, dropped):
     assert abs(mean - made.expected_error(kept) ** 2) < 4.0 * standard_error
 
 
-def test_every_rung_of_the_ladder_drops_the_parameter_that_is_missed_least(cell):
+def test_elimination_drops_least_significant_parameter(cell):
+    """Every step of the elimination drops the parameter with the smallest effect on the task error."""
     model, _, _, made = cell
     order, errors = made.ladder()
     kept = set(range(len(model)))
@@ -96,7 +97,8 @@ KINDS = ("one target", "one orientation", "several targets", "poses")
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_error_over_the_task_is_the_weighted_mean_of_that_at_its_poses(cell, kind):
+def test_task_error_is_weighted_mean_over_poses(cell, kind):
+    """The error over the task is the weighted mean of the errors at its poses."""
     model = cell[0]
     _, goal, made = measured_design(model, kind)
     rng = np.random.default_rng(5)
@@ -109,7 +111,7 @@ def test_the_error_over_the_task_is_the_weighted_mean_of_that_at_its_poses(cell,
 
 
 @pytest.mark.parametrize("kind", ["one target", "several targets", "poses"])
-def test_the_expected_error_is_that_of_all_unknowns_estimated_at_once(cell, kind):
+def test_expected_error_equals_joint_least_squares(cell, kind):
     """Against one big least-squares problem in which tracker frame and targets are parameters with a very wide prior."""
     model = cell[0]
     campaign, goal, made = measured_design(model, kind)

@@ -24,7 +24,8 @@ def test_every_calibration_has_its_row_in_the_order_of_time(fleet):
     assert {row["verdict"] for row in table} == {"not checked"}
 
 
-def test_only_the_robot_that_was_moved_has_changed_and_it_looks_like_the_joint(fleet):
+def test_fleet_flags_only_changed_robot_and_its_joint(fleet):
+    """Only the robot with a moved joint has changed, and the change is attributed to that joint."""
     reviewed = review_fleet(fleet)
     verdicts = {change.robot: reviewed.verdict_of(change) for change in reviewed.changes}
     assert verdicts == {"a": "unchanged", "b": "changed"}
@@ -62,7 +63,8 @@ def test_files_that_cannot_be_read_are_told_once_and_left_out(fleet):
     assert any("3 of abb-irb120: too few" in remark for remark in reviewed.remarks)
 
 
-def test_robots_of_other_joints_are_not_compared_and_that_is_said(fleet):
+def test_fleet_reports_robots_with_other_joints(fleet):
+    """Robots with other joints are excluded from the comparison, with a message."""
     other = tc.ErrorModel(tc.load_robot("barrett-wam"))
     q = np.random.default_rng(0).uniform(*0.4 * other.robot.limits.T, size=(25, len(other.robot.limits)))
     campaign, _ = tc.simulate(other, q, rng=np.random.default_rng(1))
@@ -90,7 +92,8 @@ def test_what_holds_no_fleet_is_refused(tmp_path):
         review_fleet(tmp_path)
 
 
-def test_campaigns_are_identified_once_and_those_that_cannot_be_say_why(tmp_path):
+def test_fleet_identifies_each_campaign_once_or_states_why(tmp_path):
+    """Campaigns are identified once, and each failed one states its cause."""
     folder = lay_campaigns(tmp_path)
     for name in ("b/2026-03-01.csv", "b/2026-09-01.csv", "c/2026-03-01.csv"):
         (folder / name).write_text("J1_deg,x_mm\n0,1\n")

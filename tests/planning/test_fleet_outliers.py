@@ -31,7 +31,8 @@ def test_the_robot_that_is_unlike_the_others_is_named_alone():
     assert found.spread == pytest.approx(1.0, abs=0.5)
 
 
-def test_robots_that_were_measured_badly_are_no_outliers_and_widen_nothing():
+def test_fleet_ignores_poorly_measured_robots():
+    """Robots with poor measurements are not outliers and do not widen the spread."""
     rng = np.random.default_rng(2)
     values, errors = drawn(rng, 40)
     errors[:15] = 15.0
@@ -42,7 +43,8 @@ def test_robots_that_were_measured_badly_are_no_outliers_and_widen_nothing():
     assert 0.8 < np.median(spread) < 1.2
 
 
-def test_the_spread_is_that_of_the_robots_without_their_uncertainty():
+def test_fleet_spread_excludes_estimation_uncertainty():
+    """The spread is that of the robots without their uncertainty."""
     values, errors = drawn(np.random.default_rng(3), 4000, parameters=3, error=1.0)
     np.testing.assert_allclose(judge(values, errors)[1], 1.0, rtol=0.1)
     still = errors * np.random.default_rng(4).standard_normal(errors.shape)
@@ -64,5 +66,6 @@ def test_chances_allow_for_how_many_there_are():
     assert np.isnan(chance[2, 1])
 
 
-def test_robots_that_are_the_same_to_the_last_digit_are_no_outliers():
+def test_identical_robots_are_not_outliers():
+    """Robots that agree to the last digit are not outliers."""
     assert not (judge(np.ones((10, 3)), np.zeros((10, 3)))[3] < 1.0).any()

@@ -22,7 +22,8 @@ def test_joints_that_turn_more_than_once_are_not_wound_up():
     assert apart.max() < 1e-6
 
 
-def test_what_stands_by_default_stands_above_the_base_and_things_are_apart():
+def test_default_fixtures_are_above_base_and_apart():
+    """Default fixed objects are above the base and apart from each other."""
     for way in WAYS:
         position = way_of(way).fixtures.position
         assert position[:, 2].min() >= 0.0

@@ -29,7 +29,8 @@ every_way = pytest.mark.parametrize("way", WAYS)
 
 
 @every_way
-def test_a_plan_is_better_than_chance_and_falls_with_the_number_of_poses(way):
+def test_plan_without_tracker_beats_random_and_falls_with_count(way):
+    """A plan is better than random poses, and its error falls with the number of poses."""
     made = plan_of(way)
     assert made.expected < made.random.min() < made.random.max() < made.before
     assert made.expected < made.grid
@@ -39,7 +40,8 @@ def test_a_plan_is_better_than_chance_and_falls_with_the_number_of_poses(way):
 
 
 @every_way
-def test_every_posture_is_inside_the_limits_and_everything_that_stands_has_its_fill(way):
+def test_plan_respects_limits_and_covers_every_fixture(way):
+    """Every pose is inside the joint limits, and every fixed object gets its minimum number of poses."""
     made = plan_of(way)
     assert MODEL.robot.inside_limits(made.q).all()
     assert np.bincount(made.of).min() >= way_of(way).rows_each
@@ -75,7 +77,8 @@ def expected_in(way, made):
     return make_experiment(MODEL, GOAL, found, prior, way).error(made.q, made.visible)
 
 
-def test_a_stated_distance_of_sockets_is_worth_something_and_a_coarse_one_little():
+def test_precise_socket_distance_lowers_expected_error():
+    """A stated socket distance lowers the expected error; a coarse one hardly does."""
     made, way = plan_of("socket"), way_of("socket")
     coarse = tuple(replace(one, uncertainty=1e-2) for one in way.distances)
     fine, little, none = (expected_in(replace(way, distances=d), made) for d in (way.distances, coarse, ()))
@@ -83,13 +86,15 @@ def test_a_stated_distance_of_sockets_is_worth_something_and_a_coarse_one_little
     assert little == pytest.approx(none, rel=5e-3)
 
 
-def test_a_board_says_more_than_a_landmark_and_an_unknown_scale_less_than_a_known_one():
+def test_board_informs_more_than_landmark_unknown_scale_less():
+    """A board is more informative than a landmark, and an unknown scale less than a known one."""
     camera, wire = plan_of("camera"), plan_of("wire")
     assert expected_in(way_of("board"), camera) < expected_in(way_of("camera"), camera)
     assert expected_in(replace(way_of("wire"), wire_scale=True), wire) > expected_in(way_of("wire"), wire)
 
 
-def test_too_few_poses_are_refused_and_as_many_as_the_message_says_are_planned():
+def test_plan_rejects_too_few_poses_and_states_minimum():
+    """Too few poses are rejected, and the number in the message is enough for a plan."""
     way = way_of("camera")
     with pytest.raises(CampaignError, match="each of 3 landmarks needs 5; plan at least 15"):
         plan(MODEL, TASK, 14, observe=way, candidates=90)

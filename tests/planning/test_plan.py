@@ -36,7 +36,8 @@ def test_the_same_seed_gives_the_same_plan(model, small):
     assert np.abs(plan(model, TASK, 12, candidates=400, seed=1).q - small.q).max() > 1e-3
 
 
-def test_a_plan_is_better_than_chance_and_says_what_each_pose_was_worth(small):
+def test_plan_beats_random_and_states_gain_of_each_pose(small):
+    """A plan is better than random poses and states the gain of each pose."""
     assert small.expected < small.grid < small.before
     assert small.expected < small.random.min()
     assert np.all(np.diff(small.by_count) <= 1e-12)
@@ -44,7 +45,8 @@ def test_a_plan_is_better_than_chance_and_says_what_each_pose_was_worth(small):
     assert len(set(small.rows)) == len(small.q) == 12
 
 
-def test_the_expected_error_is_that_of_a_campaign_at_the_planned_poses(model, small):
+def test_plan_expected_error_equals_that_of_campaign(model, small):
+    """The expected error is that of a campaign at the planned poses."""
     exact = TrackerNoise(range_m=1e-12, range_per_m=0.0, transverse_m=1e-12, transverse_per_m=0.0)
     campaign, _ = simulate(model, small.q, rng=np.random.default_rng(0), x=np.zeros(len(model)), noise=exact)
     goal = reach_task(model, TASK, 200, 0)
@@ -76,13 +78,15 @@ def test_other_criteria_plan_as_well_but_not_better_for_the_task(model, listed, 
     assert other.expected < other.before
 
 
-def test_too_few_poses_are_refused_and_as_many_as_the_message_says_are_planned(model):
+def test_plan_rejects_too_few_poses_and_states_minimum(model):
+    """Too few poses are rejected, and the number in the message is enough for a plan."""
     with pytest.raises(CampaignError, match=r"3 poses are too few.*9 unknowns; plan at least 4"):
         plan(model, TASK, 3, candidates=100)
     assert len(plan(model, TASK, 4, candidates=100, refine=0).q) == 4
 
 
-def test_extending_a_campaign_lowers_the_expected_error_and_goes_where_it_helps(model, listed, pool):
+def test_extended_campaign_lowers_expected_error(model, listed, pool):
+    """Extending a campaign lowers the expected error, with poses where they reduce it most."""
     first = plan(model, listed, 12, candidates=pool)
     campaign, _ = simulate(model, first.q, rng=np.random.default_rng(4))
     more = plan(model, listed, 6, candidates=pool, campaign=campaign)
@@ -134,7 +138,7 @@ def test_the_accuracy_says_how_many_poses_are_needed(model, listed, pool):
     assert replace(made, accuracy=None).enough is None
 
 
-def test_the_poses_needed_are_those_that_bring_a_single_pose_within_the_accuracy(small):
+def test_required_pose_count_reaches_single_pose_accuracy(small):
     """Model error included: a plan judged by its geometry alone promised an accuracy that no single pose has."""
     deviation = 5e-5
     for n in (4, 7, 11):
@@ -155,7 +159,7 @@ def test_a_list_of_poses_is_planned_for_too(model):
 
 
 @pytest.mark.long
-def test_planned_poses_give_half_the_error_of_random_ones_and_promise_what_they_give(model):
+def test_plan_halves_error_of_random_poses_and_promises_it(model):
     """Over 200 true robots: 60 planned poses against 60 random ones, and 30 against 60."""
     goal, pool = reach_task(model, TASK, 200, 0), reach_task(model, TASK, 2000, 1).q
     plans = [plan(model, TASK, count, model_error=0.0) for count in (60, 30)]
@@ -176,7 +180,8 @@ def test_planned_poses_give_half_the_error_of_random_ones_and_promise_what_they_
     assert random == pytest.approx(plans[0].random.mean(), rel=0.06)
 
 
-def test_what_a_count_gives_agrees_with_the_plan_where_there_is_a_model_error():
+def test_pose_count_forecast_agrees_with_plan_under_model_error():
+    """The forecast for a number of poses agrees with the plan in the presence of model error."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     made = plan(model, TASK, 20, candidates=400, refine=0, model_error=5e-5)
     assert made.by_count[-1] == pytest.approx(made.expected, rel=0.3)
@@ -185,7 +190,7 @@ def test_what_a_count_gives_agrees_with_the_plan_where_there_is_a_model_error():
 @pytest.mark.parametrize(
     "lengths", [(500.0, 700.0, 500.0, 700.0), (500.0, 1300.0, 400.0, 700.0), (734.0, 288.0, 664.0, 385.0)]
 )
-def test_no_pose_of_a_plan_is_beyond_the_loop_s_singular_position(lengths):
+def test_plan_stays_before_singularity_of_loop(lengths):
     """Of a robot that nothing but its loop keeps from there, around poses near the end of the loop's range."""
     description = irb6660_description()
     bar = {**description["four_bar"], **dict(zip(("crank_mm", "rod_mm", "rocker_mm", "arm_mm"), lengths, strict=True))}

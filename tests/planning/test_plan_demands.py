@@ -23,7 +23,8 @@ def test_too_few_candidates_are_refused_with_what_fell_away() -> None:
         check_demands(PLAN, 60)
 
 
-def test_an_accuracy_is_out_of_reach_where_all_candidates_would_not_do() -> None:
+def test_accuracy_is_unreachable_if_all_candidates_miss_it() -> None:
+    """An accuracy is out of reach if even all candidates together do not achieve it."""
     assert extrapolate_poses(PLAN, 1e-5) == pytest.approx(16.0)
     just = 2e-5 * np.sqrt(4 / 50)
     check_demands(replace(PLAN, accuracy=just * 1.01), 4)
@@ -42,7 +43,7 @@ def test_an_accuracy_is_out_of_reach_where_all_candidates_would_not_do() -> None
         (1e-5, 1e-4, "no number of poses meets the task's 0.01 mm: the model error alone leaves 0.173 mm"),
     ],
 )
-def test_the_accuracy_in_words(accuracy: float | None, model_error: float, words: str) -> None:
+def test_describe_accuracy(accuracy: float | None, model_error: float, words: str) -> None:
     assert words in describe_accuracy(replace(PLAN, accuracy=accuracy, model_error=model_error))
 
 

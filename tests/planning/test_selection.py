@@ -47,7 +47,8 @@ def test_every_dropped_parameter_carries_a_reason_that_holds(model):
     assert all(reason for reason in chosen.dropped.values())
 
 
-def test_the_published_and_the_identifiable_set_stand_in_the_same_picture(model):
+def test_selection_references_published_and_identifiable_set(model):
+    """The published and the identifiable set are references of the same selection."""
     chosen = select(model, reference_task())
     assert chosen.references["published"][0] == 33
     assert chosen.references["identifiable"][0] == 24
@@ -67,12 +68,14 @@ def test_an_accuracy_is_met_by_the_smallest_model_that_meets_it(model):
     assert by_size[len(loose.kept)] <= 1e-4 < by_size[len(loose.kept) - 1]
 
 
-def test_an_accuracy_below_the_noise_is_refused_with_what_can_be_reached(model):
+def test_selection_rejects_accuracy_below_noise(model):
+    """An accuracy below the noise is rejected with the accuracy that is achievable."""
     with pytest.raises(CampaignError, match=r"out of reach.*0\.00\d mm rms"):
         select(model, reference_task(), accuracy=1e-6, model_error=0.0)
 
 
-def test_a_model_error_that_is_assumed_is_said_and_leaves_fewer_parameters_worth_their_variance(model):
+def test_assumed_model_error_is_reported_and_shrinks_selection(model):
+    """An assumed model error is reported and leaves fewer parameters worth their variance."""
     assumed, exact = (select(model, reference_task(), count=60, model_error=u) for u in (None, 0.0))
     assert len(assumed.kept) < len(exact.kept)
     assert assumed.ladder[0].expected > 2.0 * exact.ladder[0].expected
@@ -99,7 +102,7 @@ def test_an_unreachable_workspace_says_so(model):
         select(model, replace(task, workspace=far))
 
 
-def test_every_rung_is_what_the_model_without_the_dropped_ones_is_expected_to_leave(model):
+def test_elimination_step_states_error_of_reduced_model(model):
     """The ladder starts with all and ends with none; each size lacks one more; the choice lies on it."""
     chosen = select(model, reference_task(), count=60)
     assert [nested.size for nested in chosen.ladder] == list(range(len(model), -1, -1))
@@ -113,7 +116,8 @@ def test_every_rung_is_what_the_model_without_the_dropped_ones_is_expected_to_le
     assert (again.kept, again.summary()) == (chosen.kept, chosen.summary())
 
 
-def test_a_robot_of_which_nothing_is_published_is_compared_with_the_identifiable_set_alone():
+def test_selection_without_published_set_compares_identifiable():
+    """A robot without a published set is compared with the identifiable set alone."""
     plain = ErrorModel(load_robot("ur5"))
     q = np.random.default_rng(0).uniform(-1.2, 1.2, (60, 6))
     chosen = select(plain, Task(name="listed", poses=plain.poses(q), joints=q))
@@ -132,7 +136,8 @@ def test_known_hyperparameters_state_the_model_error(model, listed):
     assert select(model, listed, hyperparameters=known).model_error == pytest.approx(1e-4)
 
 
-def test_a_campaign_of_poses_states_its_model_error_in_milliradians_too(model, listed):
+def test_pose_campaign_states_model_error_in_mrad(model, listed):
+    """A campaign of full poses also states its model error in milliradians."""
     campaign, _ = simulate(model, listed.joints[:16], rng=np.random.default_rng(2), pose=True)
     off = se3.exp(1e-3 * np.random.default_rng(3).normal(size=(16, 3)))
     campaign = replace(campaign, rotations=off @ campaign.rotations)

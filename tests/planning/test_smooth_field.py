@@ -11,7 +11,8 @@ DEVIATION = 3e-5
 
 
 @given(generators)
-def test_the_variance_is_the_same_everywhere_and_the_covariance_at_landmarks_that_of_the_process(rng) -> None:
+def test_smooth_field_variance_is_uniform_and_exact_at_landmarks(rng) -> None:
+    """The variance is uniform, and the covariance at the inducing points is that of the process."""
     q = rng.normal(size=(LANDMARKS, 4)) * [1.0, 0.5, 2.0, 0.1]
     field = SmoothField.over(DEVIATION, q, q.std(axis=0))
     elsewhere = 3.0 * rng.normal(size=(10, 4)) * [1.0, 0.5, 2.0, 0.1]

@@ -23,7 +23,8 @@ def test_the_ball_is_in_its_socket_and_the_stem_within_the_cone():
     assert tilt.max() > 0.8 * WAY.cone  # the whole cone is used
 
 
-def test_the_way_in_is_along_the_axis_and_the_links_stay_out_of_the_block():
+def test_socket_approach_is_axial_and_links_clear_block():
+    """The approach is along the socket's axis, and the links stay outside the block."""
     made = plan_of("socket")
     ways = WAY.visits(MODEL, made.q, made.of)
     assert ways.shape[1] == APPROACH_STEPS + 1
@@ -62,7 +63,8 @@ def test_a_block_reaches_around_its_sockets_and_up_to_the_balls():
     assert SocketInstrument(fixtures=fixtures).stages.tolist() == [0, 0, 1]
 
 
-def test_postures_outside_the_cone_are_not_offered_and_a_narrow_cone_is_worth_less():
+def test_socket_cone_excludes_poses_and_narrow_cone_costs():
+    """Poses outside the cone are not candidates, and a narrow cone raises the expected error."""
     narrow = replace(WAY, cone=np.radians(10.0))
     found = find_measurable(MODEL, TASK, narrow, 120, 0)
     assert narrow.tilt(MODEL, found.q, found.visible.argmax(axis=1)).max() <= narrow.cone + 1e-6

@@ -51,7 +51,7 @@ def rows(model, task):
     return study(model, task, robots=4, engine="sequential", **CASES).rows
 
 
-def test_a_robot_of_which_nothing_is_learnt_stays_as_it_is_and_is_counted(model, task, tmp_path):
+def test_study_counts_uninformative_robots_as_unchanged(model, task, tmp_path):
     """With so large a model error some campaigns are refused; they must not end the study."""
     case = {"counts": (12,), "plans": ("random",), "seed": 3, "model_error": 5e-3, "engine": "sequential"}
     made = study(model, task, robots=3, resume=tmp_path / "study.json", **case)
@@ -197,7 +197,7 @@ def test_planned_poses_are_worth_more_than_random_ones(model):
 
 
 @pytest.mark.long
-def test_the_selected_model_is_as_good_as_the_full_one_and_the_undamped_published_one_is_not(model):
+def test_selected_model_matches_full_and_beats_published(model):
     """One orientation measured; errors inside it and up to 40° outside, over 60 true robots."""
     task = reference_task()
     chosen = select(model, task, model_error=0.0)
@@ -223,7 +223,8 @@ def test_the_selected_model_is_as_good_as_the_full_one_and_the_undamped_publishe
     assert np.all(worse["published"] > 0.7), worse
 
 
-def test_ways_to_measure_are_judged_by_what_is_left_once_frames_were_taught(tmp_path):
+def test_study_compares_instruments_after_frame_teaching(tmp_path):
+    """Instruments are compared by the task error after the frames were taught."""
     ways = {"observe": ("tracker", "socket", "camera"), "counts": (30,), "plans": ("random",), "seed": 3}
     more = {"robots": 3, "engine": "sequential", "model_error": 1e-4, "resume": tmp_path / "study.json"}
     seen = study(virtual_task.MODEL, virtual_task.TASK, **ways, **more)

@@ -76,7 +76,7 @@ def test_maps_hold_nothing_where_the_robot_does_not_get_to(model, slices, measur
     np.testing.assert_array_equal(np.isnan(each), np.broadcast_to(~at.reached, each.shape))
 
 
-def test_sensitivities_and_tolerances_are_small_moves_of_the_tool_point(model, slices):
+def test_task_sensitivities_are_small_tcp_displacements(model, slices):
     """A tolerance's effect is how far the point moves with it; all together add in squares."""
     at = slices[1]
     each, together = map_sensitivity(model, at), map_tolerance(model, at)
@@ -112,7 +112,7 @@ def test_the_map_of_uncertainty_is_the_tools_covariance(model, slices, measured)
 
 
 @pytest.mark.parametrize("pose", [False, True])
-def test_the_tools_covariance_is_that_of_the_estimate_carried_through_the_prediction(model, pose):
+def test_tool_covariance_propagates_estimate_covariance(model, pose):
     """Differences of the predicted tool pose in every entry of the estimate."""
     q = reach_task(model, reference_task(np.radians(20.0)), 30).q
     campaign, _ = simulate(
@@ -152,7 +152,7 @@ def test_a_list_of_poses_has_no_slices(model):
         pytest.param(True, 20.0, marks=pytest.mark.long),
     ],
 )
-def test_intervals_of_the_tool_itself_cover_the_truth_as_often_as_they_say(model, pose, spread_deg):
+def test_tool_interval_coverage_is_nominal(model, pose, spread_deg):
     """Tool positions, and rotations where poses were measured, at task poses in the tracker frame: 95 % intervals."""
     q = reach_task(model, reference_task(np.radians(spread_deg)), 40).q
     task = reach_task(model, reference_task(np.radians(spread_deg)), 20, 5).q

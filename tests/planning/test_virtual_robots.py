@@ -31,7 +31,8 @@ def calibration():
     return replace(found, joint_error=(0.0, 0.0, 5e-4, 0.0, 0.0, 0.0))
 
 
-def test_defects_have_the_sizes_and_poses_the_errors_that_were_found(calibration):
+def test_simulated_robots_have_estimated_defects_and_pose_errors(calibration):
+    """Simulated defects and pose errors have the magnitudes that were estimated."""
     robots = VirtualRobots.like(calibration, None)
     x = np.array([robots.draw(np.random.default_rng(seed)) for seed in range(400)])
     np.testing.assert_allclose(x.std(axis=0), calibration.prior_scale * EFFECTS.tolerances, rtol=0.2)
@@ -51,7 +52,8 @@ def test_defects_have_the_sizes_and_poses_the_errors_that_were_found(calibration
     assert np.linalg.norm(unexplained, axis=1).mean() > 0.6 * np.linalg.norm(lever, axis=1).mean()
 
 
-def test_a_study_says_what_effects_are_worth_on_robots_like_the_one_that_was_calibrated(calibration, monkeypatch):
+def test_study_states_gain_of_effects_for_calibrated_robot(calibration, monkeypatch):
+    """A study states the gain of effects on simulated robots like the calibrated one."""
     monkeypatch.setattr(studying, "POOL", 100)
     q = np.random.default_rng(5).uniform(-1.0, 1.0, (30, 6))
     task = Task(name="listed", poses=MODEL.poses(q), joints=q)
@@ -66,7 +68,8 @@ def test_a_study_says_what_effects_are_worth_on_robots_like_the_one_that_was_cal
     assert found.model_error_origin == "as calibrated"
 
 
-def test_another_model_or_a_calibration_without_a_prior_is_refused(calibration):
+def test_study_rejects_other_model_and_missing_prior(calibration):
+    """Another model and a calibration without a prior are rejected."""
     with pytest.raises(CampaignError, match="study the calibration's own model"):
         study(MODEL, Task(name="none", poses=np.eye(4)[None]), calibration=calibration)
     with pytest.raises(CampaignError, match="identify with a prior"):

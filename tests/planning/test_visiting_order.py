@@ -23,7 +23,8 @@ def cost(q: np.ndarray) -> float:
 
 
 @given(generators, st.integers(0, 14))
-def test_every_pose_is_visited_once_on_a_way_no_longer_than_the_given_one(rng, n):
+def test_visiting_order_keeps_every_pose_and_no_longer_path(rng, n):
+    """Every pose is visited once, on a path no longer than the given one."""
     robot = robot_from(industrial(rng))
     q = rng.uniform(-2, 2, (n, 6))
     order = order_visits(robot, q)
@@ -34,7 +35,8 @@ def test_every_pose_is_visited_once_on_a_way_no_longer_than_the_given_one(rng, n
 
 @given(generators)
 @settings(max_examples=15)
-def test_the_shortest_order_of_all_is_not_spoiled_and_nearly_found(rng):
+def test_visiting_order_keeps_optimum_and_nearly_finds_it(rng):
+    """An optimal order is kept, and a random one is improved to nearly the optimum."""
     robot = robot_from(industrial(rng))
     q = rng.uniform(-2, 2, (6, 6))
     best = q[list(min(itertools.permutations(range(6)), key=lambda order: cost(q[list(order)])))]

@@ -16,7 +16,8 @@ def wires(q, of):
     return tip, WAY.fixtures.position[of] - tip[:, :3, 3]
 
 
-def test_every_wire_has_a_length_that_is_measured_and_leaves_the_tool_freely():
+def test_wires_have_measurable_length_and_clear_tool():
+    """Every wire has a measurable length and leaves the tool without contact."""
     made = plan_of("wire")
     tip, way = wires(made.q, made.of)
     length = np.linalg.norm(way, axis=1)
@@ -34,7 +35,8 @@ def test_no_wire_crosses_a_link():
         assert apart.min() > links.radius[k]
 
 
-def test_a_wire_that_is_too_short_everywhere_is_refused_and_the_anchor_named():
+def test_wire_out_of_range_everywhere_names_its_anchor():
+    """A wire that is out of range at every pose is rejected, and its anchor is named."""
     with pytest.raises(
         ReachError, match=r"anchor 'front' cannot be measured .* the wire too short or too long; move it"
     ):

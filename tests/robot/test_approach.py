@@ -16,7 +16,8 @@ def test_a_drive_keeps_its_way_until_it_moves_again():
     np.testing.assert_array_equal(conditions_in_order(robot, q).approach, [[0, 0], [1, 0], [1, -1], [-1, -1], [-1, -1]])
 
 
-def test_behind_a_gap_nothing_is_known_until_a_drive_moves():
+def test_approach_is_unknown_after_gap_until_motion():
+    """The approach direction is unknown after a gap until a drive moves."""
     robot = arm("J1", "J2")
     q = np.radians([[0, 0], [10, 10], [20, 20], [30, 20], [20, 30]])
     follows = np.array([False, True, False, True, True])

@@ -196,7 +196,9 @@ class Drooping(Effect, abstract=True):
         )
 
 
-def test_what_it_needs_every_row_must_tell():
+def test_required_condition_must_be_stated_in_every_row():
+    """Every row must state a condition that the effect requires."""
+
     class Droop(Drooping):
         key, label, needs = "droop", "droop", ("temperature",)
 
