@@ -30,7 +30,8 @@ def refused(function: Callable[[int], int]) -> bool:
 
 
 @pytest.mark.parametrize("_time", range(2))
-def test_the_package_is_checked_in_every_test_whatever_earlier_ones_called(_time: int) -> None:
+def test_types_are_checked_in_every_test_despite_earlier_calls(_time: int) -> None:
+    """The package is type-checked in every test, whatever earlier tests called."""
     with pytest.raises(TypeCheckError, match="inverse"):
         se3.inverse(np.eye(3))
     for _ in range(CALLS):
@@ -41,7 +42,8 @@ def test_calls_are_checked_as_often_as_said() -> None:
     assert called(CALLS + 2)[0] == [True] * CALLS + [False] * 2
 
 
-def test_a_function_within_a_function_is_counted_over_all_that_the_outer_one_makes() -> None:
+def test_nested_function_checks_are_counted_over_all_copies() -> None:
+    """Calls of a nested function are counted over all copies that the outer function makes."""
     assert called(CALLS)[0] == [True] * CALLS
     again, inner = called(1)
     assert again == [False]
@@ -58,7 +60,9 @@ def test_results_are_checked_too() -> None:
         check_first_calls(column)(3)
 
 
-def test_of_functions_within_a_function_each_runs_itself_though_their_check_is_one() -> None:
+def test_nested_functions_run_own_code_with_shared_check() -> None:
+    """Each copy of a nested function runs its own code although the copies share a check."""
+
     def adding(number: int) -> Callable[[int, int], int]:
         def add(times: int, value: int) -> int:
             return number + (adding(10 * number)(times - 1, value) if times else value)

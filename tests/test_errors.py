@@ -10,7 +10,8 @@ from taskcal.errors import ClosureError, FileError, UnknownName, printable, show
 
 
 @given(st.text(max_size=2000))
-def test_a_value_is_shown_on_one_short_line_without_control_characters(text):
+def test_shown_value_is_one_short_line_without_controls(text):
+    """A value is shown on one short line without control characters."""
     line = shown(text)
     assert not [c for c in line if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp")]
     assert len(line) <= 80 * len("\\U0010ffff") + 30

@@ -17,7 +17,8 @@ def test_what_is_written_is_what_was_given(tmp_path, content):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_new_file_has_the_modes_of_any_other_and_an_old_one_keeps_its_own(tmp_path):
+def test_new_file_has_default_mode_and_old_file_keeps_mode(tmp_path):
+    """A new file has the default mode, and an existing one keeps its mode."""
     write_whole(tmp_path / "new", "")
     (tmp_path / "other").write_text("")
     assert (tmp_path / "new").stat().st_mode == (tmp_path / "other").stat().st_mode
@@ -28,7 +29,8 @@ def test_a_new_file_has_the_modes_of_any_other_and_an_old_one_keeps_its_own(tmp_
 
 
 @pytest.mark.parametrize("failure", [OSError(28, "No space left on device"), KeyboardInterrupt()])
-def test_an_interrupted_write_leaves_the_old_file_and_nothing_beside(tmp_path, monkeypatch, failure):
+def test_interrupted_write_keeps_old_file_and_no_temp_file(tmp_path, monkeypatch, failure):
+    """An interrupted write keeps the old file and leaves no temporary file."""
     path = tmp_path / "out"
     path.write_text("old")
 
@@ -68,7 +70,8 @@ def test_files_that_belong_together_are_written_all_or_none(tmp_path):
     assert (first.read_text(), (tmp_path / "b.mod").read_bytes()) == ("new", b"more")
 
 
-def test_what_a_killed_process_left_is_removed_by_the_next_and_what_a_running_one_needs_is_not(tmp_path):
+def test_cleanup_removes_only_temp_files_of_dead_processes(tmp_path):
+    """Temporary files of a killed process are removed by the next write; those of a running one are kept."""
     path, other = tmp_path / "a.csv", tmp_path / "b.csv"
     code = (
         "import os, sys, signal; from taskcal.io import files; files.os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL); "
@@ -82,7 +85,8 @@ def test_what_a_killed_process_left_is_removed_by_the_next_and_what_a_running_on
     assert sorted(tmp_path.iterdir()) == sorted([path, other, running])
 
 
-def test_an_interrupt_between_two_files_does_not_leave_old_beside_new(tmp_path, monkeypatch):
+def test_interrupt_between_files_leaves_consistent_set(tmp_path, monkeypatch):
+    """An interrupt between two files does not leave an old file next to a new one."""
     paths = [tmp_path / name for name in "abc"]
     for path in paths:
         path.write_text("old")

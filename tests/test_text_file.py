@@ -74,7 +74,8 @@ def test_a_bound_beyond_all_memory_costs_none(tmp_path, monkeypatch):
     assert read_bytes(path) == b"12345"
 
 
-def test_a_file_that_grows_while_it_is_read_is_read_to_its_end_or_to_the_bound(tmp_path, monkeypatch):
+def test_growing_file_is_read_to_its_end_or_size_limit(tmp_path, monkeypatch):
+    """A file that grows while it is read is read to its end or to the size limit."""
     path = tmp_path / "file"
     path.write_bytes(3_000_000 * b"1")
     whole = os.fstat

@@ -80,7 +80,8 @@ def test_many_decimal_numbers_in_a_line_are_no_long_key(tmp_path):
         ),
     ],
 )
-def test_for_a_key_that_is_not_known_those_that_are_stand_in_the_message(tmp_path, schema, text, said):
+def test_unknown_key_message_lists_valid_keys(tmp_path, schema, text, said):
+    """The message for an unknown key lists the valid keys."""
     path = tmp_path / "file.toml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(FileError) as refusal:
@@ -183,7 +184,8 @@ def at(content, place):
 
 @pytest.mark.parametrize("schema", SOUND)
 @pytest.mark.parametrize("value", [True, "600", 1e308, -1e308, float("nan"), 10**400], ids=lambda v: repr(v)[:6])
-def test_no_number_of_any_file_may_be_of_another_type_or_beyond_all_bounds(schema, value):
+def test_numbers_of_wrong_type_or_range_are_rejected(schema, value):
+    """A number of another type or out of all bounds is rejected in every file."""
     sound = tomllib.loads(SOUND[schema])
     for place in number_places(sound):
         with pytest.raises(ValidationError) as caught:

@@ -57,7 +57,8 @@ def test_the_line_the_place_and_what_to_write_are_said(tmp_path, text):
     assert refusal.value.line == line
 
 
-def test_an_error_that_the_parser_words_otherwise_still_says_what_toml_is():
+def test_unknown_parser_error_still_explains_toml():
+    """An error with unknown wording is still explained with the form of TOML."""
     assert find_mistake("Something new (at line 2, column 3)", "a = 1\nb = 2").line == 2
     assert find_mistake("Something new", "a").line is None
     assert "name = value" in find_mistake("Something new", "a").said

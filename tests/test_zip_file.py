@@ -146,7 +146,8 @@ def test_other_methods_are_refused_by_number_and_name(method: int, name: str) ->
 
 @pytest.mark.parametrize(("method", "name"), [(zipfile.ZIP_BZIP2, "BZIP2"), (zipfile.ZIP_LZMA, "LZMA")])
 @pytest.mark.parametrize("damaged", [False, True])
-def test_methods_that_unpack_all_at_once_are_refused_before_they_do(method: int, name: str, damaged: bool) -> None:
+def test_unbounded_compression_methods_are_rejected_unread(method: int, name: str, damaged: bool) -> None:
+    """Compression methods that unpack all at once are rejected before any unpacking."""
     content = packed({"a.mod": b"\0" * 20_000_000}, method)
     if damaged:
         content = content[:40] + b"\xff" * 8 + content[48:]
@@ -180,7 +181,8 @@ def forged(content: bytes, stated: int, method: int) -> bytes:
     return local + entry + struct.pack("<4s4H2LH", b"PK\x05\x06", 0, 0, 1, 1, len(entry), len(local), 0)
 
 
-def test_what_the_forger_writes_is_a_zip_file_where_nothing_is_forged() -> None:
+def test_forged_zip_helper_writes_valid_zip_by_default() -> None:
+    """The helper that forges ZIP files writes a valid one if nothing is forged."""
     for method in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         assert read(forged(TEXT, len(TEXT), method)) == {"a.mod": TEXT}
 

@@ -51,9 +51,10 @@ def check(run: Run, robot: str) -> dict:
 
 
 @pytest.mark.parametrize(("robot", "folder"), [("ur5", "ur5_tracker"), ("barrett-wam", "wam_tracker")])
-def test_goals_and_differences_become_points_by_the_line_that_the_page_gives(
+def test_goals_and_deviations_become_points_as_documented(
     run: Run, data_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, robot: str, folder: str
 ) -> None:
+    """Goals and deviations become points by the command given on the page."""
     monkeypatch.chdir(tmp_path)
     header, values = cells(data_folder / folder / "measurements.csv")
     joints = [name for name in header if name.startswith("q")]
@@ -75,9 +76,10 @@ def test_goals_and_differences_become_points_by_the_line_that_the_page_gives(
     check(run, robot)
 
 
-def test_the_published_file_of_the_ur10_needs_names_for_its_columns_only(
+def test_published_ur10_file_needs_only_column_names(
     run: Run, data_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The published file of the UR10 only needs names for its columns."""
     monkeypatch.chdir(tmp_path)
     header, values = cells(data_folder / "ur10_tmac" / "measurements.csv")
     at = {name: values[:, k] for k, name in enumerate(header)}

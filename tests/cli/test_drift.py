@@ -30,9 +30,10 @@ def nested(request: pytest.FixtureRequest, cell: Path, tmp_path: Path) -> tuple[
     return request.param, path
 
 
-def test_reference_points_are_followed_where_they_moved_and_the_user_is_told(
+def test_drift_of_reference_points_is_compensated_and_reported(
     run: Run, nested: tuple[str, Path], tmp_path: Path
 ) -> None:
+    """Moving reference points are followed, and the user is informed."""
     kind, path = nested
     cal = tmp_path / "cal.json"
     ended = run("identify", "--robot", IRB6660, path, "-o", cal, "--json")

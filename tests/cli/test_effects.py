@@ -63,7 +63,8 @@ def test_what_the_data_prove_is_found_saved_and_explained(run: Run, campaign: Pa
     assert checked["mean_mm"] == pytest.approx(result["held_out"]["mean_mm"])
 
 
-def test_the_table_for_people_says_what_each_step_is_worth(run: Run, campaign: Path, tmp_path: Path) -> None:
+def test_effects_text_table_states_gain_of_each_step(run: Run, campaign: Path, tmp_path: Path) -> None:
+    """The text table states the gain of each step of the model comparison."""
     ended = identify(run, campaign, tmp_path / "cal.json", "--effects", "harmonics:1,gain", "--parameters")
     text = " ".join(ended.out.split())
     for words in ("asked for", "geometry 0.", "with gear harmonics", "tracker noise", "periods per turn"):

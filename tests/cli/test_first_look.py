@@ -55,9 +55,8 @@ WRONG = (
 )
 
 
-def test_files_whose_content_is_wrong_are_refused_before_compiler_solvers_and_figures_are_imported(
-    tmp_path: Path, cell: Path
-) -> None:
+def test_invalid_files_are_rejected_before_heavy_imports(tmp_path: Path, cell: Path) -> None:
+    """Files with invalid content are rejected before compiler, solvers and plotting are imported."""
     names = ",".join(f"J{joint}_deg" for joint in range(1, 7))
     (tmp_path / "text.csv").write_text(f"id,{names},x_mm,y_mm,z_mm\n0,0,0,0,0,abc,0,1,2,3\n")
     (tmp_path / "robot.toml").write_text('name = "nothing else"\n')

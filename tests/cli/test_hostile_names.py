@@ -22,7 +22,8 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_no_command_passes_on_what_names_tell_the_terminal_or_the_page(run, hostile: Path) -> None:
+def test_commands_escape_control_sequences_and_markup_in_names(run, hostile: Path) -> None:
+    """Names with terminal control sequences or markup are escaped on the terminal and in reports."""
     robot, campaign, saved = (hostile / name for name in ("robot.toml", "measured.csv", "c.json"))
     page, text = hostile / "page.html", hostile / "page.md"
     commands = [

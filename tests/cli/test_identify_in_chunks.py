@@ -21,7 +21,8 @@ def large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "large.parquet"
 
 
-def test_a_large_parquet_file_is_fitted_in_parts_and_that_is_said(run: Run, large: Path, tmp_path: Path) -> None:
+def test_large_parquet_file_is_fitted_in_chunks_and_reported(run: Run, large: Path, tmp_path: Path) -> None:
+    """A large Parquet file is fitted in chunks, with a message."""
     ask = ["identify", "--robot", "abb-irb120", large, "-o", tmp_path / "cal.json"]
     ended = run(*ask, "--json")
     assert ended.status == 0, ended.err

@@ -16,7 +16,8 @@ LOOPS = {
 
 
 @pytest.mark.parametrize("kind", LOOPS)
-def test_an_interrupt_ends_the_program_soon_and_says_what_was_written(kind, tmp_path):
+def test_interrupt_ends_command_soon_and_lists_written_files(kind, tmp_path):
+    """An interrupt ends the command soon and lists the files already written."""
     table = tmp_path / "table.csv"
     table.write_text("joint,alpha_deg,a_mm,d_mm,theta_offset_deg\nJ1,0,500,0,0\n")
     robot = tmp_path / "r.toml"
@@ -47,7 +48,8 @@ def test_an_interrupt_ends_the_program_soon_and_says_what_was_written(kind, tmp_
     assert (status, said) == (130, f"interrupted: nothing was written; not written: {robot}\n")
 
 
-def test_an_interrupt_while_the_command_line_is_imported_is_said_in_a_line():
+def test_interrupt_during_import_prints_one_line():
+    """An interrupt during the import of the command line is reported in one line."""
     with subprocess.Popen(
         [sys.executable, "-X", "importtime", "-m", "taskcal", "robots"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=_hear_interrupts,

@@ -48,9 +48,10 @@ def test_the_table_names_the_programs(run: Run, ask: list[object], tmp_path: Pat
         ("measure.src", ["--speed-percent", "0"], 2, "--speed-percent"),
     ],
 )
-def test_programs_that_cannot_be_written_are_refused_before_the_plan(
+def test_unwritable_measuring_program_is_rejected_before_plan(
     run: Run, ask: list[object], tmp_path: Path, name: str, options: list[str], status: int, said: str
 ) -> None:
+    """Measuring programs that cannot be written are rejected before the plan is computed."""
     ended = run(*ask, "--program", tmp_path / name, *options, "--json")
     assert (ended.status, ended.out) == (status, "")
     assert said in " ".join(ended.err.split())

@@ -23,7 +23,8 @@ def table(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_file_that_the_command_wrote_is_replaced_and_one_that_was_edited_is_not(tmp_path: Path) -> None:
+def test_own_output_is_replaced_but_edited_file_is_kept(tmp_path: Path) -> None:
+    """A file that the command wrote is replaced; one that was edited is kept."""
     path = tmp_path / "plan.csv"
     check_outputs("plan", [("--output", path)]).write({path: "first"})
     check_outputs("plan", [("--output", path)]).write({path: "second"})
@@ -106,9 +107,8 @@ def test_two_outputs_are_never_one_file(tmp_path: Path, exists: bool) -> None:
         check_outputs("plan", [("--output", tmp_path / "a"), ("--report", tmp_path / "link")], force=True)
 
 
-def test_names_that_differ_in_case_alone_are_one_file_where_the_folder_folds_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_output_names_are_compared_as_the_folder_folds_case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Names that differ only in letter case are one file in a folder that ignores case."""
     named = [("--output", tmp_path / "Part.csv"), ("--report", tmp_path / "part.CSV")]
     monkeypatch.setattr(output, "_folds_case", lambda folder: True)
     with pytest.raises(typer.BadParameter):

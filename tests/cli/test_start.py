@@ -177,7 +177,8 @@ def test_a_nul_in_a_path_is_refused_in_a_line(run: Run, arguments: list[str]) ->
         ["robots", "import", "a.csv", "--convention", "d\x1b[31m\x07h", "-o", "b.toml"],
     ],
 )
-def test_control_characters_of_an_argument_do_not_reach_the_terminal(run: Run, arguments: list[str]) -> None:
+def test_control_characters_in_arguments_are_escaped(run: Run, arguments: list[str]) -> None:
+    """Control characters of an argument do not reach the terminal."""
     ended = run(*arguments)
     assert ended.status != 0
     assert not set("\x1b\x07") & set(ended.out + ended.err)
@@ -206,9 +207,7 @@ def test_a_message_does_not_repeat_an_argument_of_any_length(run: Run, command: 
 
 
 @pytest.mark.long
-def test_a_compilation_is_announced_beside_the_result_and_only_where_one_takes_place(
-    tmp_path: Path, cell: Path
-) -> None:
+def test_compilation_is_announced_on_stderr_only_if_needed(tmp_path: Path, cell: Path) -> None:
     """With a cache of its own; by a command that never fits, twice."""
     asked = ["sensitivity", "--robot", IRB6660, "--campaign", str(cell / "one.csv"), "--json"]
     code = f"import sys; from taskcal.cli import main; sys.exit(main({asked!r}))"

@@ -42,7 +42,8 @@ def runs(loop):
     return [run_closed_loop(loop, seed, fit=named_effects) for seed in range(2)]
 
 
-def test_the_corrected_program_is_several_times_better_than_the_touched_off_one(runs):
+def test_correction_halves_touch_off_error(runs):
+    """The error of the corrected program is less than half that of the touched-off program."""
     found = largest_errors(runs)
     assert (found["as programmed"] > 1e-3).all()
     assert (found["touched off"] < 0.5 * found["as programmed"]).all()
@@ -64,7 +65,8 @@ def test_the_true_errors_are_as_large_as_stated(runs):
     assert np.mean([share_within(run) for run in runs]) > 0.85
 
 
-def test_the_radius_holds_95_in_100_errors_that_are_alike_in_all_directions():
+def test_radius_95_covers_95_percent_of_isotropic_errors():
+    """The radius covers 95 % of isotropic normal errors."""
     errors = np.random.default_rng(0).normal(size=(100_000, 3))
     length = np.linalg.norm(errors, axis=1)
     assert (length <= RADIUS_95 * rms(length)).mean() == pytest.approx(0.95, abs=0.003)
@@ -80,7 +82,7 @@ def test_the_correction_does_not_know_the_truth(loop, runs):
 
 
 @pytest.mark.long
-def test_the_correction_follows_the_sides_from_which_the_drives_come(loop):
+def test_correction_follows_approach_direction_of_drives(loop):
     """Of a robot with twice the lost motion a good part is taken off, and the middle between both sides is no match."""
     lost = Sizes(links=0.0, drives=0.0, gears=0.0, lost_motion=2.0, expansion=0.0)
     left = {

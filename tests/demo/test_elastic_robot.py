@@ -37,7 +37,7 @@ def trials(poses):
     return [try_models(truth, fits, *poses, rng=np.random.default_rng(seed)) for seed in range(DRAWS)]
 
 
-def test_the_lower_arm_s_motor_carries_weights_less_half_by_its_spring(poses):
+def test_lower_arm_motor_torque_is_reduced_by_spring(poses):
     """By hand: all weights but the lower arm's own hang on its end, 700 mm from the axis, whatever the forearm does."""
     robot, lean = elastic_model(GEOMETRY.robot).robot, poses[0][:, 1]
     far = sum(mass for mass, _ in WEIGHTS[2:]) + 120.0
@@ -76,7 +76,7 @@ def test_predictions_with_effects_are_inside_their_intervals(trials):
     assert 0.90 < inside < 0.99
 
 
-def test_a_fit_that_is_told_the_truth_s_model_is_inside_its_intervals(poses):
+def test_fit_with_true_model_is_inside_its_intervals(poses):
     """Told everything, the intervals hold as often as they say."""
     truth = elastic_model(GEOMETRY.robot)
     told = [

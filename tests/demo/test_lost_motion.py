@@ -11,7 +11,8 @@ def test_lost_motion_far_from_a_reversal_is_the_direction(robot):
     np.testing.assert_allclose(np.abs(lost_motion(robot, way)[1:, 0]), 1.0)
 
 
-def test_lost_motion_is_taken_up_little_by_little_and_does_not_depend_on_stops(robot):
+def test_lost_motion_is_gradual_and_independent_of_stops(robot):
+    """Lost motion is taken up gradually and does not depend on intermediate stops."""
     turned = np.array([0.0, 0.5, 0.5 - 0.5 * WIDTHS[0], 0.5 - 3.0 * max(WIDTHS)])
     way = np.zeros((4, 6))
     way[:, 0] = turned

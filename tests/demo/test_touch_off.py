@@ -58,7 +58,8 @@ def test_a_base_that_is_shifted_is_touched_off_whole(robot, moves):
     assert np.abs(touched_error(robot, moves, displaced)).max() < 1e-8
 
 
-def test_a_base_that_is_turned_is_touched_off_but_for_second_order(robot, moves):
+def test_touch_off_removes_base_rotation_to_second_order(robot, moves):
+    """Touch-off removes the rotation of a base except for second-order terms."""
     displaced = se3.pose(se3.exp(np.array([1e-3, -5e-4, 8e-4])), np.zeros(3))
     assert np.abs(touched_error(robot, moves, displaced)).max() < 5e-6
 

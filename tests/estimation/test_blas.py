@@ -11,7 +11,9 @@ def threads() -> set[int]:
     return {library["num_threads"] for library in ThreadpoolController().select(user_api="blas").info()}
 
 
-def test_a_function_runs_on_one_thread_and_the_callers_setting_comes_back():
+def test_single_thread_call_restores_thread_setting():
+    """The function runs on one thread, and the caller's setting is restored."""
+
     @single_threaded
     def inside(fail: bool) -> set[int]:
         if fail:

@@ -84,7 +84,8 @@ class LinearModel:
 @settings(max_examples=10)
 @given(generators)
 @pytest.mark.parametrize("groups", [1, 2])
-def test_the_scoring_comes_to_rest_where_the_data_are_most_probable(groups, rng):
+def test_scoring_converges_to_maximum_marginal_likelihood(groups, rng):
+    """The scoring steps converge to the maximum of the marginal likelihood."""
     model = LinearModel(rng, groups=groups, u=np.array([0.5, 2.0]), v=3.0)
     best_u, best_v = model.maximum(np.array([0.5, 2.0]), 3.0)
     assume(1e-3 < best_v < 1e3 and best_u.min() > 1e-2)
@@ -101,7 +102,8 @@ def test_the_scoring_comes_to_rest_where_the_data_are_most_probable(groups, rng)
 
 @settings(max_examples=10)
 @given(generators)
-def test_a_scoring_step_goes_uphill_and_its_error_is_the_curvatures(rng):
+def test_scoring_step_is_slope_over_information(rng):
+    """A scoring step is the slope over the information, and its error is given by the curvature."""
     model = LinearModel(rng, u=0.5)
     u, v, h = np.array([0.7]), 1.0, 1e-5
     at = model.linearised(u, v)
@@ -152,7 +154,8 @@ def test_a_weighted_block_counts_as_one_of_larger_variance():
 
 @settings(max_examples=3)
 @given(generators)
-def test_the_expected_scale_is_that_of_the_exact_marginal_likelihood(rng):
+def test_expected_prior_scale_equals_exact_marginal_mean(rng):
+    """The expected scale is that of the exact marginal likelihood."""
     model = LinearModel(rng, v=2.0)
     logarithm = np.linspace(*np.log(SCALE_RANGE), 151)
     believed = np.array([model.log_marginal(1.0, np.exp(one)) for one in logarithm])
@@ -164,7 +167,7 @@ def test_the_expected_scale_is_that_of_the_exact_marginal_likelihood(rng):
         assert expect_prior_scale(model.linearised(1.0, v), v) == pytest.approx(expected, rel=1e-2)
 
 
-def test_what_is_not_seen_is_covered_as_often_as_the_scale_found_with_it_says():
+def test_unobserved_parameter_coverage_is_nominal():
     """Five of six parameters are seen: 95 % of the sixth lie within 1.96 of what is expected, not of what is most probable."""
     seen = np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 0.0]) * 1e4
     draws = np.random.default_rng(0).normal(size=(1500, 6))

@@ -89,7 +89,7 @@ def test_the_value_is_that_of_matrices_inverted_afresh(criterion, rng, block, kn
 
 
 @pytest.mark.parametrize("criterion", ["E", "O1", "O2", "O4"])
-def test_a_short_list_that_misses_the_present_candidate_does_no_harm(criterion, monkeypatch):
+def test_shortlist_without_current_candidate_does_no_harm(criterion, monkeypatch):
     """An exchange that turns out worse is taken back, so that the value stays that of the choice."""
     monkeypatch.setattr(experiment_design, "SHORTLIST_SIZE", 2)
     for seed in range(3):
@@ -154,7 +154,7 @@ def test_what_is_known_already_is_not_measured_again():
 
 @given(generators)
 @settings(max_examples=6)
-def test_prior_information_counts_as_much_as_the_rows_it_comes_from(rng):
+def test_prior_information_equals_rows_it_came_from(rng):
     """Extending a measured set gives the error of measured and chosen rows together."""
     candidates = random_candidates(rng, n=30, known=0)
     first = choose(candidates, 5)
@@ -179,7 +179,7 @@ def test_more_than_there_are_means_all():
     assert found.exchanges == 0
 
 
-def test_ties_of_the_smallest_singular_value_are_broken_towards_full_rank():
+def test_e_optimality_ties_are_broken_towards_full_rank():
     """As long as some direction is unseen, E is zero whatever is chosen: what opens most new directions goes first."""
     rng = np.random.default_rng(0)
     d = 6
@@ -194,7 +194,8 @@ def test_ties_of_the_smallest_singular_value_are_broken_towards_full_rank():
     assert found.value == pytest.approx(-2.0, rel=1e-4)
 
 
-def test_every_group_gets_as_many_as_it_needs_and_the_rest_go_where_they_help():
+def test_each_group_gets_its_minimum_and_rest_reduce_error():
+    """Every group gets its minimum count, and the remaining rows go to those that reduce the error."""
     rng = np.random.default_rng(5)
     of = np.repeat([0, 1, 2], [40, 30, 20])
     rows = rng.normal(size=(90, 2, 5)) * np.array([3.0, 1.0, 0.1])[of, None, None]

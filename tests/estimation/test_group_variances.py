@@ -62,7 +62,8 @@ def test_the_gradient_is_that_of_the_evidence():
     np.testing.assert_allclose(_scores(reduced.at(theta), groups)[0], numeric, rtol=1e-4)
 
 
-def test_the_sizes_found_are_the_likeliest_and_a_group_that_is_nothing_is_small():
+def test_group_variances_maximise_evidence_and_null_is_small():
+    """Group variances maximise the evidence, and the variance of an absent group is small."""
     A, y, groups = problem(400)
     fit = find_sizes(reduce_rows(A, y, groups), np.zeros(3))
     gradient, _ = _scores(fit.evidence, groups)
@@ -74,7 +75,7 @@ def test_the_sizes_found_are_the_likeliest_and_a_group_that_is_nothing_is_small(
     assert fit.evidence.log - without(fit, np.array([1])).log < 3.0
 
 
-def test_groups_that_are_nothing_make_what_is_like_them_small_and_leave_the_one_that_is_there():
+def test_absent_groups_shrink_similar_groups_only():
     """Twenty groups of three, of which the first is there; each is judged by itself, or with what the others are."""
     own, errors, sizes = np.repeat(np.arange(20), 3), np.zeros(2), np.ones(20)
     for seed in range(5):

@@ -66,7 +66,8 @@ def converge(problem, loss=None):
 
 
 @given(generators)
-def test_the_fit_agrees_with_scipys_least_squares_with_prior_rows(rng):
+def test_fit_agrees_with_scipy_least_squares(rng):
+    """The fit agrees with SciPy's least squares with the prior as additional rows."""
     problem = Curve(rng)
     L = np.linalg.cholesky(problem.precision).T
     reference = scipy.optimize.least_squares(
@@ -100,7 +101,8 @@ def test_a_robust_fit_minimises_the_same_cost_as_scipy_does(rng, loss):
 
 
 @given(generators)
-def test_a_direction_without_data_or_prior_stays_where_it_started(rng):
+def test_direction_without_data_or_prior_keeps_start_value(rng):
+    """A direction without data and prior keeps its start value."""
     A = rng.normal(size=(30, 2)) @ rng.normal(size=(2, 4))  # rank 2 of 4
     y = rng.normal(size=30)
     start = rng.normal(size=4)
@@ -138,7 +140,8 @@ def test_a_fit_stops_at_the_decrease_asked_for():
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1.0, 1e6])
-def test_where_a_fit_stops_does_not_depend_on_the_unit_of_its_objective(factor):
+def test_stopping_is_invariant_to_objective_unit(factor):
+    """The iteration at which a fit stops does not depend on the unit of its objective."""
     problem = Curve(np.random.default_rng(0))
     equations, precision = problem.equations(Squared()), factor * problem.precision
 

@@ -23,7 +23,8 @@ def prior(n, step, white):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_course_is_the_conditional_mean_and_the_sizes_are_the_likeliest(seed):
+def test_smoother_is_conditional_mean_at_likeliest_variances(seed):
+    """The smoothed course is the conditional mean, and the variances maximise the likelihood."""
     rng = np.random.default_rng(seed)
     n, noise = 150, rng.uniform(0.01, 0.04, 150)
     _, seen = draw(rng, n, 0.1, 0.2, noise)
@@ -63,7 +64,8 @@ def test_what_stands_still_is_told_far_better_than_by_each_row():
     assert found.white < 4e-3
 
 
-def test_without_white_noise_of_its_own_all_that_is_white_is_noise():
+def test_white_component_is_zero_without_own_noise():
+    """Without a white component of its own, all white variation counts as measurement noise."""
     rng = np.random.default_rng(2)
     noise = np.full(300, 0.04)
     course, seen = draw(rng, 300, 0.02, 0.0, noise)

@@ -29,7 +29,8 @@ def test_no_point_weighs_more_than_one_nor_less_the_nearer_it_is(z):
         assert 0.0 < far <= near <= 1.0
 
 
-def test_a_gross_outlier_pulls_with_bounded_force_under_huber_and_with_none_under_cauchy():
+def test_outlier_influence_is_bounded_and_vanishes_for_cauchy():
+    """A gross outlier has bounded influence with Huber's loss and none with Cauchy's."""
     z = np.array([1e6])
     assert (z * Huber(1.5).weights(z))[0] == pytest.approx(1.5)
     assert (z * Cauchy(2.4).weights(z))[0] < 1e-5

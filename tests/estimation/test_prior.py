@@ -7,7 +7,8 @@ from tests.laws.robots import generators
 
 
 @given(generators)
-def test_a_mapped_prior_is_the_distribution_of_the_mapped_parameters(rng):
+def test_mapped_prior_is_distribution_of_mapped_parameters(rng):
+    """A mapped prior is the distribution of the mapped parameters."""
     root, B, mean = rng.normal(size=(4, 4)), rng.normal(size=(2, 4)), rng.normal(size=4)
     prior = GaussianPrior(mean, root @ root.T + np.eye(4))
     mapped = prior.mapped(B)

@@ -9,7 +9,8 @@ from tests.laws.robots import generators
 
 
 @given(generators, st.floats(0, 12))
-def test_scaled_solving_survives_parameters_of_very_different_sizes(rng, decades):
+def test_scaled_solve_is_accurate_for_mixed_magnitudes(rng, decades):
+    """Scaled solving stays accurate for parameters of very different magnitudes."""
     root = rng.normal(size=(9, 5))
     A = root.T @ root + 0.1 * np.eye(5)
     size = 10.0 ** rng.uniform(-decades, decades, 5)
@@ -25,7 +26,8 @@ def test_scaled_solving_refuses_what_is_not_positive_definite():
 
 
 @given(generators, st.floats(0, 12))
-def test_scaled_inverses_survive_parameters_of_very_different_sizes(rng, decades):
+def test_scaled_inverse_is_accurate_for_mixed_magnitudes(rng, decades):
+    """Scaled inverses stay accurate for parameters of very different magnitudes."""
     root = rng.normal(size=(9, 5))
     A = root.T @ root + 0.1 * np.eye(5)
     size = 10.0 ** rng.uniform(-decades, decades, 5)

@@ -43,7 +43,8 @@ def test_a_line_of_the_passes_ends_with_its_slope(result):
     assert {trace.name for trace in figure.data} == {"sensitivities", "normal equations", "study"}
 
 
-def test_chains_of_all_sizes_can_be_made_and_those_of_peers_be_written_to_a_file():
+def test_benchmark_chains_build_in_all_sizes_and_round_trip():
+    """Chains of all sizes are built, and the description of the longest one is valid."""
     for joints in (1, SCALED_JOINTS[-1]):
         assert len(chain_model(joints, np.random.default_rng(0))) == 6 * joints + 6
     longest = chain_model(JOINTS[-1], np.random.default_rng(0)).robot

@@ -209,7 +209,8 @@ def test_observation_of_a_package_is_planned(run: Run, observe: str) -> None:
         assert {row[column] for row in rows} == filled.get(column, {""})
 
 
-def test_derivatives_of_the_inclinometer_are_those_of_its_predictions(run: Run) -> None:
+def test_inclinometer_derivatives_match_its_predictions(run: Run) -> None:
+    """The derivatives of the inclinometer are those of its predictions."""
     code = """
 import numpy as np
 from taskcal.geometry import se3
@@ -231,7 +232,7 @@ for k, e in enumerate(step * np.eye(3)):
 
 
 @pytest.mark.parametrize("observe", ["inclinometer", "tracker+inclinometer", "socket+inclinometer"])
-def test_angles_of_a_package_are_measured_alone_and_beside_lengths(run: Run, observe: str) -> None:
+def test_plugin_angles_are_fitted_alone_and_with_lengths(run: Run, observe: str) -> None:
     """A kind that reads angles in degrees goes through files, fit, validation, report and study without a length of its own."""
     cell = ("--robot", "arm.json", "--task", "task.toml", "--observe", observe)
     taskcal(run, "simulate", *cell, "--count", "120", "-o", "tilts.csv", "--force", "--json")

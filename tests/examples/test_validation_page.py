@@ -47,7 +47,8 @@ def unclaimed(text: str, says: list[str]) -> list[str]:
 
 
 @pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: f"{claim.page}: {claim.says[0][:30]}")
-def test_the_page_says_what_is_claimed_and_who_measures_it_exists(claim) -> None:
+def test_validation_page_states_claims_with_existing_evidence(claim) -> None:
+    """The page states each claim, and the command and the test behind the claim exist."""
     text = in_one_line((ROOT / claim.page).read_text(encoding="utf-8"))
     for words in claim.says:
         assert in_one_line(words) in text

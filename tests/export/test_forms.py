@@ -121,7 +121,7 @@ def test_urs_yaml_predicts_the_same_with_its_tool(calibrations):
 
 
 @pytest.mark.realdata
-def test_urs_yaml_of_a_nominal_robot_has_the_places_of_universal_robots(data_folder):
+def test_ur_yaml_of_nominal_model_matches_universal_robots(data_folder):
     """Origins of the joints of the UR5 in Universal_Robots_ROS2_Description, which come from such a file."""
     calibration = calibrated("ur5")
     nominal = replace(calibration, z=np.zeros_like(calibration.z))
@@ -149,7 +149,8 @@ def test_a_robot_that_is_no_ur_has_no_such_yaml(calibrations):
         export_ur_yaml(calibrations["fanuc-r2000ic-165f"])
 
 
-def test_axes_too_near_to_parallel_for_a_table_are_refused_with_what_that_costs(calibrations):
+def test_export_rejects_nearly_parallel_axes_for_dh_table(calibrations):
+    """Axes too close to parallel for a table are rejected, with the length this would need."""
     calibration = calibrations["ur5"]
     z = calibration.z.copy()
     wanted = [calibration.all_names.index(f"J{j}.{c}") for j in (2, 3) for c in ("rx", "ry")]

@@ -28,7 +28,8 @@ def test_half_a_file_and_a_changed_input_are_found(name, whole, half, tmp_path):
 
 @pytest.mark.long
 @pytest.mark.parametrize("command", ["import", "convert", "identify", "plan", "fleet"])
-def test_a_killed_command_leaves_no_half_file_and_the_next_run_works(command, tmp_path, monkeypatch):
+def test_killed_command_leaves_no_partial_file(command, tmp_path, monkeypatch):
+    """A killed command leaves no partial file, and the next run succeeds."""
     monkeypatch.setenv("TASKCAL_STATE_DIR", str(tmp_path / "state"))
     folder = tmp_path / "folder"
     folder.mkdir()

@@ -35,7 +35,8 @@ def packed(path, parts):
             made.writestr(name, text)
 
 
-def test_a_campaign_that_changes_while_it_is_read_in_parts_is_refused(tmp_path, monkeypatch):
+def test_campaign_changed_during_chunked_read_is_rejected(tmp_path, monkeypatch):
+    """A campaign that changes while it is read in chunks is rejected."""
     header = ["id", *(f"q{k}_deg" for k in range(1, 7)), "x_mm", "y_mm", "z_mm"]
     path = tmp_path / "large.parquet"
     rng = np.random.default_rng(0)
@@ -59,7 +60,8 @@ def test_a_campaign_that_changes_while_it_is_read_in_parts_is_refused(tmp_path, 
 
 
 @pytest.mark.parametrize("kind", ["zip", "folder"])
-def test_a_backup_without_its_program_any_more_is_not_written_without_it(kind, tmp_path):
+def test_backup_is_not_written_if_its_program_disappeared(kind, tmp_path):
+    """A backup whose program has disappeared since it was opened is not written."""
     path, out = (tmp_path / name for name in (("b.zip", "c.zip") if kind == "zip" else ("b", "c")))
     if kind == "zip":
         packed(path, {"Part.mod": MODULE, "notes.txt": "1"})
@@ -78,7 +80,8 @@ def test_a_backup_without_its_program_any_more_is_not_written_without_it(kind, t
 
 
 @pytest.mark.parametrize("kind", ["zip", "folder"])
-def test_what_was_left_of_a_backup_by_a_killed_process_goes_with_the_next(kind, tmp_path):
+def test_next_backup_removes_remains_of_killed_process(kind, tmp_path):
+    """The next backup removes the temporary files of a killed process."""
     path, out = (tmp_path / name for name in (("b.zip", "c.zip") if kind == "zip" else ("b", "c")))
     if kind == "zip":
         packed(path, {"Part.mod": MODULE})
@@ -98,7 +101,8 @@ def test_what_was_left_of_a_backup_by_a_killed_process_goes_with_the_next(kind, 
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted([path.name, out.name])
 
 
-def test_a_file_may_have_as_long_a_name_as_the_disk_takes_and_one_longer_is_refused_by_name(tmp_path):
+def test_write_accepts_longest_file_name_and_rejects_longer(tmp_path):
+    """A file name may be as long as the disk allows; the error for a longer one names it."""
     path = tmp_path / ("ä" * 125 + ".csv")
     write_whole(path, "1")
     assert path.read_text() == "1"
@@ -126,7 +130,8 @@ WRITES = (
 )
 
 
-def test_two_processes_that_write_one_file_leave_that_of_one_of_them(tmp_path):
+def test_concurrent_writes_leave_one_complete_set_of_files(tmp_path):
+    """Two processes that write the same files leave those of one of them."""
     names = [str(tmp_path / name) for name in "ab"]
     both = [subprocess.Popen([sys.executable, "-c", WRITES, letter, *names]) for letter in "xy"]
     seen = set()
@@ -141,7 +146,8 @@ def test_two_processes_that_write_one_file_leave_that_of_one_of_them(tmp_path):
     assert digests(tmp_path).keys() == {tmp_path / "a", tmp_path / "b"}
 
 
-def test_a_stray_of_a_process_that_is_gone_goes_although_the_clock_says_it_is_of_tomorrow(tmp_path):
+def test_removes_stale_temp_file_with_future_mtime(tmp_path):
+    """A temporary file of a dead process is removed although its modification time is in the future."""
     path = tmp_path / "a.csv"
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()

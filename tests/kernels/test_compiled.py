@@ -49,7 +49,8 @@ def test_an_edit_of_any_kernel_source_starts_a_new_folder(sources, name):
     assert folder_now() != before
 
 
-def test_a_folder_that_cannot_be_made_costs_a_compilation_and_leaves_nothing(sources, monkeypatch, caplog):
+def test_unwritable_cache_folder_recompiles_and_leaves_nothing(sources, monkeypatch, caplog):
+    """A cache folder that cannot be created costs one compilation and leaves no file."""
     blocked = sources.parent / "file"
     blocked.write_text("")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(blocked / "cache"))
@@ -112,7 +113,9 @@ def kernel(a):
     return a + 1.0
 
 
-def test_an_interrupt_while_machine_code_is_written_leaves_no_part_of_it(sources, monkeypatch):
+def test_interrupted_cache_write_leaves_no_file(sources, monkeypatch):
+    """An interrupt while machine code is written leaves no partial file."""
+
     def interrupt(*_):
         raise KeyboardInterrupt
 
@@ -126,7 +129,7 @@ def test_an_interrupt_while_machine_code_is_written_leaves_no_part_of_it(sources
     assert len(list(folder_now().rglob("*.nbc"))) == 1
 
 
-def test_signatures_that_two_processes_compile_at_once_are_both_kept(sources, monkeypatch):
+def test_concurrent_signatures_are_both_cached(sources, monkeypatch):
     """Each has asked for what is there before the other has written."""
     folder_now()
     first, second = compiled.compiled(kernel), compiled.compiled(kernel)
@@ -161,7 +164,8 @@ def test_compiling_is_told_once_and_only_where_it_takes_place(sources, caplog):
     assert len(caplog.messages) == 1
 
 
-def test_a_new_cache_is_cold_and_warm_once_a_fit_has_been_compiled(sources, monkeypatch):
+def test_new_cache_is_cold_until_a_fit_is_compiled(sources, monkeypatch):
+    """A new cache is cold, and warm once a fit has been compiled."""
     assert not kernel_cache.is_warm()
     monkeypatch.undo()  # back to the cache of this run
     kernel_cache.cache_folder.cache_clear()
@@ -173,7 +177,8 @@ def test_a_new_cache_is_cold_and_warm_once_a_fit_has_been_compiled(sources, monk
     assert kernel_cache.is_warm()
 
 
-def test_compiling_leaves_the_cache_of_other_users_of_numba_alone(sources, monkeypatch):
+def test_compilation_keeps_numba_cache_of_others(sources, monkeypatch):
+    """Compilation leaves Numba's cache setting for other packages unchanged."""
     monkeypatch.setattr(numba_config, "CACHE_DIR", "elsewhere")
     compiled.compiled(kernel)
     assert numba_config.CACHE_DIR == "elsewhere"
@@ -222,7 +227,8 @@ def start(tmp_path, monkeypatch):
 
 
 @pytest.mark.long  # some processes, each of which compiles
-def test_processes_that_compile_at_once_do_not_disturb_each_other(start):
+def test_concurrent_compilations_do_not_interfere(start):
+    """Processes that compile at the same time do not interfere."""
     ended = [process.communicate(timeout=600) for process in [start() for _ in range(3)]]
     assert {said for _, said in ended} <= {"", "compiling kernels, once: some seconds\n"}
     assert all(hits in ("0\n", "1\n") for hits, _ in ended)
@@ -230,7 +236,8 @@ def test_processes_that_compile_at_once_do_not_disturb_each_other(start):
 
 
 @pytest.mark.long  # some processes, each of which compiles
-def test_a_process_killed_while_it_compiles_leaves_a_cache_that_others_use(start):
+def test_cache_survives_process_killed_while_compiling(start):
+    """A process killed while it compiles leaves a cache that other processes can use."""
     with start() as killed:
         assert killed.stderr.readline() == "compiling kernels, once: some seconds\n"
         killed.kill()

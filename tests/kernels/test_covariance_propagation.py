@@ -10,7 +10,8 @@ from tests.laws.robots import generators
 
 
 @given(measured(), generators)
-def test_a_propagated_covariance_is_the_residual_and_the_jacobian_around_a_matrix(case, rng):
+def test_propagated_covariance_is_jacobian_matrix_product(case, rng):
+    """The propagated covariance is J·M·Jᵀ, next to the residual of the same point."""
     assume(len(case.z) > 0)
     M = rng.normal(size=(len(case.z),) * 2)
     M = M @ M.T

@@ -72,7 +72,8 @@ def angles_and_lengths(y, x):
 
 
 @pytest.mark.parametrize("stretch", [1.0, 1e-3, 1e3, 1e-12, 1e150])
-def test_the_angle_of_a_direction_is_right_to_the_last_digit_but_one(stretch):
+def test_simd_angle_is_accurate_to_two_ulp(stretch):
+    """The angle of a direction is accurate to two units in the last place."""
     rng = np.random.default_rng(0)
     turn = rng.uniform(-np.pi, np.pi, 100_000)
     turn[:9] = np.arange(-4, 5) * np.pi / 4.0
@@ -127,7 +128,8 @@ def test_lanes_are_copied_as_the_plain_function_says(n, count):
 
 
 @given(chains(), generators, st.integers(0, 3 * LANES))
-def test_what_comes_out_for_a_pose_does_not_depend_on_those_beside_it(case, rng, n):
+def test_simd_result_is_independent_of_neighbouring_poses(case, rng, n):
+    """The result for a pose does not depend on the poses next to it in the batch."""
     s = rng.normal(size=(n, case.s.shape[1]))
     layout, _ = every_column(case)
     factor = rng.normal(size=(n, s.shape[1]))

@@ -27,7 +27,8 @@ def rho(loss: int, square: float, rows: int, threshold: float) -> tuple[float, f
 
 @pytest.mark.parametrize("loss", [SQUARED, HUBER, CAUCHY])
 @given(measured(), generators)
-def test_streamed_normal_equations_equal_those_of_the_explicit_jacobian(loss, case, rng):
+def test_streamed_normal_equations_equal_explicit_jacobian(loss, case, rng):
+    """Streamed normal equations equal those of the explicit Jacobian."""
     W = whiteners(rng, case)
     threshold = float(rng.uniform(0.2, 3.0))
     cost, g, H = normal_equations(case.walked, case.seen, W, loss, threshold)

@@ -28,7 +28,8 @@ def angles_off(goal: Goal) -> np.ndarray:
 
 
 @given(generators)
-def test_the_angle_that_is_left_is_that_of_the_rotation_up_to_half_a_turn(rng):
+def test_remaining_angle_is_rotation_angle_up_to_180_deg(rng):
+    """The remaining angle is that of the rotation, up to half a turn."""
     axis = rng.normal(size=(40, 3))
     angle = np.concatenate([rng.uniform(0.0, np.pi, 34), [0.0, 1e-12, 1e-7, np.pi - 1e-7, np.pi - 1e-12, np.pi]])
     off = angles_off(standing(axis / np.linalg.norm(axis, axis=1, keepdims=True) * angle[:, None]))

@@ -153,7 +153,8 @@ def test_room_of_another_kind_is_refused(out):
 
 
 @given(chains())
-def test_neighbouring_fixed_parts_are_merged_and_identities_dropped(case):
+def test_adjacent_fixed_transforms_merge_and_identities_drop(case):
+    """Adjacent fixed transforms are merged, and identities are dropped."""
     chain = case.chain
     fixed = chain.kind == FIXED
     assert not (fixed[1:] & fixed[:-1]).any()

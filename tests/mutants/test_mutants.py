@@ -29,7 +29,8 @@ def test_tests_of_a_line_come_nearest_first_and_end_in_time() -> None:
     assert covering.of(MODULE, 7, longest=2.5) == tests[:0:-1]
 
 
-def test_tests_of_a_kernel_are_those_of_what_imports_it_of_its_folder_and_of_those_above_it() -> None:
+def test_kernel_mutant_runs_tests_of_importers_folder_and_above() -> None:
+    """The tests of a kernel are those of its importers, of its own folder and of the folders above."""
     tests = [f"tests/{file}.py::test_{k}" for file in ("geometry/test_b", "robot/test_c", "cli/test_d") for k in (1, 2)]
     importing = {MODULE: frozenset([Path("src/taskcal/robot/c.py")])}
     chosen = CoveringTests({}, dict.fromkeys(tests, 1.0), importing).of(MODULE, 7, longest=10)

@@ -29,7 +29,8 @@ def seen_boards(seed, rows=40):
 
 @given(seeds)
 @settings(max_examples=5)
-def test_camera_and_boards_are_found_without_a_guess_in_spite_of_a_wrong_row(seed):
+def test_board_registration_finds_camera_despite_wrong_row(seed):
+    """Camera and boards are located without initial values, despite one wrong row."""
     tool, measured, kind, X, boards = seen_boards(seed)
     measured.points[7] += 0.2
     measured.rotations[7] = np.eye(3)

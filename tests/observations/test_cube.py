@@ -44,7 +44,8 @@ def test_tip_and_cube_are_found_without_a_guess(seed):
     assert placed.distance.max() < 1e-6
 
 
-def test_opposite_faces_tell_the_size_and_a_robot_that_is_too_large_is_seen_by_it():
+def test_opposite_cube_faces_determine_scale():
+    """Opposite faces determine the edge length, and with it the scale of the robot."""
     tool, measured, kind, t, _ = touched(3, edge=0.1005)
     found = kind.settle(tool @ se3.pose(np.eye(3), t), measured, np.full(10, np.nan))
     (edge,) = kind.compare(found)
@@ -88,7 +89,8 @@ def test_touches_at_one_spot_of_every_face_are_refused():
 
 @given(seeds)
 @settings(max_examples=5)
-def test_six_touches_of_every_face_place_the_cube_of_a_robot_that_errs_by_millimetres(seed):
+def test_cube_is_registered_from_six_touches_per_face(seed):
+    """Six touches per face register the cube of a robot with errors of half a millimetre."""
     tool, measured, kind, t, cube = touched(seed, rows=30)
     tool[:, :3, 3] += 5e-4 * np.random.default_rng(seed).normal(size=(30, 3))
     placed = kind.place(tool, measured)

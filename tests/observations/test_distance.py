@@ -50,7 +50,8 @@ def test_tip_anchors_and_offsets_are_found_without_a_guess(seed):
 
 @given(seeds, st.sampled_from([(1e-3, "metres where millimetres are"), (1e3, "millimetres where metres are")]))
 @settings(max_examples=8)
-def test_lengths_in_another_unit_are_refused_whatever_single_rows_say(seed, unit):
+def test_lengths_in_another_unit_are_rejected_despite_outliers(seed, unit):
+    """Lengths in another unit are rejected, whatever the value of a single row."""
     factor, said = unit
     tool, measured, kind, _, _ = pulled(seed)
     kind.place(tool, measured)
@@ -62,7 +63,8 @@ def test_lengths_in_another_unit_are_refused_whatever_single_rows_say(seed, unit
 
 @given(seeds)
 @settings(max_examples=5)
-def test_they_are_found_from_an_inexact_robot_with_some_wrong_rows(seed):
+def test_wire_registration_is_robust_to_wrong_rows(seed):
+    """Anchors and target are located with an inaccurate robot and some wrong rows."""
     rng = np.random.default_rng(seed)
     tool, measured, kind, t, own = pulled(seed, rows=90)
     tool[:, :3, 3] += 2e-3 * rng.normal(size=(90, 3))
@@ -73,7 +75,8 @@ def test_they_are_found_from_an_inexact_robot_with_some_wrong_rows(seed):
     assert set(np.flatnonzero(placed.distance > 0.1)) == {0, 30, 60}
 
 
-def test_places_in_one_plane_do_not_tell_an_anchor_from_its_mirror_image():
+def test_coplanar_positions_cannot_exclude_mirrored_anchor():
+    """Positions in one plane do not distinguish an anchor from its mirror image."""
     tool, measured, kind, _, _ = pulled(4, flat=True, turned=False)
     with pytest.raises(CampaignError, match=r"anchor 'a' could be at .* or, mirrored, at .* in one plane"):
         kind.place(tool, measured)

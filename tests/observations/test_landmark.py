@@ -41,7 +41,8 @@ def test_sensor_and_landmarks_are_found_without_a_guess(flat, seed):
 
 @given(seeds)
 @settings(max_examples=5)
-def test_they_are_found_from_an_inexact_robot_with_some_wrong_rows(seed):
+def test_landmark_registration_is_robust_to_wrong_rows(seed):
+    """Camera and landmarks are located with an inaccurate robot and some wrong rows."""
     rng = np.random.default_rng(seed)
     tool, measured, kind, X, landmarks = sighted(seed, rows=60)
     tool[:, :3, 3] += 5e-4 * rng.normal(size=(60, 3))
@@ -106,7 +107,8 @@ def test_a_wrong_cell_is_refused(tmp_path, header, row, message):
         read_campaign(written(tmp_path, header, row), ROBOT)
 
 
-def test_a_tracker_s_poses_beside_sightings_are_written_with_their_rotations(tmp_path):
+def test_tracker_poses_with_sightings_keep_their_rotations(tmp_path):
+    """Tracker poses in a file with sightings are written with their rotations."""
     header = "x_mm,y_mm,z_mm,qx,qy,qz,qw,sx_mm,sy_mm,sz_mm,landmark"
     campaign = read_campaign(written(tmp_path, header, "400,1,2,0,0,0.6,0.8,1,2,300,a"), ROBOT)
     write_campaign(tmp_path / "again.csv", campaign, ROBOT)

@@ -81,7 +81,7 @@ def test_stated_distances_move_as_their_derivative_says(seed):
 
 @given(seeds)
 @settings(max_examples=10)
-def test_a_distance_that_was_stated_once_errs_alike_wherever_its_block_stands(seed):
+def test_shared_socket_distance_error_is_counted_once(seed):
     """Sockets as far apart as stated, plus one error at all places, say as much as one distance does, not as three."""
     rng, u = np.random.default_rng(seed), 3e-5
     names, centres = tuple(f"{p}/{s}" for p in "123" for s in "ab"), rng.normal(size=(6, 3))
@@ -109,7 +109,8 @@ def test_a_distance_that_was_stated_once_errs_alike_wherever_its_block_stands(se
     assert square(stated("a,b")) > 100.0
 
 
-def test_some_rows_keep_only_the_sockets_and_distances_that_they_name():
+def test_take_keeps_sockets_and_distances_named_by_rows():
+    """A subset of rows keeps only the sockets and distances that it names."""
     kind = Sockets(
         sockets=("a", "b", "c"),
         of=np.array([0, 1, 2, -1, 2]),

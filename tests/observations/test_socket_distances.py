@@ -26,7 +26,8 @@ def campaign(*names):
 BLOCKS = campaign("left/0", "left/1", "right/0", "right/1", "far/0")
 
 
-def test_two_sockets_are_as_far_apart_wherever_their_block_stands(tmp_path):
+def test_socket_distance_applies_to_every_place_of_block(tmp_path):
+    """A stated distance of two sockets applies at every place of their block."""
     file = tmp_path / "d.csv"
     file.write_text("socket_a,socket_b,distance_mm,u_mm\n0,1,50.0,0.01\n")
     (kind,) = with_distances(BLOCKS, file).observations

@@ -44,7 +44,8 @@ def station(**changed) -> Station:
     return Station(**{**given, **changed})
 
 
-def test_a_file_in_millimetres_and_degrees_is_a_station_in_metres_and_radians(tmp_path):
+def test_station_file_converts_to_metres_and_radians(tmp_path):
+    """A file in millimetres and degrees gives a station in metres and radians."""
     found = load_station(written(tmp_path, STATION))
     np.testing.assert_allclose(found.position, [3.2, -1.9, -0.35])
     assert (found.reach, found.nearest) == (25.0, 0.5)
@@ -82,7 +83,8 @@ def test_what_is_wrong_is_named_with_its_place_and_value(tmp_path, old, new, sai
     assert str(caught.value).startswith(str(path))
 
 
-def test_a_station_without_reflector_and_a_missing_file_are_refused(tmp_path):
+def test_station_rejects_missing_reflector_and_missing_file(tmp_path):
+    """A station without a reflector and a missing file are rejected."""
     with pytest.raises(FileError, match="reflector"):
         load_station(written(tmp_path, "position_mm = [0.0, 0.0, 0.0]"))
     with pytest.raises(FileError, match="cannot be read"):
@@ -97,7 +99,8 @@ def test_a_quaternion_that_is_no_rotation_is_refused(tmp_path, length):
 
 
 @given(generators)
-def test_a_reflector_is_seen_within_its_acceptance_and_the_trackers_range(rng):
+def test_reflector_is_visible_within_acceptance_and_range(rng):
+    """A reflector is visible within its acceptance angle and the tracker's range."""
     cell = station(position=rng.uniform(-1, 1, 3), reach=float(rng.uniform(1.5, 3)), nearest=float(rng.uniform(0.3, 1)))
     reflector = Reflector(
         name="smr", position=rng.uniform(-0.2, 0.2, 3), axis=np.array([0, 0, 1.0]), acceptance=rng.uniform(0.2, 2.8)

@@ -9,7 +9,8 @@ NOISE = TrackerNoise(range_m=10e-6, range_per_m=1e-6, transverse_m=20e-6, transv
 
 
 @given(generators)
-def test_turning_the_point_about_the_station_turns_its_covariance(rng):
+def test_tracker_covariance_rotates_with_point_about_station(rng):
+    """Rotating the point about the station rotates its covariance."""
     R = Rotation.from_quat(rng.normal(size=4)).as_matrix()
     points = rng.normal(size=(5, 3)) * 4
     turned = NOISE.covariance(points @ R.T)
@@ -23,17 +24,20 @@ def test_moving_the_station_moves_the_noise_with_it(rng):
     np.testing.assert_allclose(moved.covariance(points + station), NOISE.covariance(points), rtol=1e-9, atol=1e-18)
 
 
-def test_along_the_beam_it_is_the_ranges_across_the_transverse_uncertainty():
+def test_tracker_covariance_has_range_and_transverse_parts():
+    """The uncertainty is that of the range along the beam and the transverse one across it."""
     covariance = NOISE.covariance(np.array([[0.0, 3.0, 0.0]]))[0]
     along, across = 0.5 * (10e-6 + 3 * 1e-6), 0.5 * (20e-6 + 3 * 8e-6)
     np.testing.assert_allclose(covariance, np.diag([across**2, along**2, across**2]))
 
 
-def test_the_default_is_15_micrometres_and_6_per_metre_as_two_standard_deviations():
+def test_tracker_default_is_15_um_plus_6_um_per_m_at_k_2():
+    """The default expanded uncertainty (k = 2) is 15 µm + 6 µm/m."""
     covariance = TrackerNoise().covariance(np.array([4.0, 0.0, 0.0]))
     np.testing.assert_allclose(np.sqrt(np.diag(covariance)), 0.5 * (15e-6 + 24e-6))
 
 
-def test_a_lost_beam_has_no_covariance_and_the_station_itself_a_finite_one():
+def test_lost_beam_has_no_covariance_and_station_a_finite_one():
+    """A lost beam has no covariance, and a point at the station itself has a finite one."""
     assert np.isnan(NOISE.covariance(np.full((1, 3), np.nan))).all()
     np.testing.assert_allclose(np.diag(NOISE.covariance(np.zeros(3))), (0.5 * 20e-6) ** 2)

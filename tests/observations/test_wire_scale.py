@@ -9,7 +9,8 @@ from tests.laws.observations import observed
 from tests.observations.files import ROBOT, written
 
 
-def test_an_unknown_scale_is_found_beside_the_robot_as_far_as_its_lengths_are_known():
+def test_unknown_wire_scale_is_estimated_with_robot():
+    """An unknown scale is estimated with the robot as accurately as the robot's lengths are known."""
     model, campaign, _ = observed("distance", 3, rows=90)
     campaign.points[:, 0, 0] *= 1.004
     scaled = identify(model, with_unknown_scale(campaign))

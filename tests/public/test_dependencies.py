@@ -39,5 +39,6 @@ def test_every_licence_lets_taskcal_be_used_under_its_own():
     (sys.version_info[:2], platform.system()) != ((3, 11), "Linux"),
     reason="which packages others need depends on Python's release and the system; the list is made on Python 3.11, Linux",
 )
-def test_the_list_is_what_the_program_makes_of_the_installed_packages():
+def test_dependency_list_matches_installed_packages():
+    """The page is the list that the program makes from the installed packages."""
     assert page() == PAGE.read_text(encoding="utf-8"), "make licences"

@@ -26,13 +26,15 @@ CITED = dict(
 )
 
 
-def test_the_citation_names_the_licence_of_the_package_and_the_release_that_is_coming():
+def test_citation_matches_licence_and_next_version():
+    """The citation names the licence of the package and the next release."""
     assert CITED["license"] == STATED["project"]["license"]
     assert STATED["tool"]["hatch"]["version"]["fallback-version"] == f"{CITED['version']}.dev0"
     assert taskcal.__version__ == metadata.version("taskcal")
 
 
-def test_a_tagged_release_is_the_one_that_is_cited_and_in_the_changelog():
+def test_tagged_release_is_cited_and_in_changelog():
+    """A tagged release is the one that is cited and listed in the changelog."""
     git = shutil.which("git")
     if git is None or not (ROOT / ".git").exists():
         pytest.skip("no repository here")
@@ -52,7 +54,8 @@ def requirements(*groups: str) -> dict[str, str]:
     return dict(re.sub(r"\[.*?\]", "", one).split(">=") for one in named)
 
 
-def test_the_oldest_versions_that_are_tried_are_those_that_are_promised():
+def test_oldest_tested_versions_are_the_promised_minimum():
+    """The oldest versions under test are the stated minimum versions."""
     lines = (ROOT / "constraints-oldest.txt").read_text(encoding="utf-8").splitlines()
     tried = dict(line.split("==") for line in lines if not line.startswith("#"))
     promised = requirements(*RUNTIME_EXTRAS)
@@ -76,7 +79,7 @@ def test_every_dependency_is_tried_in_a_stated_version():
     (sys.version_info[:2], platform.system()) != ((3, 11), "Linux"),
     reason="which packages others need depends on Python's release and the system; the list is made on Python 3.11, Linux",
 )
-def test_what_builds_and_tests_taskcal_is_stated_down_to_the_last_package():
+def test_constraints_pin_all_build_and_test_packages():
     """So that an installation takes only versions that were tried, and needs no other; of pip freeze, setuptools is left out."""
     lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
     stated = {canonicalize_name(line.split("==")[0]) for line in lines}

@@ -36,12 +36,14 @@ def project(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_where_there_is_no_repository_it_is_a_version_before_the_next_release(project: Path) -> None:
+def test_version_without_repository_precedes_next_release(project: Path) -> None:
+    """Without a repository, the version is a development version of the next release."""
     assert version_of(project) == "0.1.0.dev0"
 
 
 @NEEDS_GIT
-def test_a_tag_is_a_version_and_what_follows_it_comes_before_the_next(project: Path) -> None:
+def test_version_is_tag_and_later_commits_precede_next(project: Path) -> None:
+    """A tag gives the version, and later commits are development versions of the next one."""
     run([str(GIT), "init", "--quiet"], project)
     run([str(GIT), "add", "."], project)
     commit(project)
@@ -56,7 +58,8 @@ def test_a_tag_is_a_version_and_what_follows_it_comes_before_the_next(project: P
 
 
 @NEEDS_GIT
-def test_a_folder_inside_another_repository_does_not_take_its_version(project: Path) -> None:
+def test_version_ignores_enclosing_repository(project: Path) -> None:
+    """A folder inside another repository does not take the version of that repository."""
     run([str(GIT), "init", "--quiet"], project)
     commit(project, "v1.2.3")
     inner = project / "inner"

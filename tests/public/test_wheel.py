@@ -30,7 +30,8 @@ taskcal.ErrorModel(taskcal.load_robot("ur5"))
 
 
 @pytest.mark.slow
-def test_the_wheel_of_the_source_distribution_holds_everything_and_its_public_names_load(tmp_path: Path) -> None:
+def test_wheel_from_sdist_is_complete_and_importable(tmp_path: Path) -> None:
+    """The wheel built from the source distribution is complete, and its public names load."""
     source, wheel = build(tmp_path)
     installed = tmp_path / "installed"
     asked = ["--quiet", "--no-deps", "--no-index", "--target", str(installed), str(wheel)]

@@ -50,7 +50,8 @@ def test_a_pose_has_its_quaternion_with_the_scalar_last(tmp_path):
     np.testing.assert_array_equal(campaign.valid, [[True], [False]])
 
 
-def test_what_means_nothing_to_a_campaign_is_left_out_and_said(tmp_path):
+def test_unknown_columns_are_ignored_and_reported(tmp_path):
+    """Unknown columns are ignored and reported in the notes."""
     rows = [f"{row},5,fine" for row in ROWS]
     campaign = read_campaign(write(tmp_path, f"{HEADER},force_N,comment", rows), ROBOT)
     assert campaign.notes == ("columns left out: force_N, comment; measured: x_mm, y_mm, z_mm",)
@@ -108,7 +109,8 @@ LIKE = {
 
 
 @pytest.mark.parametrize("case", LIKE)
-def test_the_forms_that_people_have_mean_the_same(tmp_path, case):
+def test_equivalent_column_layouts_parse_identically(tmp_path, case):
+    """Equivalent column layouts and encodings give the same campaign."""
     encoding, text = LIKE[case]
     path = tmp_path / "measured.txt"
     path.write_bytes(text.encode(encoding))

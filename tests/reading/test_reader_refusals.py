@@ -181,7 +181,8 @@ def test_reader_refuses_with_place_value_and_remedy(tmp_path, case):
     ],
     ids=["empty", "binary", "cut off", "missing"],
 )
-def test_what_is_no_table_is_refused(tmp_path, content, message):
+def test_rejects_file_without_table(tmp_path, content, message):
+    """A file without a table is rejected."""
     path = tmp_path / "campaign.csv"
     if content is not None:
         path.write_bytes(content)

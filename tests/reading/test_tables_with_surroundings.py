@@ -153,7 +153,8 @@ def test_reflectors_under_their_names(tmp_path, group):
     np.testing.assert_allclose(campaign.points[:, 0], P, atol=1e-6)
 
 
-def test_thousands_of_germans_and_of_the_swiss(tmp_path):
+def test_german_and_swiss_thousands_separators(tmp_path):
+    """German and Swiss thousands separators are recognised."""
     path = tmp_path / "file.csv"
     for form, separator in (
         (german, ";"),

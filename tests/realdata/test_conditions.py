@@ -81,7 +81,8 @@ def test_the_way_to_each_pose_explains_much(data_folder, name, count, beside, wa
     assert held_out_mm(elsewhere, name, (*beside, way), count) > 0.99 * without
 
 
-def test_evidence_tells_which_robot_has_backlash_and_which_does_not_settle(data_folder):
+def test_evidence_separates_backlash_from_settling(data_folder):
+    """The evidence supports settling on the IRB 120 and lost motion on the WAM."""
     for name, right, wrong in (("abb-irb120", Settling(), Backlash()), ("barrett-wam", Backlash(), Settling())):
         model, campaign = ErrorModel(load_robot(name)) + EncoderGain() + Compliance(), campaign_of(data_folder, name)
         gain = [identify(model + way, campaign).log_evidence for way in (right, wrong)]
@@ -89,7 +90,8 @@ def test_evidence_tells_which_robot_has_backlash_and_which_does_not_settle(data_
 
 
 @pytest.mark.parametrize("name", ["abb-irb120", "barrett-wam"])
-def test_evidence_says_that_the_rest_of_a_move_goes_with_the_speed_and_not_with_the_length(data_folder, name):
+def test_evidence_supports_overshoot_over_settling(data_folder, name):
+    """The evidence supports an error by speed over one by length of the last move."""
     model, campaign = ErrorModel(load_robot(name)) + EncoderGain() + Compliance(), campaign_of(data_folder, name)
     overshoot, settling = (identify(model + way, campaign).log_evidence for way in (Overshoot(), Settling()))
     assert overshoot > settling + 50.0
@@ -104,7 +106,8 @@ def test_the_first_axes_of_the_irb120_keep_a_rest_of_each_move(data_folder):
     assert (rest > 5 * error).all()
 
 
-def test_reference_points_of_the_irb120_move_with_the_arm_and_are_followed(data_folder):
+def test_irb120_reference_points_drift_and_are_followed(data_folder):
+    """The reference points of the IRB 120 move with the arm and are followed."""
     campaign = campaign_of(data_folder, "abb-irb120")
     found = compensate_drift(campaign)
     assert found.followed

@@ -72,7 +72,8 @@ def test_effects_explain_what_geometry_leaves(data_folder, name, effects, rows, 
 
 
 @pytest.mark.slow
-def test_each_pose_of_the_coupled_robot_is_predicted_from_all_others(data_folder):
+def test_effects_predict_each_fanuc_pose_leave_one_out(data_folder):
+    """Each pose of the robot with coupled axes is predicted from all other poses, with two effects."""
     name = "fanuc-r2000ic-165f"
     campaign, model = campaign_of(data_folder, name), model_of(name, (Harmonics(), Compliance()))
     errors = []
@@ -82,7 +83,8 @@ def test_each_pose_of_the_coupled_robot_is_predicted_from_all_others(data_folder
     assert np.concatenate(errors).mean() * 1e3 <= 0.26
 
 
-def test_what_remains_on_the_irb120_is_the_robot_and_goes_with_nothing_more(data_folder):
+def test_irb120_residuals_are_unexplained_after_effects(data_folder):
+    """With effects, the residuals of the IRB 120 are rigid motion that no regressor explains."""
     name = "abb-irb120"
     campaign = read_campaign(data_folder / FOLDERS[name] / "measurements.csv", load_robot(name))
     plain = analyse_residuals(identify(model_of(name, ()), campaign), campaign, permutations=19)
@@ -95,7 +97,8 @@ def test_what_remains_on_the_irb120_is_the_robot_and_goes_with_nothing_more(data
     assert found.explained[0].share < 0.01
 
 
-def test_what_remains_on_the_wam_without_effects_goes_with_the_approach_of_its_first_joint(data_folder):
+def test_wam_residuals_correlate_with_approach_of_joint_1(data_folder):
+    """Without effects, the WAM's residuals correlate with the approach direction of its first joint."""
     campaign = campaign_of(data_folder, "barrett-wam")
     found = analyse_residuals(identify(model_of("barrett-wam", ()), campaign), campaign, permutations=19)
     first = found.explained[0]
@@ -122,7 +125,8 @@ TEN = (pytest.mark.long,)
         pytest.param("ur10", 0.7, 1, 0.09, id="ur10, 70 %", marks=TEN),
     ],
 )
-def test_all_effects_at_once_predict_what_was_not_fitted_and_how_well(data_folder, name, rows, splits, bound_mm):
+def test_auto_predicts_held_out_rows_with_nominal_coverage(data_folder, name, rows, splits, bound_mm):
+    """All effects together predict held-out rows within the bound and with nominal coverage."""
     campaign, model = campaign_of(data_folder, name), ErrorModel(load_robot(name))
     count = round(rows * len(campaign)) if rows < 1 else int(rows)
     means, inside = [], []
@@ -140,7 +144,8 @@ def test_all_effects_at_once_predict_what_was_not_fitted_and_how_well(data_folde
 
 
 @pytest.mark.long
-def test_all_effects_at_once_predict_every_second_pose_of_the_coupled_robot_from_all_others(data_folder):
+def test_auto_predicts_half_of_fanuc_poses_leave_one_out(data_folder):
+    """All effects together predict every second pose of the coupled robot from all other poses."""
     name = "fanuc-r2000ic-165f"
     campaign, model = campaign_of(data_folder, name), ErrorModel(load_robot(name))
     errors = []

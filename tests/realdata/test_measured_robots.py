@@ -75,7 +75,8 @@ def test_a_robots_table_and_catalogue_and_plain_product_are_one(data_folder, nam
     ("name", "worst_mm"),
     {"ur5": 1.2, "ur10": 2.0, "barrett-wam": 8.0, "abb-irb120": 1.5, "fanuc-r2000ic-165f": 1.5}.items(),
 )
-def test_the_nominal_robot_registers_to_its_campaign_as_to_its_own(data_folder, name, worst_mm):
+def test_catalogue_model_registers_to_campaign(data_folder, name, worst_mm):
+    """The nominal model of the catalogue registers to the campaign of the robot."""
     robot = robot_of(data_folder, name, "catalogue")
     found = register(ErrorModel(robot), campaign_of(data_folder, name, robot))
     assert found.rms * 1e3 < worst_mm
@@ -105,7 +106,8 @@ BOUNDS = {
 
 @pytest.mark.parametrize("source", ["catalogue", "table"])
 @pytest.mark.parametrize("case", BOUNDS)
-def test_rows_held_out_are_predicted_as_well_as_a_full_geometric_fit_can(data_folder, case, source):
+def test_geometry_predicts_held_out_rows_within_bound(data_folder, case, source):
+    """Held-out rows are predicted as accurately as a full geometric fit allows."""
     name, options, count, bound_mm = BOUNDS[case]
     robot = robot_of(data_folder, name, source)
     campaign = campaign_of(data_folder, name, robot, **options)
@@ -114,7 +116,8 @@ def test_rows_held_out_are_predicted_as_well_as_a_full_geometric_fit_can(data_fo
 
 
 @pytest.mark.parametrize("source", ["catalogue", "table"])
-def test_each_pose_of_the_coupled_robot_is_predicted_from_all_others(data_folder, source):
+def test_geometry_predicts_each_fanuc_pose_leave_one_out(data_folder, source):
+    """Each pose of the robot with coupled axes is predicted from all other poses."""
     robot = robot_of(data_folder, "fanuc-r2000ic-165f", source)
     model, campaign = ErrorModel(robot), campaign_of(data_folder, "fanuc-r2000ic-165f", robot)
     errors = []
@@ -143,7 +146,7 @@ def test_identify_leaves_no_row_of_a_measured_robot_out(data_folder, name):
     assert identify(ErrorModel(robot), campaign_of(data_folder, name, robot)).left_out == ()
 
 
-def test_rows_chosen_by_the_expected_error_predict_the_others_better_than_rows_drawn_by_chance(data_folder):
+def test_rows_by_expected_error_beat_random_rows(data_folder):
     """60 of 700 rows of a real robot, whose model error is smooth over the joints; judged on the other 300."""
     model = ErrorModel(load_robot("ur5"))
     campaign = campaign_of(data_folder, "ur5", model.robot)

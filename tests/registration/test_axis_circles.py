@@ -28,7 +28,8 @@ def sweeps(joints=(0, 1), count=6):
 
 
 @pytest.mark.parametrize("name", ["abb-irb6660-205-1.9", "abb-irb120", "ur5"])
-def test_circles_of_an_exact_robot_give_frame_and_targets_exactly(name):
+def test_circles_of_exact_robot_register_exactly(name):
+    """The circles of an exact robot give the exact tracker frame and targets."""
     model = ErrorModel(load_robot(name))
     # the forearm of the IRB 6660 keeps its direction while axis 2 turns: its coordinate 3 moves against it
     coupled = np.linalg.inv(model.robot.joint_map.matrix)
@@ -67,7 +68,8 @@ def test_sweeps_of_single_motors_give_frame_and_targets_exactly(name):
     assert max(circle.residual for circle in circles) < 1e-10
 
 
-def test_motor_two_of_the_parallelogram_draws_a_circle_as_large_as_the_lower_arm():
+def test_parallelogram_motor_circle_has_lower_arm_radius():
+    """Motor 2 of the parallelogram draws a circle with the radius of the lower arm."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     campaign, _ = simulate(model, sweeps((1,)), rng=np.random.default_rng(1), x=np.zeros(len(model)))
     (circle,) = find_circles(model, campaign)
@@ -75,7 +77,7 @@ def test_motor_two_of_the_parallelogram_draws_a_circle_as_large_as_the_lower_arm
     assert circle.arc == pytest.approx(0.7)
 
 
-def test_a_loop_that_is_no_exact_parallelogram_is_compared_with_its_own_motion():
+def test_inexact_parallelogram_is_compared_with_own_motion():
     """With a rod 2 mm too long the tool point leaves the circle by some tenths of a millimetre: no error of the frame."""
     robot = load_robot("abb-irb6660-205-1.9")
     bar = replace(robot.four_bar.bar, rod=robot.four_bar.bar.rod + 2e-3)
@@ -100,7 +102,8 @@ def test_circles_that_leave_the_base_free_name_the_direction():
         register_from_circles(model, campaign)
 
 
-def test_circles_where_a_beam_was_lost_are_those_of_the_rows_that_were_seen():
+def test_circles_with_lost_beams_use_the_visible_rows():
+    """Circles with lost beams are those of the rows with a measured point."""
     model = ErrorModel(load_robot("ur5"))
     campaign, truth = simulate(
         model, sweeps(range(6), 9), rng=np.random.default_rng(1), x=np.zeros(6 * 7), targets=OFFSETS
@@ -112,7 +115,8 @@ def test_circles_where_a_beam_was_lost_are_those_of_the_rows_that_were_seen():
 
 
 @pytest.mark.realdata
-def test_circles_of_all_axes_place_a_measured_robot_nearly_as_well_as_all_rows(data_folder):
+def test_circles_of_all_axes_register_nearly_as_all_rows(data_folder):
+    """Circles of all axes register a measured robot nearly as accurately as all rows do."""
     model = ErrorModel(load_robot("fanuc-r2000ic-165f"))
     campaign = read_campaign(data_folder / "fanuc_r2000_tracker/measurements.csv", model.robot)
     circles, all_rows = register_from_circles(model, campaign), register(model, campaign)

@@ -88,9 +88,10 @@ def test_of_very_many_rows_a_sample_finds_what_agrees(monkeypatch):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_where_all_rows_agree_the_registration_of_points_is_that_of_all_and_of_poses_that_of_the_nearer_three_quarters(
+def test_registration_of_consistent_rows_trims_only_poses(
     kind,
 ):
+    """Consistent points are all used for the registration; of consistent poses, the best three quarters."""
     rng = np.random.default_rng(7)
     model = arm(rng)
     x = rng.normal(size=len(model)) * model.tolerances
@@ -118,7 +119,7 @@ def test_points_along_a_line_are_refused_though_they_agree():
 
 
 @pytest.mark.parametrize("joint", [3, 4, 5])
-def test_a_target_that_only_one_row_places_stays_at_the_tool_point(joint):
+def test_target_placed_by_one_row_stays_at_tcp(joint):
     """One row in another orientation fits a target anywhere; a wrong joint value would say the same."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = reach_task(model, reference_task(), 40).q

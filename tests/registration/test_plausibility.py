@@ -34,7 +34,8 @@ WRONG = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", WRONG)
-def test_joints_and_points_that_are_not_the_robots_are_refused_with_likely_causes(case):
+def test_joints_and_points_of_other_robot_name_likely_causes(case):
+    """Joints and points that do not belong to the robot are rejected with likely causes."""
     rng = np.random.default_rng(0)
     model = ErrorModel(load_robot("ur5"))
     sound, _ = measure(rng, model, industrial_positions(rng, 40), sigma=1e-4)

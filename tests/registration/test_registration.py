@@ -31,7 +31,9 @@ def arm(rng):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_truth_is_recovered_exactly_without_noise_wherever_the_tracker_stands(kind):
+def test_registration_is_exact_without_noise(kind):
+    """Without noise the true frames are recovered exactly, wherever the tracker is."""
+
     @settings(max_examples=25)
     @given(generators, st.sampled_from([0.0, 0.3]))
     def law(rng, lost):
@@ -48,7 +50,9 @@ def test_the_truth_is_recovered_exactly_without_noise_wherever_the_tracker_stand
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_small_defects_move_the_registration_by_no_more_than_they_move_the_tool(kind):
+def test_registration_shift_is_bounded_by_tool_defects(kind):
+    """Small defects shift the registration by no more than they shift the tool."""
+
     @settings(max_examples=15)
     @given(generators)
     def law(rng):
@@ -101,7 +105,8 @@ def gantry():
 
 
 @pytest.mark.parametrize("kind", ["one target", "poses"])
-def test_in_one_orientation_the_target_stays_at_the_tool_point_and_says_so(kind):
+def test_target_stays_at_tcp_and_unlocated_in_one_orientation(kind):
+    """In one orientation the target stays at the TCP and is marked as not located."""
     rng = np.random.default_rng(0)
     model = gantry()
     q = rng.uniform(-0.5, 0.5, (30, 3))
@@ -115,7 +120,8 @@ def test_in_one_orientation_the_target_stays_at_the_tool_point_and_says_so(kind)
     np.testing.assert_allclose(predicted, campaign.points[:, 0], atol=1e-3)
 
 
-def test_poses_that_turn_about_one_direction_are_placed_by_their_positions():
+def test_poses_rotated_about_one_axis_register_by_position():
+    """Poses that rotate about one direction are registered by their positions."""
     rng = np.random.default_rng(1)
     scara = {
         "name": "scara",
@@ -177,7 +183,8 @@ def test_joints_in_degrees_are_called_so():
         register(model, replace(sound, q=np.degrees(sound.q)))
 
 
-def test_several_targets_in_one_orientation_are_placed_against_each_other():
+def test_targets_in_one_orientation_register_mutually():
+    """Several targets in one orientation are located relative to each other."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = reach_task(model, reference_task(), 40).q
     offsets = {"a": np.array([0.1, 0.0, 0.05]), "b": np.array([-0.1, 0.08, 0.0]), "c": np.array([0.0, -0.08, 0.02])}

@@ -134,7 +134,8 @@ def test_links_and_files_that_are_not_results_are_not_given(server: Server) -> N
 
 
 @pytest.mark.parametrize("name", HOSTILE_NAMES)
-def test_a_dropped_file_stays_in_its_folder_whatever_it_is_called(server: Server, name: str) -> None:
+def test_dropped_file_stays_in_project_folder_for_any_name(server: Server, name: str) -> None:
+    """A dropped file stays in its folder, whatever its name."""
     before = set(server.folder.parent.iterdir())
     status, said = server.drop("campaign", name, body=name.encode())
     assert status == 200, said

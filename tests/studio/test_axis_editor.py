@@ -20,7 +20,8 @@ ENDMODULE
 """
 
 
-def test_axes_are_asked_for_that_a_correction_refuses_motions_for(tmp_path: Path) -> None:
+def test_studio_asks_for_axes_needed_by_rejected_motions(tmp_path: Path) -> None:
+    """The external axes asked for are those without which the correction rejects motions."""
     program = tmp_path / "m.mod"
     program.write_text(RAPID)
     read = read_program(program, robot=load_robot("abb-irb120"))
@@ -64,7 +65,8 @@ SLANTED: dict[str, Any] = {
 TOOL = '# measured on Monday\n[[tool]]\nname = "mill"\ncontroller = { position_mm = [0, 0, 100] }\n'
 
 
-def test_a_new_axis_goes_to_the_end_of_a_file_which_stays_as_it_is(tmp_path: Path) -> None:
+def test_new_axis_is_appended_and_file_otherwise_unchanged(tmp_path: Path) -> None:
+    """A new axis is appended to the file, which is otherwise unchanged."""
     written = with_axis(TOOL, SLANTED)
     assert written.startswith(TOOL)
     section = stated_axis({"number": 1}, "robot", "slides y")
@@ -88,7 +90,8 @@ def test_of_an_axis_that_is_changed_nothing_is_left(tmp_path: Path, stated: str)
         assert set(cell.tools) == {"mill"}
 
 
-def test_a_direction_of_the_file_s_own_stays_until_another_is_chosen() -> None:
+def test_axis_direction_of_file_stays_until_another_is_chosen() -> None:
+    """The direction stated in the file stays until another one is chosen."""
     assert stated_axis(SLANTED, "part", "file") == SLANTED
     assert stated_axis(SLANTED, "part", "turns z") == SLANTED | {"turns_about": [0.0, 0.0, 1.0]}
     assert stated_axis(SLANTED, "robot", "file") == {"number": 2, "carries": "robot", "turns_about": [0.0, 0.6, 0.8]}

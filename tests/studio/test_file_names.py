@@ -40,6 +40,7 @@ def test_other_kinds_of_files_are_refused_with_what_is_taken() -> None:
         plain_name("run.sh", (".csv",))
 
 
-def test_a_taken_name_gets_a_number_and_letter_case_makes_no_other_name() -> None:
+def test_taken_file_name_gets_number_ignoring_case() -> None:
+    """A taken name gets a number, and names that differ only in letter case are equal."""
     assert free_name("a.csv", []) == "a.csv"
     assert free_name("a.csv", ["A.CSV", "a-2.csv"]) == "a-3.csv"

@@ -8,7 +8,8 @@ from taskcal.studio.pages.measurements_page import concerned_rows
 from taskcal.virtual.cell import simulate
 
 
-def test_rows_are_found_by_their_ids_and_other_subjects_are_no_rows() -> None:
+def test_findings_map_row_ids_and_ignore_other_subjects() -> None:
+    """Rows are found by their ids, and other subjects are not rows."""
     rng = np.random.default_rng(0)
     campaign, _ = simulate(ErrorModel(load_robot("ur5")), rng.uniform(-1.0, 1.0, (6, 6)), rng=rng)
     part = campaign.take([1, 3, 5])

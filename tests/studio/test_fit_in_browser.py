@@ -134,9 +134,10 @@ def test_a_fit_says_what_the_command_line_says_to_the_digit(tab: Tab, example: t
     tab.picture("result")
 
 
-def test_a_reload_and_a_second_tab_see_the_fit_go_on_and_cancel_ends_it_at_once(
+def test_fit_survives_reload_and_second_tab_until_cancelled(
     chromium: Any, example: tuple[str, Path], tmp_path: Path
 ) -> None:
+    """A reload and a second tab show the running fit, and cancelling ends it at once."""
     (tmp_path / "campaigns").mkdir()
     box = ("--robot", ROBOT, "--task", str(example[1] / "tasks" / "milling.toml"))
     command_line(tmp_path, "simulate", *box, "--count", "600", "-o", "campaigns/measured.csv")  # takes a while to fit

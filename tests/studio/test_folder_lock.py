@@ -15,7 +15,8 @@ HOLD += (
 )
 
 
-def test_a_second_one_is_refused_with_who_has_it_until_the_first_is_killed(tmp_path: Path) -> None:
+def test_folder_lock_names_holder_until_it_is_killed(tmp_path: Path) -> None:
+    """A second lock is rejected with the process that holds the first, until that one is killed."""
     holder = subprocess.Popen([sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE, text=True)
     try:
         assert holder.stdout is not None

@@ -52,7 +52,8 @@ def status(gate: dict[str, Any], scope: dict[str, Any], headers: dict[str, str],
     return first["status"] if first["type"] == "http.response.start" else first.get("code", 101)
 
 
-def test_its_own_pages_come_through_with_headers_that_close_the_page() -> None:
+def test_gate_serves_own_pages_with_security_headers() -> None:
+    """Own pages are served with headers that prevent framing and foreign content."""
     sent = answer(LOOPBACK, HTTP, HERE)
     assert sent[0]["status"] == 200
     names = dict(sent[0]["headers"])
@@ -87,7 +88,8 @@ def test_a_page_elsewhere_may_link_here_but_not_fetch_from_here() -> None:
     assert status(LOOPBACK, {**HTTP, "method": "POST"}, link) == 403
 
 
-def test_bodies_are_bounded_by_what_they_say_and_by_what_they_are() -> None:
+def test_gate_bounds_body_by_stated_and_actual_length() -> None:
+    """Bodies are bounded by their stated and by their actual length."""
     gate = {**LOOPBACK, "max_body": 100}
     assert status(gate, HTTP, {**HERE, "content-length": "101"}) == 413
     assert status(gate, HTTP, {**HERE, "content-length": "-1"}) == 400
@@ -105,7 +107,8 @@ async def fail_as_libraries_do(scope: Any, receive: Any, send: Any) -> None:
         raise
 
 
-def test_a_refused_body_is_said_to_be_one_whatever_the_application_makes_of_it() -> None:
+def test_gate_answers_413_whatever_the_application_raises() -> None:
+    """A body that is too long is answered with 413, whatever the application raises."""
     gate = {**LOOPBACK, "app": fail_as_libraries_do, "max_body": 100}
     sent = answer(gate, HTTP, HERE, body=b"x" * 101)
     assert [message.get("status") for message in sent] == [413, None]

@@ -20,7 +20,8 @@ pytestmark = [pytest.mark.browser, pytest.mark.long]
 ATTACK = '<img src=x onerror="window.attacked=1">'
 
 
-def test_a_program_is_corrected_as_on_the_command_line_and_reported(chromium: Any, tmp_path: Path) -> None:
+def test_program_is_corrected_in_browser_as_on_command_line(chromium: Any, tmp_path: Path) -> None:
+    """A program is corrected and reported as on the command line."""
     project = begin_example(tmp_path)
     (tmp_path / "calibrations").mkdir()
     calibrated(ROBOT).save(tmp_path / "calibrations" / "c.json")

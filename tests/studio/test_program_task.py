@@ -21,7 +21,8 @@ def rapid(*targets: str) -> str:
     return f"MODULE M\n  PROC main()\n{moves}\n  ENDPROC\nENDMODULE\n"
 
 
-def test_the_task_s_poses_put_the_flange_where_the_program_has_it(tmp_path: Path) -> None:
+def test_program_task_places_flange_as_programmed(tmp_path: Path) -> None:
+    """The poses of the task place the flange as the program does."""
     robot = load_robot(ROBOT)
     model = ErrorModel(robot)
     flange = model.poses(np.radians([[5.0, 10.0, 20.0, 10.0, 40.0, 0.0], [0.0, 15.0, 20.0, 0.0, 50.0, 10.0]]))

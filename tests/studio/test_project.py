@@ -16,7 +16,8 @@ def test_what_is_chosen_is_there_when_the_folder_is_opened_again(tmp_path: Path)
     assert tomllib.loads((tmp_path / "project.toml").read_text())["robot"] == "ur5"
 
 
-def test_a_dropped_file_is_kept_byte_for_byte_and_twice_the_same_is_one(tmp_path: Path) -> None:
+def test_project_keeps_dropped_file_exactly_and_once(tmp_path: Path) -> None:
+    """A dropped file is stored byte for byte, and the same file twice is stored once."""
     project = Project(tmp_path)
     first = project.put(LAYOUT.campaigns, "my data.csv", b"a;b\r\n1;2", CAMPAIGN_ENDINGS)
     assert first == "campaigns/my-data.csv"

@@ -76,7 +76,8 @@ def ur5_campaign() -> bytes:
     return campaign_text(campaign, model.robot).encode()
 
 
-def test_the_road_on_a_ur5_by_keyboard_alone_survives_the_death_of_its_server(chromium: Any, tmp_path: Path) -> None:
+def test_ur5_workflow_by_keyboard_survives_server_restart(chromium: Any, tmp_path: Path) -> None:
+    """The UR5 workflow with the keyboard alone survives the end of its server."""
     measured = tmp_path / "measured.csv"
     measured.write_bytes(ur5_campaign())
     folder = tmp_path / "ur5"

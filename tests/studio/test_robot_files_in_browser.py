@@ -29,7 +29,8 @@ def drop(page: Any, *files: dict[str, Any]) -> None:
     page.locator("input[type=file]").set_input_files(list(files))
 
 
-def test_a_table_becomes_a_robot_in_the_convention_that_is_stated(chromium: Any, tmp_path: Path) -> None:
+def test_dh_table_becomes_robot_in_stated_convention(chromium: Any, tmp_path: Path) -> None:
+    """A table becomes a robot in the stated convention."""
     with served(tmp_path) as address, open_tab(chromium, address) as tab:
         page = tab.open("robot")
         drop(page, file("my table.csv", TABLE.encode()))
@@ -49,7 +50,8 @@ def test_a_table_becomes_a_robot_in_the_convention_that_is_stated(chromium: Any,
     assert made.joints == wanted.joints or str(made.joints) == str(wanted.joints)
 
 
-def test_a_urdf_is_drawn_with_the_meshes_that_are_dropped_with_it(chromium: Any, tmp_path: Path) -> None:
+def test_dropped_urdf_is_drawn_with_its_meshes(chromium: Any, tmp_path: Path) -> None:
+    """A URDF is drawn with the meshes that are dropped with it."""
     upper = trimesh.creation.box(extents=(300.0, 150.0, 300.0)).export(file_type="stl")
     lower = trimesh.creation.cylinder(radius=0.08, height=0.5).export(file_type="glb")
     urdf = ARM.replace("lower.dae", "lower.glb").encode()

@@ -38,7 +38,8 @@ def test_the_first_view_comes_with_the_page_itself(chromium: Any, tmp_path: Path
         assert tab.page.inner_text("h1") in first
 
 
-def test_sliders_and_numbers_move_the_tool_to_where_the_library_has_it(tab: Tab) -> None:
+def test_sliders_and_numbers_move_tool_as_in_library(tab: Tab) -> None:
+    """Sliders and number fields move the tool to the pose that the library computes."""
     page = tab.open("robot")
     assert tool_text([0.0] * 6) in page.inner_text("main")
     number = page.get_by_label("J2 (°)")
@@ -150,9 +151,8 @@ def test_keys_change_the_view_while_the_scene_has_the_focus(tab: Tab) -> None:
     assert serious(page) == []
 
 
-def test_a_dropped_robot_is_taken_and_a_wrong_file_is_refused_where_it_was_dropped(
-    chromium: Any, tmp_path: Path
-) -> None:
+def test_dropped_robot_is_accepted_and_wrong_file_rejected(chromium: Any, tmp_path: Path) -> None:
+    """A dropped robot file is accepted, and a wrong file is rejected where it was dropped."""
     from importlib import resources
 
     catalogue = resources.files("taskcal.robot") / "catalogue"

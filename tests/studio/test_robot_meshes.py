@@ -67,7 +67,8 @@ def test_a_unit_that_a_collada_file_states_is_heard(tmp_path: Path) -> None:
     assert len(meshes.missing) == 1
 
 
-def test_of_a_zip_only_what_the_urdf_names_is_kept_under_names_of_ours(tmp_path: Path) -> None:
+def test_zip_keeps_only_meshes_of_urdf_under_own_names(tmp_path: Path) -> None:
+    """Of a ZIP file only the meshes named in the URDF are kept, under generated names."""
     project = Project(tmp_path)
     other = BAR.copy().apply_scale(2.0).export(file_type="stl")
     content = zipped(
@@ -103,7 +104,8 @@ def test_an_archive_that_is_not_a_robot_s_is_refused(tmp_path: Path, content: by
         unpack_robot(Project(tmp_path), "/home/me/arm.zip", content)
 
 
-def test_no_mesh_is_read_from_outside_and_what_is_no_mesh_is_named(tmp_path: Path) -> None:
+def test_meshes_outside_project_or_of_other_type_are_rejected(tmp_path: Path) -> None:
+    """No mesh is read from outside the project, and a file that is not a mesh is named."""
     secret = tmp_path / "secret.stl"
     secret.write_bytes(exported(".stl"))
     (tmp_path / "p").mkdir()

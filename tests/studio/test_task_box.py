@@ -58,9 +58,8 @@ def test_what_is_shown_of_a_changed_box_is_what_its_file_says(tmp_path_factory, 
 
 
 @given(generators, st.integers(0, 2))
-def test_a_ball_turns_its_axis_to_where_it_is_dragged_and_the_box_goes_where_it_is_dragged(
-    tmp_path_factory, rng, axis
-) -> None:
+def test_task_box_follows_dragged_axis_handle_and_body(tmp_path_factory, rng, axis) -> None:
+    """Dragging a handle rotates the box about its centre, and dragging the box moves it."""
     box = box_of(load_task(written(tmp_path_factory.mktemp("box"), BOX)))
     assert box is not None
     place = rng.uniform(-2, 2, 3)

@@ -23,7 +23,8 @@ def places(text: str) -> set[str]:
     return {name for _, name, _, _ in Formatter().parse(text) if name}
 
 
-def test_every_text_stands_in_every_language_with_the_same_places() -> None:
+def test_texts_exist_in_every_language_with_same_placeholders() -> None:
+    """Every text exists in every language with the same placeholders."""
     for key, texts in catalogue().items():
         assert set(texts) == set(LANGUAGES), key
         assert len({frozenset(places(text)) for text in texts.values()}) == 1, key
@@ -36,7 +37,8 @@ def test_every_text_that_pages_ask_for_is_there() -> None:
     assert asked <= catalogue().keys(), asked - catalogue().keys()
 
 
-def test_a_text_is_filled_in_and_the_browser_s_first_language_of_ours_is_taken() -> None:
+def test_text_is_filled_in_preferred_browser_language() -> None:
+    """A text is filled in, in the first supported language of the browser."""
     assert Texts("de")("robot.joints_of", robot="X") == "Gelenke von X und ihre Grenzen"
     assert preferred("fr;q=0.9, de-CH;q=0.8, en;q=0.7") == "de"
     assert preferred("en-GB,de;q=0.5") == "en"

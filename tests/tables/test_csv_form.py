@@ -78,7 +78,8 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_is_no_table_is_refused_with_its_line(tmp_path, case):
+def test_rejects_file_without_table_and_names_line(tmp_path, case):
+    """A file without a table is rejected, with the line of the cause."""
     content, message = WRONG[case]
     with pytest.raises(FileError, match=message):
         read_csv(write(tmp_path, content))

@@ -26,7 +26,8 @@ def mark_of(*cells):
         (["a,b", "x"], "."),
     ],
 )
-def test_one_number_that_leaves_no_doubt_tells_of_all(cells, mark):
+def test_unambiguous_cell_decides_decimal_mark(cells, mark):
+    """One unambiguous cell decides the decimal mark of all cells."""
     assert mark_of(*cells) == mark
 
 

@@ -25,7 +25,8 @@ TEXT = "id;Länge [µm];°\na;1;2\n"
         TEXT.replace("\n", "\r").encode(),
     ],
 )
-def test_what_people_save_is_the_same_text(content):
+def test_decodes_common_text_encodings(content):
+    """The common encodings of spreadsheets and editors decode to the same text."""
     assert decode("a.txt", content) == TEXT
 
 

@@ -45,7 +45,8 @@ def test_a_box_in_a_part_frame(tmp_path):
     assert np.all(inside.max(axis=0) > [0.33, 0.23, 0.14])
 
 
-def test_an_accuracy_along_the_axes_is_met_by_the_smallest_of_them_in_space(tmp_path):
+def test_per_axis_accuracy_uses_smallest_as_3d_accuracy(tmp_path):
+    """Per-axis accuracies are met by a 3D accuracy equal to the smallest of them."""
     text = BOX.replace("position_mm = 0.1", "per_axis_mm = [0.3, 0.2, 0.4]")
     assert load_task(written(tmp_path, text)).accuracy == pytest.approx(2e-4)
 
@@ -97,7 +98,8 @@ def test_what_is_wrong_is_named_with_its_place_and_value(tmp_path, text, old, ne
     assert str(caught.value).startswith(str(path))
 
 
-def test_a_task_without_anything_to_do_and_a_missing_file_are_refused(tmp_path):
+def test_task_rejects_missing_definition_and_missing_file(tmp_path):
+    """A task without a workspace, poses or a path and a missing file are rejected."""
     with pytest.raises(FileError, match="exactly one of workspace, poses, path; this one has none"):
         load_task(written(tmp_path, 'name = "empty"'))
     with pytest.raises(FileError, match="cannot be read"):
@@ -123,7 +125,8 @@ def test_a_task_without_anything_to_do_and_a_missing_file_are_refused(tmp_path):
         ("x_mm,y_mm,z_mm,qx,qy,qz,qw,weight\n1,2,3,0,0,0,1,0\n", r"all weights are zero; give"),
     ],
 )
-def test_what_is_wrong_with_a_list_of_poses_is_named_with_line_and_column(tmp_path, table, said):
+def test_pose_list_errors_name_line_and_column(tmp_path, table, said):
+    """Errors in a list of poses name the line and the column."""
     written(tmp_path, table, "poses.csv")
     with pytest.raises(FileError, match=said) as caught:
         load_task(written(tmp_path, 'name = "listed"\nposes = "poses.csv"'))
@@ -154,7 +157,8 @@ def test_a_list_of_poses_with_weights(tmp_path, model):
     np.testing.assert_allclose(model.poses(found.q), T, atol=1e-8)
 
 
-def test_sampled_poses_are_spread_more_evenly_than_chance_and_by_seed():
+def test_sampled_poses_are_low_discrepancy():
+    """Sampled poses are more uniform than random ones, and the seed determines them."""
     space = reference_task(np.radians(20.0)).workspace
     T = space.sample(1000)
     local = (T[:, :3, 3] - space.center) / space.size + 0.5

@@ -50,7 +50,8 @@ def test_orientations_take_turns(tmp_path):
 
 
 @given(generators, st.sampled_from(["box", "cylinder"]))
-def test_a_workspace_contains_its_own_samples_and_none_moved_out_of_it(rng, shape):
+def test_workspace_contains_own_samples_but_no_outside_pose(rng, shape):
+    """A workspace contains its own samples and none moved out of it."""
     size = rng.uniform(0.1, 1.0, 3)
     if shape == "cylinder":
         size[1] = size[0]
@@ -75,7 +76,8 @@ def test_a_workspace_contains_its_own_samples_and_none_moved_out_of_it(rng, shap
 
 
 @given(generators, st.sampled_from(["quaternion", "rpy", "abc", "wpr"]))
-def test_a_turned_box_has_the_places_of_the_straight_one_turned_about_its_centre(tmp_path_factory, rng, form):
+def test_rotated_box_samples_are_rotated_about_its_centre(tmp_path_factory, rng, form):
+    """The samples of a rotated box are those of the straight box, rotated about its centre."""
     turned = random_pose(rng, 1)[:3, :3]
     told = f"quaternion = {se3.to_quaternion(turned).tolist()}"
     if form != "quaternion":
@@ -110,6 +112,7 @@ def test_a_turned_box_has_the_places_of_the_straight_one_turned_about_its_centre
         ),
     ],
 )
-def test_a_rotation_that_is_stated_twice_or_of_another_shape_is_refused(tmp_path, text, message):
+def test_workspace_rejects_repeated_or_malformed_rotation(tmp_path, text, message):
+    """A rotation that is stated twice or has the wrong shape is rejected."""
     with pytest.raises(FileError, match=message):
         load_task(written(tmp_path, text))

@@ -40,7 +40,8 @@ def test_every_way_to_measure_has_an_instrument():
 
 
 @pytest.mark.parametrize("way", INSTRUMENTS)
-def test_the_residuals_of_the_truth_are_the_noise_that_the_kind_states(way):
+def test_true_residuals_have_stated_noise(way):
+    """The residuals of the true robot have the noise that the observation states."""
     campaign, truth = simulate(MODEL, postures(300), rng=np.random.default_rng(3), observe=way)
     ((kind, residual, covariance),) = residuals(campaign, truth)
     assert kind.instrument == way
@@ -49,7 +50,8 @@ def test_the_residuals_of_the_truth_are_the_noise_that_the_kind_states(way):
 
 
 @pytest.mark.parametrize("way", INSTRUMENTS)
-def test_it_is_written_and_read_back_and_the_nominal_robot_is_off(way, tmp_path):
+def test_observation_round_trips_and_nominal_model_deviates(way, tmp_path):
+    """The campaign is written and read back, and the nominal model deviates from it."""
     campaign, truth = simulate(MODEL, postures(60), rng=np.random.default_rng(3), observe=way)
     (tmp_path / "c.csv").write_text(campaign_text(campaign, MODEL.robot))
     read = read_campaign(tmp_path / "c.csv", MODEL.robot)
@@ -115,7 +117,8 @@ def test_there_are_as_many_places_as_asked_for(way, count):
     assert len(np.unique(kind.of)) == 4 * count
 
 
-def test_one_calliper_measures_the_block_that_stands_at_all_places():
+def test_one_calliper_error_applies_to_block_at_all_places():
+    """One calliper measurement, with its error, applies to the block at all places."""
     campaign, truth = simulate(MODEL, postures(20), rng=np.random.default_rng(3), observe="socket")
     (kind,) = campaign.observations
     assert isinstance(kind, Sockets)
@@ -142,7 +145,8 @@ def test_ways_share_the_rows_and_are_identified_at_once():
     assert off.mean() < 3e-4
 
 
-def test_a_task_that_lies_out_of_reach_is_refused_with_the_number_of_rows(monkeypatch):
+def test_unreachable_task_is_rejected_with_row_count(monkeypatch):
+    """A task out of reach is rejected with the number of unreachable rows."""
     monkeypatch.setattr(virtual_cell, "MAX_CELLS", 1)  # in another one it may reach all
     stretched = np.tile([0.0, 1.3, -0.9, 0.0, 0.0, 0.0], (12, 1)) + np.linspace(0.0, 0.01, 12)[:, None]
     said = r"abb-irb120 cannot measure with 'socket' in \d+ of 12 rows: .* to socket '\d/[ab]'.*, \d{3}( to \d{3})? mm from its"

@@ -29,9 +29,8 @@ def test_the_same_robot_has_not_changed(run: Run, cell: Path, pair: tuple[Path, 
     assert "no significant change" in " ".join(text.split())
 
 
-def test_over_a_task_with_its_accuracy_it_says_whether_the_robot_is_due(
-    run: Run, cell: Path, pair: tuple[Path, Path]
-) -> None:
+def test_compare_states_whether_task_accuracy_is_exceeded(run: Run, cell: Path, pair: tuple[Path, Path]) -> None:
+    """With a task and its accuracy, `compare` states whether the robot is due for calibration."""
     options = ["--task", cell / "list.toml"]
     result = run("compare", cell / "cal.json", pair[0], *options, "--json").json
     assert result["accuracy_mm"] == pytest.approx(0.1)

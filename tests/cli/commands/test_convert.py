@@ -35,9 +35,8 @@ def german(plain: Path, path: Path, columns: slice = slice(1, 10)) -> Path:
     return path
 
 
-def test_what_a_spreadsheet_saved_is_written_as_plain_csv_and_every_decision_said(
-    run: Run, plain: Path, tmp_path: Path
-) -> None:
+def test_convert_writes_plain_csv_and_reports_every_inference(run: Run, plain: Path, tmp_path: Path) -> None:
+    """A spreadsheet export is written as plain CSV, and every inference is reported."""
     ended = run("convert", "-r", "ur5", german(plain, tmp_path / "g.csv"), "-o", tmp_path / "out.csv")
     assert ended.status == 0
     assert ended.err.splitlines() == [
@@ -75,7 +74,8 @@ def test_names_and_the_decimal_mark_can_be_stated(run: Run, plain: Path, tmp_pat
     assert "has 10 columns, and 2 names were given for them" in ended.err
 
 
-def test_what_ends_in_parquet_is_written_as_such_and_read_back_the_same(run: Run, plain: Path, tmp_path: Path) -> None:
+def test_convert_to_parquet_round_trips(run: Run, plain: Path, tmp_path: Path) -> None:
+    """A name that ends in .parquet is written as Parquet and is read back unchanged."""
     packed, direct, again = (tmp_path / name for name in ("out.parquet", "direct.csv", "again.csv"))
     assert run("convert", "-r", "ur5", plain, "-o", direct).status == 0
     ended = run("convert", "-r", "ur5", plain, "-o", packed)

@@ -80,7 +80,8 @@ def test_a_backup_is_corrected_into_one_of_the_same_shape(run: Run, cell: Path, 
 
 
 @pytest.mark.slow
-def test_a_program_is_corrected_and_nothing_but_its_targets_changes(run: Run, cell: Path, part: Path, tmp_path: Path):
+def test_correct_changes_only_the_targets_of_a_program(run: Run, cell: Path, part: Path, tmp_path: Path):
+    """A corrected program differs from the original in its targets alone."""
     ended = run(
         "correct", "--accept-uncertain", "--calibration", cell / "cal.json", part, "-o", tmp_path / "out.mod", "--json"
     )
@@ -101,9 +102,7 @@ def test_a_program_is_corrected_and_nothing_but_its_targets_changes(run: Run, ce
     assert known.model.robot.name == IRB6660
 
 
-def test_a_correction_smaller_than_its_uncertainty_is_not_written(
-    run: Run, cell: Path, part: Path, tmp_path: Path, robot
-):
+def test_correction_below_its_uncertainty_is_not_written(run: Run, cell: Path, part: Path, tmp_path: Path, robot):
     """A cutter that is known to centimetres: what to measure is said, and nothing is written unless asked for."""
     spindle = Measured(name="tSpindle", in_flange=robot.T_flange_tool, uncertainty=0.02)
     write_cell(tmp_path / "cell.toml", Cell(tools={"tspindle": spindle}))
@@ -247,7 +246,8 @@ def test_several_files_go_into_a_folder(run: Run, cell, robot, tmp_path):
         (["{part}", "-o", "/nowhere/out.mod"], 1, "folder"),
     ],
 )
-def test_wrong_usage_is_explained(arguments, status, words, run: Run, cell, part, tmp_path):
+def test_usage_errors_name_option_and_remedy(arguments, status, words, run: Run, cell, part, tmp_path):
+    """Usage errors name the option or the cause."""
     place = {"part": str(part), "out": str(tmp_path / "out.mod")}
     ended = run(
         "correct", "--accept-uncertain", "-c", cell / "cal.json", *(argument.format(**place) for argument in arguments)

@@ -57,9 +57,8 @@ def test_a_joint_path_in_csv_is_corrected_in_its_joints(run: Run, cell: Path, tm
     assert 1e-3 < np.abs(change).max() < 0.5
 
 
-def test_an_apt_path_becomes_a_rapid_or_krl_program_of_the_corrected_motions(
-    run: Run, cell: Path, tmp_path: Path
-) -> None:
+def test_corrected_apt_path_is_written_as_rapid_or_krl(run: Run, cell: Path, tmp_path: Path) -> None:
+    """An APT path is written as a RAPID or KRL program of the corrected motions."""
     path = tmp_path / "pocket.apt"
     path.write_text(APT)
     ends = {}

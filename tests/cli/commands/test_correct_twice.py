@@ -25,9 +25,10 @@ def corrected(run: Run, cell: Path, part: Path, tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("option", ["--output", "--dry-run"])
-def test_a_corrected_program_is_refused_under_whatever_name_and_its_origin_named(
+def test_corrected_program_is_rejected_under_any_name(
     option: str, run: Run, cell: Path, part: Path, corrected: Path, tmp_path: Path
 ) -> None:
+    """A corrected program is rejected under any name, and the message names its original."""
     copy, out = tmp_path / "innocent.mod", tmp_path / "twice.mod"
     shutil.copy(corrected, copy)
     where = ["--output", out] if option == "--output" else ["--dry-run"]
@@ -39,17 +40,15 @@ def test_a_corrected_program_is_refused_under_whatever_name_and_its_origin_named
     assert run("correct", "--again", "--accept-uncertain", "-c", cell / "cal.json", corrected, *where).status == 0
 
 
-def test_the_program_itself_may_be_corrected_as_often_as_one_likes(
-    run: Run, cell: Path, part: Path, corrected: Path
-) -> None:
+def test_original_program_can_be_corrected_repeatedly(run: Run, cell: Path, part: Path, corrected: Path) -> None:
+    """The original program can be corrected any number of times."""
     first = corrected.read_bytes()
     assert run("correct", "--accept-uncertain", "-c", cell / "cal.json", part, "-o", corrected).status == 0
     assert corrected.read_bytes() == first
 
 
-def test_a_program_in_which_nothing_was_changed_is_not_taken_for_corrected(
-    run: Run, cell: Path, part: Path, robot, tmp_path: Path
-) -> None:
+def test_unchanged_program_does_not_count_as_corrected(run: Run, cell: Path, part: Path, robot, tmp_path: Path) -> None:
+    """A program without any change does not count as corrected."""
     model = ErrorModel(robot)
     q = reach_task(model, load_task(cell / "task.toml"), 30, seed=1).q
     campaign, _ = simulate(model, q, rng=np.random.default_rng(0), x=np.zeros(len(model)))

@@ -45,7 +45,8 @@ def test_it_leaves_a_page_and_data_that_read_back(run: Run, folder: Path) -> Non
 
 
 @pytest.mark.slow
-def test_tables_and_the_way_on_are_printed_and_the_same_seed_gives_the_same_files(run: Run, tmp_path: Path) -> None:
+def test_demo_prints_tables_and_is_reproducible_from_seed(run: Run, tmp_path: Path) -> None:
+    """The demo prints its tables and next steps, and the same seed gives the same files."""
     folder = tmp_path / "b"
     assert run("demo", "--count", "20", "-o", str(tmp_path / "a")).status == 0
     ended = run("demo", "--count", "20", "-o", str(folder))
@@ -80,9 +81,7 @@ def test_too_few_poses_are_wrong_usage(run: Run, folder: Path) -> None:
 
 
 @pytest.mark.long
-def test_the_closed_loop_leaves_a_corrected_program_that_can_be_made_again(
-    run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_demo_closed_loop_program_can_be_reproduced(run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With named effects and a short program, for the search and the planning take minutes."""
 
     def named_effects(model: ErrorModel, campaign: Campaign) -> Calibration:

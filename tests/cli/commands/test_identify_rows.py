@@ -79,9 +79,10 @@ def test_a_row_that_cannot_be_right_is_named_as_the_file_has_it(
         ("# nothing\n", ": names no row"),
     ],
 )
-def test_a_file_of_rows_that_is_wrong_says_nothing_of_the_campaign(
+def test_invalid_rows_file_is_reported_without_campaign(
     run: Run, cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, message: str
 ) -> None:
+    """An error in the file of rows is reported without mention of the campaign."""
     monkeypatch.delattr("taskcal.cli.commands.doctor.diagnose_file")
     rows = tmp_path / "rows.txt"
     rows.write_text(text)

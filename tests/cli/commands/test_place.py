@@ -21,7 +21,8 @@ def test_placements_of_a_task(run: Run, cell: Path, tmp_path: Path) -> None:
     assert list(read_csv(path).numbers("x_mm")) == [-150.0, 150.0]
 
 
-def test_the_table_for_people(run: Run, cell: Path) -> None:
+def test_text_table_output(run: Run, cell: Path) -> None:
+    """The text table lists the placements and the present one."""
     ended = run("place", "--robot", IRB6660, cell / "list.toml", "--region", "0,0,0")
     assert ended.status == 0
     assert "Best of 1 placements" in ended.out

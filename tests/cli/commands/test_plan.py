@@ -73,9 +73,10 @@ def test_a_plan_is_better_than_random_poses_and_can_be_driven(
     assert not load_robot(IRB6660).outside_limits(q)
 
 
-def test_the_same_seed_gives_the_same_plan_and_a_page_changes_nothing(
+def test_plan_is_reproducible_from_seed_and_report_is_neutral(
     run: Run, ask: list[object], alone: Alone, tmp_path: Path
 ) -> None:
+    """The same seed gives the same plan, and writing a report does not change it."""
     ended = run(*ask, "--report", tmp_path / "plan.html", "--json")
     assert (tmp_path / "plan.csv").read_bytes() == alone[1]
     assert ended.json["report"] == str(tmp_path / "plan.html")
@@ -102,9 +103,8 @@ def test_the_tables_for_people(run: Run, ask: list[object]) -> None:
         assert part in ended.out
 
 
-def test_a_station_says_which_reflectors_are_seen_and_how_near_links_come(
-    run: Run, ask: list[object], tmp_path: Path
-) -> None:
+def test_plan_with_station_states_visibility_and_clearance(run: Run, ask: list[object], tmp_path: Path) -> None:
+    """With a station, the plan states the visible reflectors and the smallest clearance of the links."""
     pillar = "[[keep_out]]\ncenter_mm = [0.0, 2500.0, 500.0]\nsize_mm = [600.0, 600.0, 1000.0]\n"
     (tmp_path / "station.toml").write_text(STATION + pillar)
     result = run(*ask, "--station", tmp_path / "station.toml", "--json").json

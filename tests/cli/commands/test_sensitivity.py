@@ -32,7 +32,8 @@ def test_the_poses_of_a_campaign_do_as_well(run: Run, cell: Path) -> None:
     np.testing.assert_allclose([p["max_space"] for p in by_campaign["parameters"]], expected, atol=1e-8)
 
 
-def test_the_table_for_people_and_the_file_in_order_of_influence(run: Run, cell: Path, tmp_path: Path) -> None:
+def test_sensitivity_text_table_and_file_sorted_by_influence(run: Run, cell: Path, tmp_path: Path) -> None:
+    """The text table and the file are sorted by influence."""
     path = tmp_path / "table.csv"
     ended = run("sensitivity", "--robot", IRB6660, "--task", cell / "task.toml", "--sort", "influence", "-o", path)
     assert ended.status == 0
@@ -81,7 +82,8 @@ def test_what_the_noise_tells_apart_stands_beside_the_exact_rank(run: Run, cell:
     assert found["model_error_origin"][:20] in ended.out
 
 
-def test_a_campaign_s_own_uncertainty_is_the_noise_of_what_it_tells_apart(run: Run, cell: Path, tmp_path: Path) -> None:
+def test_sensitivity_uses_uncertainty_of_campaign_as_noise(run: Run, cell: Path, tmp_path: Path) -> None:
+    """The uncertainty stated in a campaign is the noise of the distinguishable directions."""
     lines = (cell / "one.csv").read_text().splitlines()
     head = next(i for i, line in enumerate(lines) if not line.startswith("#"))
     stated = [*lines[:head], lines[head] + ",u_mm", *(line + ",0.5" for line in lines[head + 1 :])]

@@ -44,9 +44,10 @@ def test_inconsistent_options(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_is_missing_is_found_before_anything_is_computed(
+def test_missing_output_folder_is_reported_before_simulation(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A missing output folder is reported before any computation."""
     monkeypatch.setattr("taskcal.task.task.load_task", lambda *_: pytest.fail("read"))
     (tmp_path / "any.toml").write_text("")
     ended = run("simulate", "--robot", IRB6660, "--task", tmp_path / "any.toml", "-o", tmp_path / "none" / "c.csv")

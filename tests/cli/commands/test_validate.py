@@ -50,7 +50,8 @@ def test_a_point_that_is_wrong_is_named(run: Run, cell: Path, tmp_path: Path) ->
     assert "1 outlier, 1 isolated" in " ".join(text.split())
 
 
-def test_the_table_for_people(run: Run, cell: Path) -> None:
+def test_text_table_output(run: Run, cell: Path) -> None:
+    """The text table lists the worst points."""
     ended = run("validate", cell / "cal.json", cell / "one.csv")
     assert ended.status == 0
     assert "The 10 worst of 60 points" in ended.out

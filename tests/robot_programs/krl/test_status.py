@@ -103,7 +103,8 @@ def test_a_posture_agrees_with_its_own_status_alone(rng, S, T):
     np.testing.assert_array_equal(stated.agrees(KR16, q), own)
 
 
-def test_what_is_not_stated_is_not_asked():
+def test_optional_fields_are_not_required():
+    """Unstated S and T agree with every configuration."""
     q = postures(np.random.default_rng(0), 5)
     assert Status(S=None, T=None).agrees(KR16, q).all()
     assert Status(S=None, T=None).of(KR16, q[0]) == Status(S=None, T=None)

@@ -44,7 +44,8 @@ def test_a_posture_agrees_with_its_own_configuration(rng):
 
 
 @given(generators)
-def test_it_tells_the_postures_of_one_pose_apart(rng):
+def test_configuration_distinguishes_ik_branches(rng):
+    """The configuration string distinguishes the IK branches of one pose."""
     q = degrees(*rng.uniform([-80, 0, -40, -90, -100, -90], [80, 40, 0, 90, -10, 90]))
     flipped = q * [1, 1, 1, 1, -1, 1] + degrees(0, 0, 0, 180, 0, 180)
     turned = q + degrees(0, 0, 0, 0, 0, 360)
