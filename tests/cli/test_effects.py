@@ -35,6 +35,16 @@ def identify(run: Run, campaign: Path, output: Path, *options: object) -> Ended:
     return run("identify", "--robot", ROBOT, campaign, "-o", output, *options)
 
 
+def test_effects_none_is_the_default(run: Run, campaign: Path, tmp_path: Path) -> None:
+    plain = identify(run, campaign, tmp_path / "cal.json", "--json").json
+    assert plain == identify(run, campaign, tmp_path / "cal.json", "--json", "--effects", "none").json
+    assert "explanation" not in plain
+    assert (plain["effects"], plain["field"]) == ([], False)
+    motor = identify(run, campaign, tmp_path / "cal.json", "--effects", "motor")
+    assert (motor.status, motor.out) == (1, "")
+    assert "states no gear_ratio of any joint" in motor.err
+
+
 def test_what_the_data_prove_is_found_saved_and_explained(run: Run, campaign: Path, tmp_path: Path) -> None:
     ended = identify(run, campaign, tmp_path / "cal.json", "--effects", "auto", "--rows", "0:40", "--json")
     result = ended.json

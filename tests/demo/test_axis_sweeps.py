@@ -50,3 +50,10 @@ def test_six_lengths_leave_more_than_the_defects(procedure: Procedure) -> None:
         assert lengths.calibration.model.names == ("RL1", "d2", "d3", "d4", "RL4", "RL6")
         assert procedure.fit(label, "all").residual.mean * 3.0 < lengths.residual.mean
         assert lengths.residual.mean < procedure.fit(label, "nominal").residual.mean
+
+
+def test_one_orientation_predicts_itself_alone(procedure: Procedure) -> None:
+    """A campaign in one orientation predicts poses in it, and not in others; one in several predicts both."""
+    one, several = (procedure.fit(label, "all") for label in (ONE, SEVERAL))
+    assert one.inside.mean < 20e-6 < 100e-6 < one.outside.mean
+    assert several.outside.mean < 40e-6

@@ -103,3 +103,45 @@ def test_convert_refuses_a_file_without_a_measured_number(run: Run, text: str, t
         assert "file.csv:1: holds no measured number: none of its columns (" in ended.err
         assert "name them J1_deg … and x_mm y_mm z_mm" in ended.err
         assert not (tmp_path / out).exists()
+
+
+def test_convert_takes_points_alone_and_identify_does_not(run: Run, plain: Path, tmp_path: Path) -> None:
+    points = german(plain, tmp_path / "p.csv", slice(7, 10))
+    assert run("convert", "-r", "ur5", points, "-o", tmp_path / "out.csv").status == 0
+    assert (tmp_path / "out.csv").read_text().startswith("id,x_mm,y_mm,z_mm\n1,")
+    ended = run("identify", "-r", "ur5", points, "-o", tmp_path / "cal.json")
+    assert (ended.status, (tmp_path / "cal.json").exists()) == (1, False)
+    assert "has no column for joint J1 of ur5" in ended.err
+
+
+def test_convert_and_identify_read_groups_of_points(run: Run, plain: Path, tmp_path: Path) -> None:
+    rows = [line.split(",") for line in plain.read_text().splitlines()[1:]]
+    points, joints = tmp_path / "points.txt", tmp_path / "joints.csv"
+    points.write_text("".join(f"Robot, P{row[0]}, {', '.join(row[7:10])}, 03/14/2024 10:22:01 AM\n" for row in rows))
+    joints.write_text("\n".join(",".join(line.split(",")[:7]) for line in plain.read_text().splitlines()))
+    assert run("convert", "-r", "ur5", points, "-o", tmp_path / "out.csv").status == 0
+    assert (tmp_path / "out.csv").read_text().splitlines()[1] == ",".join([f"P{rows[0][0]}", *rows[0][7:10]])
+    apart = run("identify", "-r", "ur5", joints, "--points", points, "-o", tmp_path / "a.json", "--json")
+    together = run("identify", "-r", "ur5", plain, "-o", tmp_path / "b.json", "--json")
+    assert apart.json["fitted"]["mean_mm"] == pytest.approx(together.json["fitted"]["mean_mm"], rel=1e-6)
+
+
+def test_convert_writes_a_rigid_body_beside_its_markers(run: Run, tmp_path: Path) -> None:
+    body = [f"Tool_{part}" for part in ("qx", "qy", "qz", "qw", "x_mm", "y_mm", "z_mm")]
+    rows = [f"0,0,0.6,0.8,{k},2,3,{k},5,6" for k in range(3)]
+    (tmp_path / "mocap.csv").write_text("\n".join([",".join([*body, "M1_x_mm", "M1_y_mm", "M1_z_mm"]), *rows]) + "\n")
+    assert run("convert", "-r", "ur5", tmp_path / "mocap.csv", "-o", tmp_path / "out.csv").status == 0
+    header, first, *_ = (tmp_path / "out.csv").read_text().splitlines()
+    assert header.endswith("Tool_qx,Tool_qy,Tool_qz,Tool_qw")
+    assert first.endswith("0.0000000000,0.0000000000,0.6000000000,0.8000000000")
+
+
+def test_convert_refuses_a_controllers_positions_beside_lengths(run: Run, tmp_path: Path) -> None:
+    q = np.random.default_rng(0).uniform(-2.0, 2.0, (20, 6))
+    p = ErrorModel(ROBOT).poses(q)[:, :3, 3]
+    cells = np.column_stack([np.degrees(q), p * 1e3, 1e3 * np.linalg.norm(p - [1.5, 0.2, 0.1], axis=1)])
+    header = ",".join([*(f"J{k}_deg" for k in range(1, 7)), "x_mm", "y_mm", "z_mm", "L_mm"])
+    np.savetxt(tmp_path / "wire.csv", cells, "%.2f", ",", header=header, comments="")
+    ended = run("convert", "-r", "ur5", tmp_path / "wire.csv", "-o", tmp_path / "out.csv")
+    assert (ended.status, (tmp_path / "out.csv").exists()) == (1, False)
+    assert "'L_mm' may be what was measured" in ended.err

@@ -11,8 +11,11 @@ from robot_programs.reading import read_program
 from taskcal.correction.cell import Cell, Measured, write_cell
 from taskcal.geometry import se3
 from taskcal.identification.calibration import load_calibration
+from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
+from taskcal.task.task import load_task, reach_task
+from taskcal.virtual.cell import simulate
 from tests.cli.conftest import IRB6660, Run
 
 SPINDLE = "[TRUE,[[250,30,120],[0.70710678,0,0.70710678,0]],[18,[120,0,60],[1,0,0,0],0,0,0]]"
@@ -160,6 +163,31 @@ def test_what_cannot_be_reached_is_named_by_file_and_line(line, words, run: Run,
     assert line in (tmp_path / "out.mod").read_text()
 
 
+def test_correct_writes_the_same_bytes_if_nothing_was_estimated(
+    run: Run, cell: Path, part: Path, tmp_path: Path, robot
+):
+    """A calibration that found nothing corrects no motion and refuses none: the program is written as it was."""
+    model = ErrorModel(robot)
+    q = reach_task(model, load_task(cell / "task.toml"), 30, seed=1).q
+    campaign, _ = simulate(model, q, rng=np.random.default_rng(0), x=np.zeros(len(model)))
+    identify(model, campaign, keep=[]).save(tmp_path / "nothing.json")
+    out = tmp_path / "out.mod"
+    ended = run("correct", "--accept-uncertain", "-c", tmp_path / "nothing.json", part, "-o", out, "--json")
+    assert (ended.status, ended.json["corrected"], ended.json["refused"]) == (0, 0, [])
+    assert out.read_bytes() == part.read_bytes()
+
+
+def test_correct_states_no_error_if_no_target_is_reached(run: Run, cell, robot, tmp_path):
+    path = tmp_path / "far.mod"
+    path.write_text(module(robot, "MoveL Offs(pB,9000,0,0),v50,fine,tSpindle\\WObj:=wPart;"), newline="")
+    ended = run("correct", "-c", cell / "cal.json", path, "--dry-run", "--report", tmp_path / "page.html")
+    assert ended.status == 1
+    assert "not known: the robot reaches no target of the program" in " ".join(ended.out.split())
+    assert "rms mm" not in ended.out
+    assert "0.000 mm before" not in ended.out
+    assert "<dt>expected error before" not in (tmp_path / "page.html").read_text()
+
+
 def test_an_unknown_frame_is_named_by_file_and_line_and_left(run: Run, cell, robot, tmp_path):
     path = tmp_path / "unknown.mod"
     line = "MoveL pB,v50,fine,tSpindle\\WObj:=wFixture;"
@@ -187,6 +215,20 @@ def test_correct_writes_nothing_if_every_motion_is_refused(run: Run, cell, part,
     assert ended.json["written"] == []
     assert "not written: no motion was corrected" in ended.err
     assert f"{part}:7: would move by" in ended.err
+    assert "0.01 mm are allowed" in ended.err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("suffix", ["", ".zip"])
+def test_correct_writes_no_backup_if_every_motion_is_refused(run: Run, cell, part, tmp_path, suffix):
+    folder = tmp_path / "backup"
+    folder.mkdir()
+    (folder / "part.mod").write_bytes(part.read_bytes())
+    given = folder if not suffix else Path(shutil.make_archive(str(folder), "zip", folder))
+    out = tmp_path / f"out{suffix}"
+    ended = run("correct", "-c", cell / "cal.json", given, "-o", out, "--max-shift-mm", "0.01")
+    assert ended.status == 1
+    assert "not written" in ended.err
     assert not out.exists()
 
 
@@ -213,6 +255,16 @@ def test_the_program_itself_is_never_overwritten(run: Run, cell, part):
     assert ended.status == 1
     assert "would overwrite an input file" in ended.err
     assert part.read_bytes() == before
+
+
+def test_correct_overwrites_no_calibration_and_writes_no_file_twice(run: Run, cell, part, tmp_path):
+    calibration = tmp_path / "cal.json"
+    calibration.write_bytes((cell / "cal.json").read_bytes())
+    once, twice = tmp_path / "cal.json", tmp_path / "x.mod"
+    for status, out in ((1, [once]), (1, [twice, "--report", once]), (2, [twice, "--report", twice])):
+        assert run("correct", "-c", calibration, part, "-o", *out, "--force").status == status
+    assert calibration.read_bytes() == (cell / "cal.json").read_bytes()
+    assert not twice.exists()
 
 
 def test_several_files_go_into_a_folder(run: Run, cell, robot, tmp_path):

@@ -74,3 +74,22 @@ def test_corrected_apt_path_is_written_as_rapid_or_krl(run: Run, cell: Path, tmp
     for name in ("out.src", "out.csv"):
         np.testing.assert_allclose(ends[name][:, :3, 3], ends["out.mod"][:, :3, 3], atol=2e-7)
         np.testing.assert_allclose(ends[name][:, :3, :3], ends["out.mod"][:, :3, :3], atol=2e-7)
+
+
+def test_correct_leaves_points_of_another_tool(run: Run, cell: Path, tmp_path: Path) -> None:
+    """Points of another tool stay, are named by their line, and make the exit status 1."""
+    path = tmp_path / "two-tools.apt"
+    first = "LOAD/TOOL,1\nGOTO/1700.,30.,1450.,-0.565044,0.,0.825059\n"
+    path.write_text(first + "LOAD/TOOL,2\nGOTO/1750.,30.,1450.\n")
+    ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.apt")
+    assert ended.status == 1
+    assert "two-tools.apt:4: unchanged: tool 2 is loaded, and it is not known where that is" in ended.err
+    assert (tmp_path / "out.apt").read_text().endswith("\nLOAD/TOOL,2\nGOTO/1750.,30.,1450.\n")
+
+
+def test_correct_refuses_a_path_that_no_spin_can_reach(run: Run, cell: Path, tmp_path: Path) -> None:
+    path, out = tmp_path / "far.apt", tmp_path / "out.apt"
+    path.write_text("PARTNO FAR\nGOTO/9000,0,0\n")
+    ended = run("correct", "--accept-uncertain", "-c", cell / "cal.json", path, "-o", out, "--json")
+    assert (ended.status, ended.out, out.exists()) == (1, "", False)
+    assert "far.apt:2: of the motions from this line on" in ended.err

@@ -80,6 +80,8 @@ def test_what_is_held_out_depends_on_the_seed_alone(run: Run, cell: Path, tmp_pa
     assert first["held_out"] != other["held_out"]
     assert (first["holdout"]["by"], first["holdout"]["parts"]) == ("neighbours", 6)
     assert first["nominal"]["mean_mm"] > 5 * first["held_out"]["mean_mm"]
+    own = run("validate", tmp_path / "a.json", cell / "one.csv", "--json").json["mean_mm"]
+    assert own == pytest.approx(0.7 * other["fitted"]["mean_mm"] + 0.3 * other["held_out"]["mean_mm"])
 
 
 @pytest.mark.parametrize("by", ["neighbours", "blocks", "rows"])
@@ -141,6 +143,41 @@ def test_the_nominal_lengths_alone(run: Run, cell: Path, tmp_path: Path) -> None
     assert result["fitted"]["rms_mm"] > 3.0 * whole["fitted"]["rms_mm"]
     predicted = run("validate", tmp_path / "a.json", cell / "one.csv", "--json").json
     assert predicted["rms_mm"] == pytest.approx(result["fitted"]["rms_mm"])
+
+
+@pytest.mark.parametrize("campaign", ["three.csv", "poses.csv"])
+def test_identify_fits_three_reflectors_and_poses(run: Run, cell: Path, tmp_path: Path, campaign: str) -> None:
+    result = identify(run, cell / campaign, tmp_path / "cal.json", "--json", "--rows", "0:25").json
+    assert result["held_out"]["rms_mm"] < 0.15
+    assert result["held_out"]["n"] == (15 if campaign == "three.csv" else 5)
+    assert ("mean_mrad" in result["held_out"]) == ("model_error_mrad" in result) == (campaign == "poses.csv")
+    assert identify(run, cell / campaign, tmp_path / "cal.json").status == 0
+
+
+J2 = [f"J2.{component}" for component in ("tx", "ty", "tz", "rx", "ry", "rz")]
+
+
+@pytest.mark.parametrize(
+    ("options", "targets", "names"),
+    [
+        (["--targets", "smr3,smr1", "--keep", "J2,psi5,loop.rod"], ["smr3", "smr1"], [*J2, "J5.ry", "loop.rod"]),
+        (
+            ["--keep", "J2.tx,J3.rz", "--effects", "gain"],
+            None,
+            ["J2.tx", "J3.rz", *(f"J{j}.gain" for j in range(1, 7))],
+        ),
+        (["--keep", "published", "--prior", "none"], None, 33),
+    ],
+    ids=["targets and parameters", "effects stay", "published"],
+)
+def test_identify_keeps_the_parameters_asked_for(
+    run: Run, cell: Path, tmp_path: Path, options: list[str], targets: list[str] | None, names: list[str] | int
+) -> None:
+    result = identify(run, cell / "three.csv", tmp_path / "a.json", *options, "--json").json
+    assert list(result["targets"]) == (targets or ["smr1", "smr2", "smr3"])
+    found = [parameter["name"] for parameter in result["parameters"]]
+    assert (len(found) if isinstance(names, int) else found) == names
+    assert (result["prior_scale"] is None) == ("none" in options)
 
 
 @pytest.mark.parametrize("campaign", ["one.csv", "poses.csv"])

@@ -92,6 +92,38 @@ def test_a_single_pass_with_sections_has_an_accuracy_only(run: Run, tmp_path: Pa
     assert run("performance", path, "--path", "--distance", "s0,s1").status == 2
 
 
+def test_performance_evaluates_the_distances_asked_for(run: Run, poses: Path, tmp_path: Path) -> None:
+    result = run("performance", poses, "--distance", "P1,P3", "--json").json
+    assert [(d["from"], d["to"]) for d in result["distances"]] == [("P1", "P3")] * 2
+    assert run("performance", poses, "--distance", "P1").status == 2
+    unknown = run("performance", poses, "--distance", "P1,P9")
+    assert (unknown.status, "no pose 'P9'" in unknown.err) == (1, True)
+    apart = tmp_path / "apart.csv"
+    apart.write_text("\n".join([HEADER.replace("direction,", ""), "P1,1,0,0,0,0,0,0", "P2,2,1,0,0,1,0,0"]) + "\n")
+    alone = run("performance", apart, "--json")
+    assert alone.json["distances"] == []
+    assert "accuracy but no repeatability" in alone.err
+    refused = run("performance", apart, "--distance", "P1,P2")
+    assert refused.status == 1
+    assert f"error: {apart}: poses 'P1' and 'P2' have no distance" in refused.err
+
+
+def test_performance_without_commands_is_repeatability(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "bare.csv").write_text("pose,cycle,x_mm,y_mm,z_mm\nP1,1,0,0,0\nP1,2,0,0,2\nP2,1,0,0,0\nP2,2,0,0,0\n")
+    result = run("performance", tmp_path / "bare.csv", "--json").json
+    assert result["poses"][0] == {"pose": "P1", "cycles": 2, "RP_l_mm": pytest.approx(1.0)}
+    assert result["distances"] == []
+
+
+def test_sections_not_crossed_by_a_pass_are_named(run: Run, circle: tuple[Path, Path]) -> None:
+    measured, commanded = circle
+    lines = measured.read_text().splitlines()
+    measured.write_text("\n".join([lines[0], *lines[200:901]]) + "\n")
+    ended = run("performance", measured, "--command", commanded, "--json")
+    assert ended.json["left_out"][:3] == ["1", "2", "3"]
+    assert "of 361 sections are not crossed by every pass and left out" in ended.err
+
+
 def test_a_path_that_cannot_be_judged_names_the_file(run: Run, circle: tuple[Path, Path]) -> None:
     measured, commanded = circle
     header, *rows = measured.read_text().splitlines()

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import taskcal
 from taskcal.cli import main
 from taskcal.robot.catalogue import load_robot
 from taskcal.tables.forms import read_csv
@@ -164,6 +165,12 @@ def test_either_a_robot_or_a_calibration(run: Run, ask: list[object], cell: Path
     assert run("plan", "--calibration", tmp_path / "nowhere.json", *ask[3:]).status == 1
 
 
+def test_plan_optimises_another_criterion_if_asked(run: Run, ask: list[object], alone: Alone) -> None:
+    result = run(*ask, "--criterion", "D", "--model-error-mm", "0.1", "--json").json
+    assert (result["criterion"], result["model_error_mm"]) == ("D", pytest.approx(0.1))
+    assert alone[0]["expected_error_mm"] < result["expected_error_mm"] < result["before_mm"]
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -178,6 +185,41 @@ def test_wrong_usage(run: Run, ask: list[object], options: list[str], said: str)
     ended = run(*ask, *options)
     assert (ended.status, ended.out) == (2, "")
     assert said in ended.err
+
+
+def test_plan_and_its_page_are_two_files(run: Run, ask: list[object], tmp_path: Path) -> None:
+    assert run(*ask, "--report", tmp_path / "plan.csv").status == 2
+    assert not (tmp_path / "plan.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "change", "said"),
+    [
+        ("--task", ("1711.0", "8711.0"), "does not reach the tool pose at x 8711"),
+        ("--task", ("position_mm = 0.1", "position_mm = 0.00001"), "accuracy of 1e-05 mm is out of reach"),
+        ("--task", ("quaternion", "quarternion"), "orientation 1: 'quarternion' is not a known key; did you mean"),
+        (
+            "--robot",
+            ("[-42.0, 85.0]", "[85.0, -42.0]"),
+            "joint 2: the lower limit 85 must be below the upper limit -42",
+        ),
+        ("--robot", ("[-70.0, 70.0]", "[200.0, 210.0]"), "widen the limits in the robot file"),
+    ],
+)
+def test_plan_refuses_tasks_and_limits_without_a_plan(
+    run: Run, ask: list[object], cell: Path, tmp_path: Path, option: str, change: tuple[str, str], said: str
+) -> None:
+    """A task that no pose reaches, or limits that contradict each other or leave none: nothing is written."""
+    catalogue = Path(taskcal.__file__).parent / "robot" / "catalogue"
+    source = {"--task": cell / "task.toml", "--robot": catalogue / f"{IRB6660}.toml"}[option].read_text(
+        encoding="utf-8"
+    )
+    assert change[0] in source
+    (tmp_path / "bad.toml").write_text(source.replace(*change), encoding="utf-8")
+    ended = run(*ask, option, tmp_path / "bad.toml", "--json")
+    assert (ended.status, ended.out) == (1, "")
+    assert said in ended.err
+    assert not (tmp_path / "plan.csv").exists()
 
 
 @pytest.mark.parametrize(
@@ -232,7 +274,7 @@ def test_effects_are_planned_for_when_asked(run: Run, cell: Path, tmp_path: Path
     for arguments, words in (
         (["--robot", IRB6660, "--effects", "auto"], "list the effects"),
         (["--robot", IRB6660, "--effects", "slack"], "slack"),
-        (["--calibration", cell / "cal.json", "--effects", "gain"], "the calibration brings its own"),
+        (["--calibration", cell / "cal.json", "--effects", "gain"], "the calibration has its own effects"),
     ):
         ended = run("plan", *arguments, "--task", cell / "list.toml", "-o", tmp_path / "no.csv")
         assert ended.status == 2

@@ -108,6 +108,15 @@ def test_what_the_remainder_goes_with(run: Run, cell: Path, tmp_path: Path) -> N
     assert run("report", cal, "--campaign", page, "-o", page).status == 1
 
 
+@pytest.mark.parametrize("campaign", ["poses", "three"])
+def test_report_takes_poses_and_several_targets(run: Run, cell: Path, tmp_path: Path, campaign: str) -> None:
+    calibration = tmp_path / "cal.json"
+    assert run("identify", "--robot", IRB6660, cell / f"{campaign}.csv", "-o", calibration).status == 0
+    ended = run("report", calibration, "--task", cell / "task.toml", "-o", tmp_path / "r.html", "--json")
+    assert ended.status == 0
+    assert ended.json["after_mm"] < ended.json["before_mm"]
+
+
 def test_a_calibration_of_frames_alone(run: Run, cell: Path, tmp_path: Path) -> None:
     frames = ["--robot", IRB6660, cell / "one.csv", "--keep", "none", "-o", tmp_path / "cal.json"]
     found = run("identify", *frames, "--json").json

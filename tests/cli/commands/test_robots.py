@@ -126,3 +126,43 @@ def test_a_urdf_is_imported_with_its_tip(run: Run, tmp_path) -> None:
     ended = run("robots", "import", path, "--tip", "right", "-o", tmp_path / "two.toml", "--json")
     assert ended.status == 0
     assert ended.json["joints"] == ["j1"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("a_mm,", "b_mm,", "table.csv:1: "),
+        ("2,-90,312", "2,-90,3l2", "table.csv:3: column 'a_mm': '3l2' is not a number"),
+        ("-(J2+J3)", "J2*J3", "'J2*J3' is not linear"),
+        ("-(J2+J3)", "-(J2+J9)", "no joint 'J9'"),
+    ],
+)
+def test_robots_import_refuses_a_wrong_table(run: Run, tmp_path: Path, old: str, new: str, message: str) -> None:
+    (tmp_path / "table.csv").write_text(TABLE.replace(old, new))
+    ended = run("robots", "import", tmp_path / "table.csv", "--convention", "mdh", "-o", tmp_path / "robot.toml")
+    assert (ended.status, ended.out) == (1, "")
+    assert message in ended.err
+    assert not (tmp_path / "robot.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("joint", "message"),
+    [
+        ("[[joint]\n", "is not TOML"),
+        ("", "joint: is missing"),
+        ("[[joint]]\nname = 'J1'\nlimits_deg = [10, -10]\n", "the lower limit 10 must be below the upper limit -10"),
+    ],
+)
+def test_robots_refuses_a_wrong_file(run: Run, tmp_path: Path, joint: str, message: str) -> None:
+    (tmp_path / "robot.toml").write_text(f"name = 'x'\n{joint}")
+    ended = run("robots", tmp_path / "robot.toml")
+    assert (ended.status, ended.out) == (1, "")
+    assert f"{tmp_path / 'robot.toml'}:" in ended.err
+    assert message in ended.err
+
+
+def test_unstated_limits_are_null(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text("name = 'x'\n[[joint]]\nname = 'J1'\n")
+    alone = run("robots", tmp_path / "robot.toml", "--json")
+    assert (alone.err, alone.json["joint_table"][0]["limits_deg"]) == ("", [None, None])
+    assert "none stated" in run("robots", tmp_path / "robot.toml").out

@@ -30,6 +30,8 @@ def test_the_poses_of_a_campaign_do_as_well(run: Run, cell: Path) -> None:
     by_campaign = run("sensitivity", "--robot", IRB6660, "--campaign", cell / "one.csv", "--json").json
     expected = [p["max_space"] for p in by_task["parameters"]]
     np.testing.assert_allclose([p["max_space"] for p in by_campaign["parameters"]], expected, atol=1e-8)
+    some = run("sensitivity", "--robot", IRB6660, "--campaign", cell / "one.csv", "--rows", "0:20", "--json").json
+    assert (by_campaign["poses"], some["poses"]) == (60, 20)
 
 
 def test_sensitivity_text_table_and_file_sorted_by_influence(run: Run, cell: Path, tmp_path: Path) -> None:
@@ -65,6 +67,22 @@ def test_a_task_partly_out_of_reach_says_so(run: Run, cell: Path, tmp_path: Path
     assert ended.status == 0
     assert 0 < ended.json["unreachable_share"] < 1
     assert "out of the robot's reach" in ended.err
+
+
+@pytest.mark.parametrize(
+    ("options", "status", "said"),
+    [
+        (["--robot", "ur5"], 1, "ur5 does not reach"),
+        (["--robot", IRB6660, "--model-error-mm", "-1"], 2, "--model-error-mm"),
+        (["--robot", IRB6660, "--rows", "0:9"], 2, "--campaign"),
+    ],
+)
+def test_sensitivity_refuses_what_it_cannot_analyse(
+    run: Run, cell: Path, options: list[str], status: int, said: str
+) -> None:
+    ended = run("sensitivity", "--task", cell / "task.toml", *options)
+    assert (ended.status, ended.out) == (status, "")
+    assert said in ended.err
 
 
 def test_what_the_noise_tells_apart_stands_beside_the_exact_rank(run: Run, cell: Path) -> None:

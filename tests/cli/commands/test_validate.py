@@ -1,5 +1,6 @@
 """taskcal validate."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +76,9 @@ def test_poses_bring_rotations(run: Run, cell: Path, tmp_path: Path) -> None:
     result = run("validate", tmp_path / "cal.json", cell / "poses.csv", "--rows", "0:10", "--json").json
     assert list(result) == [*KEYS, "mean_mrad", "max_mrad", *MORE]
     assert result["n"] == 10
-    assert result["rotation_inside_share"] >= 0.7
+    assert min(result["inside_share"], result["rotation_inside_share"]) >= 0.7
+    assert [(row["row"], row["line"]) for row in result["rows"]] == [(i, i + 2) for i in range(10)]
+    assert max(row["error_mm"] for row in result["rows"]) == result["max_mm"]
     assert max(row["error_mrad"] for row in result["rows"]) == result["max_mrad"]
 
 
@@ -91,3 +94,32 @@ def test_other_targets_are_left_out_with_a_note(run: Run, cell: Path, tmp_path: 
     assert "the campaign's target 'smr1' is not in the calibration, which knows smr2" in refused.err
     refitted = run("validate", tmp_path / "cal.json", cell / "three.csv", "--targets", "smr1", "--reregister", "--json")
     assert refitted.json["max_mm"] < 0.2
+
+
+@pytest.mark.parametrize("limit", ["0", "-1", "nan"])
+def test_limit_not_above_zero_is_wrong_usage(run: Run, cell: Path, limit: str) -> None:
+    assert run("validate", cell / "cal.json", cell / "one.csv", "--accept", limit).status == 2
+
+
+@pytest.mark.parametrize(
+    ("share", "message"), [(0.01, "cut off"), (0.3, "cut off"), (0.99, "cut off"), (None, "'estimate' has shape (53,)")]
+)
+def test_validate_refuses_a_damaged_calibration(
+    run: Run, cell: Path, tmp_path: Path, share: float | None, message: str
+) -> None:
+    """A file cut off anywhere, and one of which an estimate was deleted."""
+    whole, path = (cell / "cal.json").read_text(), tmp_path / "cal.json"
+    data = json.loads(whole)
+    edited = json.dumps({**data, "estimate": data["estimate"][:-1]})
+    path.write_text(edited if share is None else whole[: int(share * len(whole))])
+    ended = run("validate", path, cell / "one.csv")
+    assert (ended.status, ended.out) == (1, "")
+    assert ended.err.startswith(f"error: {path}")
+    assert message in ended.err
+
+
+def test_validate_refuses_exchanged_files_and_a_folder(run: Run, cell: Path) -> None:
+    for files in ((cell / "one.csv", cell / "cal.json"), (cell, cell / "one.csv"), (cell / "cal.json", cell)):
+        ended = run("validate", *files)
+        assert (ended.status, ended.out) == (1, "")
+        assert ended.err.startswith(f"error: {files[files[0].name == 'cal.json']}")
