@@ -163,9 +163,7 @@ def test_what_cannot_be_reached_is_named_by_file_and_line(line, words, run: Run,
     assert line in (tmp_path / "out.mod").read_text()
 
 
-def test_correct_writes_the_same_bytes_if_nothing_was_estimated(
-    run: Run, cell: Path, part: Path, tmp_path: Path, robot
-):
+def test_correct_writes_same_bytes_if_nothing_was_estimated(run: Run, cell: Path, part: Path, tmp_path: Path, robot):
     """A calibration that found nothing corrects no motion and refuses none: the program is written as it was."""
     model = ErrorModel(robot)
     q = reach_task(model, load_task(cell / "task.toml"), 30, seed=1).q
@@ -257,7 +255,7 @@ def test_the_program_itself_is_never_overwritten(run: Run, cell, part):
     assert part.read_bytes() == before
 
 
-def test_correct_overwrites_no_calibration_and_writes_no_file_twice(run: Run, cell, part, tmp_path):
+def test_correct_overwrites_no_calibration_nor_its_own_page(run: Run, cell, part, tmp_path):
     calibration = tmp_path / "cal.json"
     calibration.write_bytes((cell / "cal.json").read_bytes())
     once, twice = tmp_path / "cal.json", tmp_path / "x.mod"
