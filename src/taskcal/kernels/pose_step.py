@@ -1,13 +1,14 @@
 """One damped Newton step of joint positions towards tool poses, many at once."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.kernels import walk
-from taskcal.kernels.chain import Chain
+from taskcal.kernels.chain import Chain, Layout
 from taskcal.kernels.compiled import compiled, part
+from taskcal.kernels.walk import allocate_axes, expand_error_frames, fill_columns, walk_pose
 
 RADIANS_PER_METRE = 2.0
 """Radians that a metre counts like: about what turns an arm's end by its own length."""
@@ -115,19 +116,60 @@ def _solve(A, y):
         y[i] /= A[i, i]
 
 
+class _Aim(NamedTuple):
+    """The arrays of a `Goal`."""
+
+    tip: Float[np.ndarray, "4 4"]
+    T: Float[np.ndarray, "n 4 4"]
+    free_spin: bool
+
+
+class _Out(NamedTuple):
+    """What a pass fills: the two parts of a `Step`, and the task's Jacobian, of the last pose alone where it has one."""
+
+    off: Float[np.ndarray, "n 2"]
+    step: Float[np.ndarray, "n joints"]
+    jacobian: Float[np.ndarray, "m rows joints"]
+
+
 @part
-def _set_off(T, target, free_spin, y, w):
+def _append(end, tip, T):
+    """T = end·tip."""
+    for a in range(3):
+        for b in range(4):
+            T[a, b] = end[a, 0] * tip[0, b] + end[a, 1] * tip[1, b] + end[a, 2] * tip[2, b]
+        T[a, 3] += end[a, 3]
+
+
+@part
+def _set_off(T, target, free_spin, columns, y, w):
     """Set the error of T: translation and angles y, rotation vector w; the angular columns in the axes of the angles."""
     if free_spin:
         _tilt(T, target, w)
-        for a in range(2):
-            y[3 + a] = T[0, a] * w[0] + T[1, a] * w[1] + T[2, a] * w[2]
+        for c in range(columns.shape[1]):
+            u, v, z = columns[3, c], columns[4, c], columns[5, c]
+            columns[3, c] = T[0, 0] * u + T[1, 0] * v + T[2, 0] * z
+            columns[4, c] = T[0, 1] * u + T[1, 1] * v + T[2, 1] * z
+        y[3] = T[0, 0] * w[0] + T[1, 0] * w[1] + T[2, 0] * w[2]
+        y[4] = T[0, 1] * w[0] + T[1, 1] * w[1] + T[2, 1] * w[2]
     else:
         _turn(T, target, w)
-        for a in range(3):
-            y[3 + a] = w[a]
+        y[3], y[4], y[5] = w[0], w[1], w[2]
     for a in range(3):
-        y[a] = RADIANS_PER_METRE * (target[a, 3] - T[a, 3])
+        y[a] = target[a, 3] - T[a, 3]
+
+
+@part
+def _weigh(columns, by_joint, y, J):
+    """The task's Jacobian J by the joints, its rows and those of y weighted."""
+    for a in range(y.shape[0]):
+        scale = RADIANS_PER_METRE if a < 3 else 1.0
+        y[a] *= scale
+        for b in range(J.shape[1]):
+            v = 0.0
+            for c in range(columns.shape[1]):
+                v += columns[a, c] * by_joint[c, b]
+            J[a, b] = scale * v
 
 
 @part
@@ -154,16 +196,25 @@ def _damped_step(J, y, damping, A, step):
 
 
 @compiled
-def _steps(T, target, free_spin, J, room, off, step):
-    A, y, w = room
-    for i in range(T.shape[0]):
-        _set_off(T[i], target[i], free_spin, y, w)
-        square = y[0] * y[0] + y[1] * y[1] + y[2] * y[2]
-        off[i, 0] = np.sqrt(square) / RADIANS_PER_METRE
-        off[i, 1] = np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
+def _steps(steps, s, e, by_joint, layout, goal, out):
+    error_frames, axes = expand_error_frames(e), allocate_axes(s.shape[1], e.shape[0])
+    ones, columns = np.ones(s.shape[1]), np.zeros((6, s.shape[1]))
+    end, T, w = np.empty((3, 4)), np.empty((3, 4)), np.empty(3)
+    rows = out.jacobian.shape[1]
+    A, y = np.empty((rows, rows)), np.empty(rows)
+    for i in range(s.shape[0]):
+        walk_pose(steps, s[i], error_frames, axes, end)
+        _append(end, goal.tip, T)
+        fill_columns(axes, layout, ones, T[0, 3], T[1, 3], T[2, 3], columns)
+        _set_off(T, goal.T[i], goal.free_spin, columns, y, w)
+        distance = np.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
+        angle = np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
+        out.off[i, 0], out.off[i, 1] = distance, angle
+        J = out.jacobian[i if out.jacobian.shape[0] > 1 else 0]
+        _weigh(columns, by_joint[i if by_joint.shape[0] > 1 else 0], y, J)
         # damping fades with the error, so that the last steps are pure Newton; it tames singular poses (Wampler 1986)
-        square += off[i, 1] * off[i, 1]
-        _damped_step(J[i], y, 1e-3 * min(square, 4.0) + 4e-16, A, step[i])
+        square = RADIANS_PER_METRE * RADIANS_PER_METRE * distance * distance + angle * angle
+        _damped_step(J, y, 1e-3 * min(square, 4.0) + 4e-16, A, out.step[i])
 
 
 def step_towards(
@@ -173,7 +224,7 @@ def step_towards(
     e: Float[np.ndarray, "frames 6"],
     by_joint: Float[np.ndarray, "m coordinates joints"],
 ) -> Step:
-    """Error of the tip, and the damped least-squares step of the joints towards its goal.
+    """Error of the tip, and the damped least-squares step of the joints towards it.
 
     Args:
         goal: where the tip shall be.
@@ -183,9 +234,7 @@ def step_towards(
         by_joint: ∂s/∂q at every pose, or one for all.
     """
     step = Step(off=np.empty((len(s), 2)), step=np.empty((len(s), by_joint.shape[2])))
-    T, J = _walk(goal, chain, s, e, by_joint)
-    room = np.empty((goal.rows, goal.rows)), np.empty(goal.rows), np.empty(3)
-    _steps(T, goal.T, goal.free_spin, J, room, step.off, step.step)
+    _run(goal, chain, s, e, by_joint, step, np.empty((1, goal.rows, by_joint.shape[2])))
     return step
 
 
@@ -201,18 +250,15 @@ def task_jacobian(
     Rows are the position's, times `RADIANS_PER_METRE`, and the angles about the axes of the chain's start; where the spin is free,
     the angles about the tip's own x and y axes.
     """
-    return _walk(goal, chain, s, e, by_joint)[1]
+    J = np.empty((len(s), goal.rows, by_joint.shape[2]))
+    _run(goal, chain, s, e, by_joint, Step(off=np.empty((len(s), 2)), step=np.empty((len(s), J.shape[2]))), J)
+    return J
 
 
-def _walk(
-    goal: Goal, chain: Chain, s: np.ndarray, e: np.ndarray, by_joint: np.ndarray
-) -> tuple[Float[np.ndarray, "n 4 4"], Float[np.ndarray, "n rows joints"]]:
-    """Poses of the tip, and the task's Jacobian there."""
-    T = walk.poses(chain, s, e) @ goal.tip
-    layout, point = chain.joint_columns, np.ascontiguousarray(goal.tip[:3, 3])
-    by_chain = walk.columns(chain, s, e, layout, np.ones_like(s), angular=True, point=point)
-    by_chain[:, :3] *= RADIANS_PER_METRE
-    if goal.free_spin:
-        turns = T[:, :3, :2].swapaxes(1, 2) @ by_chain[:, 3:]
-        by_chain = np.concatenate([by_chain[:, :3], turns], axis=1)
-    return T, by_chain @ by_joint
+def _run(
+    goal: Goal, chain: Chain, s: np.ndarray, e: np.ndarray, by_joint: np.ndarray, step: Step, J: np.ndarray
+) -> None:
+    aim, out = _Aim(goal.tip, goal.T, goal.free_spin), _Out(step.off, step.step, J)
+    # no error frame has a column here; the array must be empty, for the chain may be one that has some
+    layout = Layout(np.zeros((0, 6), np.int64), *chain.joint_columns.arrays[1:])
+    _steps(chain.steps, s, e, by_joint, layout, aim, out)

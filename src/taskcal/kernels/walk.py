@@ -72,6 +72,12 @@ def expand_error_frames(e):
 
 
 @part
+def allocate_axes(joints, frames):
+    """Axes to be filled in, those of one pose."""
+    return Axes(np.zeros((joints, 2, 3)), np.zeros((frames, 7, 3)), np.zeros(joints, dtype=np.bool_))
+
+
+@part
 def walk_pose(steps, s, error_frames, axes, T):
     """Walk one pose: fill the axes and origins of joints and error frames, and the pose T (3, 4) of the end."""
     kind, index, fixed = steps.kind, steps.which, steps.fixed
