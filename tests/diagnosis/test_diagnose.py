@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from taskcal.campaigns.campaign import Campaign
-from taskcal.diagnosis import hypotheses
+from taskcal.diagnosis import hypotheses, mistakes
 from taskcal.diagnosis.diagnose import MISTAKES, diagnose
-from taskcal.diagnosis.hypotheses import Hypothesis, JointMap
+from taskcal.diagnosis.hypotheses import Case, Hypothesis, JointMap
 from taskcal.errors import CampaignError
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
@@ -149,6 +149,14 @@ def test_doctor_names_the_unit_and_the_column_of_inches():
         assert (first.id, first.subject) == ("points-in-other-unit", of)
         assert "in inches, not millimetres: name their columns with _in instead of _mm, such as x_in" in first.fix
         np.testing.assert_allclose(found.campaign.points, sound.points)
+
+
+def test_units_nearer_than_the_scatter_tells_are_not_exchanged(monkeypatch):
+    """Yards are within the scatter's ratio of metres, so that a sound campaign in metres is not said to be in yards."""
+    monkeypatch.setitem(mistakes.OTHER_UNITS, "yd", 0.9144)
+    monkeypatch.setitem(mistakes._LONG, "yd", "yards")
+    sound = Case.of(load_robot("ur5"), virtual("ur5"))
+    assert list(mistakes.scale_mistakes(sound)) == []
 
 
 def test_doctor_finds_inches_and_radians_together():

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from taskcal.diagnosis.diagnose import diagnose, tried_rows
+from taskcal.observations import kinds
 from taskcal.registration.registration import register_observations
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from tests.laws.observations import cube_campaign, socket_campaign, wire_campaign
+from tests.laws.observations import cube_campaign, observed_with_points, socket_campaign, wire_campaign
 
 ROBOT = load_robot("ur5")
 
@@ -31,6 +32,26 @@ def test_a_sound_campaign_of_sockets_has_no_findings(sockets):
     assert told == [("mistakes, 1 at a time", done, len(told)) for done in range(len(told))]
     assert found.findings == ()
     assert "without a tracker (socket)" in found.scope
+
+
+def test_only_sockets_are_quick_enough_to_try_all_mistakes():
+    assert [kind.key for kind in kinds() if kind.quick] == ["socket"]
+
+
+def test_tracker_beside_sockets_is_diagnosed_alone():
+    """A left-handed frame of the tracker is found in its own rows, and the scope names the targets that were not examined."""
+    model, mixed, _ = observed_with_points("socket", 2, rows=60)
+    sound = diagnose(mixed, model.robot)
+    assert sound.findings == ()
+    assert sound.campaign is mixed
+    points = mixed.points.copy()
+    points[:, 0] = points[:, 0, [1, 0, 2]]
+    found = diagnose(replace(mixed, points=points), model.robot)
+    assert [finding.id for finding in found.findings] == ["left-handed"]
+    assert "only what a tracker measured (smr) is examined; " in found.scope
+    assert mixed.targets[1] in found.scope
+    seen = mixed.valid[:, 0]
+    np.testing.assert_allclose(found.campaign.points[:, 0], mixed.points[seen, 0], atol=1e-12)
 
 
 MISTAKES = {

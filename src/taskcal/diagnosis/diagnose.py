@@ -197,9 +197,6 @@ MAX_CONTINUED = 4
 MIN_ROWS_OF_A_THING = 12
 """Rows of one thing, at least, to find it without a guess: a wire's anchor needs as many (`observations.distance`)."""
 
-_QUICK = frozenset({"socket"})
-"""Kinds that are placed in a millisecond, so that all mistakes and their pairs can be tried."""
-
 
 def scope_of(campaign: Campaign) -> str:
     """Scope of the diagnosis of a campaign without a tracker, in words; empty for one that a tracker measured."""
@@ -220,7 +217,7 @@ def scope_of(campaign: Campaign) -> str:
 
 
 def _is_quick(campaign: Campaign) -> bool:
-    return all(one.key in _QUICK for one in campaign.observations)
+    return all(one.quick for one in campaign.observations)
 
 
 def explain_observed(case: Case, progress: Progress = silent) -> list[Explanation]:
@@ -270,7 +267,7 @@ def tried_rows(campaign: Campaign) -> Int[np.ndarray, " k"]:
     rows = spread_rows(len(campaign), MAX_TRIED_ROWS)
     parts = [rows]
     for kind in campaign.observations:
-        if kind.of is not None and kind.key not in _QUICK:
+        if kind.of is not None and not kind.quick:
             for k in range(int(kind.of.max()) + 1):
                 own = np.flatnonzero(kind.of == k)
                 if (kind.of[rows] == k).sum() < MIN_ROWS_OF_A_THING:
@@ -361,7 +358,7 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -
         progress: told what is being tried, how many of it were, and how many there are.
 
     What was observed without a tracker (sockets, wires, landmarks, boards) is examined for mistakes of the joints, and where it
-    is sockets alone of the robot: `Diagnosis.scope` says so.
+    is sockets alone of the robot; beside a tracker's points it is not examined: `Diagnosis.scope` says so.
 
     Raises:
         CampaignError: a target of a file was calculated, not measured.
@@ -369,6 +366,9 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -
     expect_kinds({"campaign": Campaign, "robot": Robot}, campaign=campaign, robot=robot)
     case = Case.of(robot, campaign)
     refuse_calculated(case.model, campaign)
+    part = _of_tracker(campaign)
+    if part is not None:
+        return _diagnose_part(campaign, part, robot, progress)
     if lacking := _too_few(campaign):
         return Diagnosis(
             findings=(lacking,), robot=robot, campaign=campaign, unmended=(lacking.id,), scope=scope_of(campaign)
@@ -409,6 +409,29 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -
         unmended += [finding.id for finding in lacking]
         findings += _alternatives(found, best, given, before)
     return Diagnosis(findings=tuple(findings), robot=best.case.robot, campaign=mended, unmended=tuple(unmended))
+
+
+def _of_tracker(campaign: Campaign) -> Campaign | None:
+    """Targets and rows that a tracker measured, if others were observed beside them; None if they are too few to judge."""
+    names = [name for name, one in zip(campaign.targets, campaign.observations, strict=False) if one.in_tracker]
+    if not 0 < len(names) < len(campaign.targets):
+        return None
+    part = replace(campaign.of_targets(names), observations=())
+    part = part.take(part.seen)
+    return None if _too_few(part) else part
+
+
+def _diagnose_part(whole: Campaign, part: Campaign, robot: Robot, progress: Progress) -> Diagnosis:
+    """Diagnose what the tracker measured alone; mended, a campaign has these targets and rows only."""
+    found = diagnose(part, robot, progress=progress)
+    others = ", ".join(name for name in whole.targets if name not in part.targets)
+    mended = len(found.findings) > len(found.unmended)
+    scope = f"only what a tracker measured ({', '.join(part.targets)}) is examined; {others} and the rows without a tracker are not"
+    return replace(
+        found,
+        campaign=found.campaign if mended else whole,
+        scope=f"{scope}, and the mended campaign is without them" if mended else scope,
+    )
 
 
 @looked_for("rows", "too-few-rows")

@@ -155,7 +155,7 @@ OTHER_UNITS = {unit: LENGTHS[unit] for unit in ("mm", "m", "in", "cm", "ft")}
 
 MAX_SCATTER_RATIO = 2.0
 """Factor, at most, between the scatter of the points and that of the nominal tool point, which a target's place and mistakes of
-joints explain. A convention: below 2.54, the ratio of the nearest two units."""
+joints explain; units nearer to each other are not told apart. A convention: below 2.54, the ratio of inches and centimetres."""
 
 _LONG = {"mm": "millimetres", "m": "metres", "in": "inches", "cm": "centimetres", "ft": "feet"}
 
@@ -201,7 +201,7 @@ def _other_units(names: tuple[str, ...], ratio: Float[np.ndarray, " targets"]) -
     All targets at first; of several, those alone whose scatter asks for it.
     """
     for (taken, as_taken), (unit, size) in itertools.permutations(OTHER_UNITS.items(), 2):
-        if {taken, unit} == {"m", "mm"}:
+        if {taken, unit} == {"m", "mm"} or abs(np.log(size / as_taken)) < np.log(MAX_SCATTER_RATIO):
             continue
         off = np.abs(np.log(ratio / (size / as_taken)))
         wrong = np.asarray(off < np.log(MAX_SCATTER_RATIO))

@@ -265,6 +265,8 @@ class Observation(ABC):
     """What lengths may be stated of it beside its rows, in words; empty for none."""
     touched: ClassVar[bool] = False
     """Whether no number is read, but the robot is brought to where something touches."""
+    quick: ClassVar[bool] = False
+    """Whether it is placed in a millisecond, so that all mistakes of a campaign and their pairs can be tried."""
     columns: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     """Columns that it reads, each with the words that people write for it, in small letters and parted by blanks."""
     needed: ClassVar[tuple[str, ...]] = ()

@@ -105,6 +105,7 @@ class Sockets(Standalone):
     stated_lengths: ClassVar[str] = "the distances of its sockets"
     along_axes: ClassVar[bool] = True
     touched: ClassVar[bool] = True
+    quick: ClassVar[bool] = True
     columns: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         {
             "socket": ("socket", "socket name", "hole", "cup", "pfanne"),
