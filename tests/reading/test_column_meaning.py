@@ -1,5 +1,6 @@
 import pytest
 
+from taskcal.observations import base
 from taskcal.reading.columns import meanings, split_unit
 
 JOINTS = [f"J{k}" for k in range(1, 7)]
@@ -156,3 +157,19 @@ def test_a_rigid_bodys_pose_is_known_as_vicon_tracker_writes_it():
         *(("position", k) for k in range(3)),
     ]
     assert meanings(["TX", "TY", "TZ"], [""] * 3, JOINTS) == [None] * 3
+
+
+def test_a_kind_takes_no_columns_of_joints_or_rotations(monkeypatch):
+    """A kind without a column of names leaves roll, pitch and yaw to a pose, and has roll and pitch where no yaw is."""
+    monkeypatch.setattr(base, "_KINDS", dict(base._KINDS))
+
+    class Levels(base.Observation):
+        key = "level"
+        needed = ("roll", "pitch")
+        columns = {"roll": ("roll",), "pitch": ("pitch",)}  # noqa: RUF012
+
+    pose = ["x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg"]
+    assert [m.kind for m in meanings(pose, [""] * 6, JOINTS)] == ["position"] * 3 + ["euler"] * 3
+    alone = meanings(["J1_deg", "roll_deg", "pitch_deg"], [""] * 3, JOINTS)
+    assert [(m.kind, m.target) for m in alone[1:]] == [("observed", "roll"), ("observed", "pitch")]
+    assert [m.kind for m in meanings(["roll", "pitch"], [""] * 2, ["roll", "pitch"])] == ["joint"] * 2

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -281,6 +282,15 @@ def test_residuals_figure_shows_one_model_at_a_time(truth_and_fits: tuple[Truth,
     lengths = np.linalg.norm([figure.data[i].y for i in shown[:3]], axis=0)
     np.testing.assert_allclose(lengths, 1e3 * np.linalg.norm(fits["whole"].residuals[:, 0], axis=1))
     assert "mm" in axis_titles(figure)
+
+
+def test_residuals_figure_shows_a_target_of_lengths() -> None:
+    """A target of which angles alone were measured has no residual in millimetres."""
+    angles, wire = (SimpleNamespace(width=w, angles=a, along_axes=False) for w, a in ((2, 2), (1, 0)))
+    residuals = np.arange(24.0).reshape(2, 2, 6)
+    some = SimpleNamespace(residuals=residuals, layout=SimpleNamespace(observed=(angles, wire)))
+    (drawn,) = draw_residuals({"a": {"m": some}}).data
+    np.testing.assert_allclose(drawn.y, 1e3 * residuals[:, 1, 0])
 
 
 def test_parameters_are_drawn_in_millimetres_and_milliradians(

@@ -78,7 +78,7 @@ def test_what_no_parameter_explains_adds_in_squares(way):
     error = 1e-3
     campaign, truth = simulate(MODEL, postures(300), rng=np.random.default_rng(3), observe=way, model_error=error)
     ((kind, residual, covariance),) = residuals(campaign, truth)
-    covariance[:, range(min(kind.width, 3)), range(min(kind.width, 3))] += error**2
+    covariance[:, range(kind.width - kind.angles), range(kind.width - kind.angles)] += error**2
     assert chi_squared(residual, covariance) == pytest.approx(1.0, abs=5.0 / np.sqrt(residual.size / 2.0))
 
 

@@ -55,6 +55,11 @@ class Inclinations(Standalone):
         """No length is known."""
         return False
 
+    @property
+    def shrinks(self):
+        """A robot of any size has the same angles."""
+        return True
+
     def differentiate(self, target, unknown, measured):
         """Residual and derivatives."""
         back = np.swapaxes(target[:, :3, :3], 1, 2)

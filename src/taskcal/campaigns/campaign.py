@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import CampaignError, UnknownName, shortened
 from taskcal.observations import Point, Pose, block_size
-from taskcal.observations.base import UNMEASURED, Measured, Observation, TrackerNoise
+from taskcal.observations.base import UNMEASURED, Measured, Observation, TrackerNoise, check_lengths
 from taskcal.robot.conditions import Conditions
 
 _QUANTITIES = {
@@ -407,7 +407,7 @@ def named_file(campaign: Campaign) -> str:
 
 
 def check_rows(campaign: Campaign, parameters: int = 0) -> None:
-    """Raise a `CampaignError` unless there are enough measurements for the frames alone."""
+    """Raise a `CampaignError` unless there are enough measurements for the frames alone, and not of angles only."""
     if campaign.observations:
         _check_observed_rows(campaign, parameters)
         return
@@ -432,6 +432,7 @@ def check_rows(campaign: Campaign, parameters: int = 0) -> None:
 
 
 def _check_observed_rows(campaign: Campaign, parameters: int) -> None:
+    check_lengths(campaign.observations, named_file(campaign))
     unknown, measured = parameters + 6 * any(one.in_tracker for one in campaign.observations), 0
     for t, one in enumerate(campaign.observations):
         seen = int(campaign.valid[:, t].sum())

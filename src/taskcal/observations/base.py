@@ -1,7 +1,7 @@
 """The concept: an observation is a function of the pose of something on the tool, with unknowns and noise of its own."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -321,7 +321,7 @@ class Observation(ABC):
 
     @property
     def shrinks(self) -> bool:
-        """Whether its residuals vanish with the size of the robot, whatever was read."""
+        """Whether nothing in it holds the size of the robot: its residuals vanish with it, or do not depend on it."""
         return False
 
     @abstractmethod
@@ -513,6 +513,23 @@ def kind_of(key: str) -> type[Observation]:
 def block_size(kinds: Sequence[Observation | type[Observation]]) -> int:
     """Numbers of a target's block: three lengths, and three angles where any kind measures some."""
     return 6 if any(kind.angles for kind in kinds) else 3
+
+
+def check_lengths(kinds: Iterable[Observation | type[Observation]], source: str = "") -> None:
+    """See that not only angles are measured: no angle depends on where the tool is.
+
+    Args:
+        kinds: of observation of each target.
+        source: the file a message is about, in front of it.
+
+    Raises:
+        CampaignError: no kind measures a length.
+    """
+    if all(kind.width == kind.angles for kind in kinds):
+        raise CampaignError(
+            f"{source}angles alone do not tell where the tool is; measure positions or lengths beside them: a tracker's points, "
+            "balls in sockets, a wire"
+        )
 
 
 def error_lengths(

@@ -15,7 +15,7 @@ from taskcal.estimation.matrices import single_threaded
 from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.clearance import place_links
 from taskcal.kinematics.inverse import closes
-from taskcal.observations.base import TrackerNoise
+from taskcal.observations.base import TrackerNoise, check_lengths
 from taskcal.observations.instrument import BlockedPath, Instrument, Measurable, find_blocked_paths
 from taskcal.observations.point import Station, Tracker
 from taskcal.planning.expected_error import (
@@ -241,6 +241,7 @@ class PlanOptions:
             raise ValueError("give the campaign or the calibration from it; together they would count it twice")
         if self.criterion not in CRITERIA:
             raise UnknownName("criterion", self.criterion, CRITERIA)
+        check_lengths([self.instrument.kind])
 
     @property
     def instrument(self) -> Instrument:

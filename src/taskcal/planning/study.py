@@ -33,7 +33,7 @@ from taskcal.identification.identify import fit_nominal, identify
 from taskcal.identification.options import FitOptions
 from taskcal.io.files import write_whole
 from taskcal.io.text_file import read_text
-from taskcal.observations.base import TrackerNoise
+from taskcal.observations.base import TrackerNoise, check_lengths
 from taskcal.planning.expected_error import known_hyperparameters
 from taskcal.planning.plan import PlanOptions, PoseChoice
 from taskcal.planning.selection import select
@@ -112,7 +112,7 @@ class StudyOptions:
             if name not in MODELS:
                 raise UnknownName("model", name, MODELS)
         for observe in self.observe:
-            SimulationOptions(observe=observe)
+            check_lengths(SimulationOptions(observe=observe).kinds.values())
         if self.aligned and "planned" in self.plans:
             raise TaskcalError(
                 "a study plans for a tracker alone; with other instruments give the plans random or grid, and see what to expect "

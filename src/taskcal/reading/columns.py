@@ -228,9 +228,10 @@ def meanings(
         else:
             out.append(_meaning(text, unit, names[k], own, len(joints)))
     tracked = any(meaning is not None and meaning.kind == "position" for meaning in out)
-    for k, column in find_columns(texts, tracked=tracked).items():
-        if (meaning := out[k]) is None or meaning.kind != "joint":
-            out[k] = Meaning(kind="observed", target=column, unit=parted[k][1])
+    # joints and rotations of poses are no columns of another kind
+    free = ["" if k in joint_at or k in angles else text for k, text in enumerate(texts)]
+    for k, column in find_columns(free, tracked=tracked).items():
+        out[k] = Meaning(kind="observed", target=column, unit=parted[k][1])
     return _with_translation(_without_calculated(out, texts))
 
 

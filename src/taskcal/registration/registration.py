@@ -403,10 +403,10 @@ def _rotation_cost(ZX: tuple[np.ndarray, np.ndarray], R: np.ndarray, Y: np.ndarr
 @short_repr
 @dataclass(frozen=True, eq=False)
 class RegistrationResiduals:
-    """Distances between the measured targets and where the nominal robot has them."""
+    """Distances between the measured targets and where the nominal robot has them; of other observations, their residuals."""
 
     distances: Float[np.ndarray, "n targets"]
-    """Metres; NaN where a target was not seen."""
+    """Metres; NaN where a target was not seen. A kind that measures angles alone takes them at an arm of 1 m."""
 
     @property
     def mean(self) -> float:
@@ -442,6 +442,21 @@ def registration_residuals(registration: Registration, model: ErrorModel, campai
         campaign: the measurements.
 
     Raises:
-        CampaignError: a closed loop does not close at a row.
+        CampaignError: a closed loop does not close at a row, or the registration lacks the unknowns of an observation, as one
+            that was read from a file does.
     """
-    return RegistrationResiduals(distances(registration, campaign, nominal_poses(model, campaign)))
+    T = nominal_poses(model, campaign)
+    if not campaign.observations:
+        return RegistrationResiduals(distances(registration, campaign, T))
+    ends, off = registration.T_tracker_base @ T, np.full(campaign.valid.shape, np.nan)
+    unknowns = registration.unknowns or tuple(np.zeros(0) for _ in campaign.observations)
+    for t, one in enumerate(campaign.observations):
+        if len(unknowns[t]) != len(one.unknowns):
+            raise CampaignError(
+                f"{named_file(campaign)}the registration lacks the fixed objects that '{campaign.targets[t]}' was measured "
+                "against; register this campaign again"
+            )
+        seen, place = campaign.valid[:, t], registration.T_tool_target[t]
+        left = one.differentiate(ends @ place, unknowns[t], campaign.read(t)).residual[seen]
+        off[seen, t] = np.linalg.norm(left[:, : one.width - one.angles or one.width], axis=1)
+    return RegistrationResiduals(off)

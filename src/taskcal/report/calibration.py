@@ -629,7 +629,9 @@ def _error_charts(calibration: Calibration, errors: MeasuredErrors) -> list[Bloc
 def draw_residuals(
     calibrations: Mapping[str, Mapping[str, Calibration]], start: str = "", unit: LengthUnit = MILLIMETRES
 ) -> go.Figure:
-    """Draw residuals of the first target, pose by pose: in base axes, the sensor's, or the one number that was read.
+    """Draw residuals of a target, pose by pose: in base axes, the sensor's, or the one number that was read.
+
+    It is the first target of which lengths were measured.
 
     Args:
         calibrations: a panel for each campaign, in it the models to choose from, in the same order in all.
@@ -664,11 +666,13 @@ def draw_residuals(
 
 
 def _first_residuals(calibration: Calibration) -> Float[np.ndarray, "n axes"]:
-    """Residuals of the first target, metres."""
-    residual, kinds = calibration.residuals[:, 0, :3], calibration.layout.observed
-    if not kinds or kinds[0].along_axes:
+    """Residuals of the first target of which lengths were measured, metres."""
+    kinds = calibration.layout.observed
+    first = next((t for t, kind in enumerate(kinds) if kind.width > kind.angles), 0)
+    residual = calibration.residuals[:, first, :3]
+    if not kinds or kinds[first].along_axes:
         return residual @ calibration.T_tracker_base[:3, :3]
-    return residual[:, : kinds[0].width]
+    return residual[:, : kinds[first].width - kinds[first].angles]
 
 
 def draw_before_after(errors: MeasuredErrors) -> go.Figure:

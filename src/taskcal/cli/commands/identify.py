@@ -280,7 +280,7 @@ def show_report(
     summaries = {tables.NOMINAL: result["nominal"], "fitted": result["fitted"]}
     summaries |= {} if held_out is None else {"held out": held_out}
     after, before = (held_out or result["fitted"])["mean_mm"], result["nominal"]["mean_mm"]
-    in_space = all(kind.width >= 3 for kind in calibration.layout.observed)
+    in_space = all(kind.width - kind.angles == 3 for kind in calibration.layout.observed)
     say(tables.verdict(result["robot"], before, after, held_out and held_out["n"], in_space=in_space))
     tell()
     title = "Position error (base-frame components: maximum; 3D: max, mean, rms, p95), mm"
@@ -332,7 +332,12 @@ def next_steps(calibration: "Calibration", result: Mapping[str, Any], tracker_mm
         steps.append(
             f"measure more poses: the held-out error is {left / fitted:.1f} times the fit residual; {taskcal} plan selects them"
         )
-    if any(target["unlocated"] for target in result["targets"].values()):
+    turning = {
+        name
+        for name, kind in zip(calibration.targets, calibration.layout.kinds, strict=True)
+        if kind.width == kind.angles
+    }
+    if any(target["unlocated"] for name, target in result["targets"].items() if name not in turning):
         steps.append("measure in several orientations: these poses do not locate every target")
     searched = "explanation" in result or calibration.model.effects
     if not (searched or calibration.model.robot.driven) and left > MAX_NOISE_RATIO * tracker_mm:
