@@ -69,7 +69,7 @@ def test_bytecode_that_was_cut_off_is_named(tmp_path):
     (path,) = tmp_path.rglob("commands/robots*.pyc")
     path.write_bytes(path.read_bytes()[:ROOM])
     ended = run()
-    assert refused(ended, f"{path}: what Python compiled is cut off"), ended.stderr
+    assert refused(ended, f"{path}: compiled Python file is truncated"), ended.stderr
     path.unlink()
     assert run().returncode == 0
 
