@@ -252,7 +252,7 @@ def test_hints_are_bare_where_the_shell_finds_the_program(tmp_path: Path, monkey
 def test_warm_compiles_everything_that_other_commands_need(cell: Path, tmp_path: Path) -> None:
     """With a cache of its own: after `warm`, no command leaves another kernel."""
     script = (
-        "import sys; from taskcal.cli import main; from taskcal.kernels.compiled import cache_folder; "
+        "import sys; from taskcal.cli import main; from taskcal.kernels.kernel_cache import cache_folder; "
         "count = lambda: len(list(cache_folder().rglob('*.nbc'))); "
         "assert main(['warm', '--json']) == 0; first = count(); "
         f"c = {str(cell)!r}; o = {str(tmp_path / 'out')!r}; robot = ['--robot', {IRB6660!r}]; "
