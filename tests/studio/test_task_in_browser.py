@@ -96,7 +96,7 @@ def test_a_task_is_moved_weighed_and_planned(chromium: Any, tmp_path: Path) -> N
         page.get_by_role("button", name="Play").click()
         gap = said["clearance_mm"]["between_links"][1]
         assert said["visible"][1] == ["smr1"]
-        page.get_by_text(f"id 1, of 40. Between links, mm: {gap:.0f}. Seen: smr1").wait_for()
+        page.get_by_text(f"id 1, of 40. Between links, mm: {gap:.0f}. Visible: smr1").wait_for()
         assert (tmp_path / "p.csv").read_text() == planned
         assert serious(page) == []
         tab.picture("plan")
