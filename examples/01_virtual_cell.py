@@ -1,4 +1,4 @@
-"""A virtual cell: robots with defects work in a box, a virtual tracker measures them, Taskcal calibrates them."""
+"""A simulated cell: robots with geometric errors, measured by a simulated tracker and calibrated for a box."""
 
 import numpy as np
 
@@ -19,11 +19,11 @@ for seed in range(20):
         calibration = tc.identify(model, campaign, keep=kept)
         error = (calibration.predict(new.q) - truth.points(new.q))[:, 0]
         means[label].append(np.linalg.norm(error, axis=1).mean() * 1e3)
-    # the last calibration's own opinion of its predictions
+    # coverage of the last calibration's 95 % intervals
     variance = np.diagonal(calibration.predict_covariance(new.q)[:, 0], axis1=1, axis2=2)
     inside.append(np.mean(np.abs(error) < 1.96 * np.sqrt(variance)))
 
-print("mean error on 200 poses that were not measured, median of 20 virtual robots:")
+print("mean 3D error at 200 held-out poses, median of 20 simulated robots:")
 for label, values in means.items():
     print(f"  {label}: {np.median(values):.4f} mm")
-print(f"errors inside their 95 % intervals: {np.mean(inside):.1%}")
+print(f"coverage of the 95 % intervals: {np.mean(inside):.1%}")

@@ -22,7 +22,7 @@ folder = Path(tempfile.mkdtemp(prefix="taskcal-"))
 robot = tc.read_dh_table(folder / "table.csv", "dh", name="my-robot")
 model = tc.ErrorModel(robot)
 
-# in place of a tracker's file: a virtual robot, one reflector at the tool point, written as you would export it
+# in place of a tracker's file: a simulated robot, one reflector at the TCP, written as an instrument would export it
 rng = np.random.default_rng(0)
 q = rng.uniform(*0.5 * robot.limits.T, size=(100, 6))
 tc.write_campaign(folder / "campaign.csv", tc.simulate(model, q, rng=rng, lost=0.02)[0], robot)

@@ -1,4 +1,4 @@
-"""Which parameters matter in a task, which can be told apart there, and how few of them are enough."""
+"""Parameters of a task: their sensitivity, their identifiability, and the smallest sufficient set."""
 
 import taskcal as tc
 
@@ -10,7 +10,7 @@ table = tc.sensitivity(model, q).to_frame().nlargest(5, "max_space_um")
 print(table[["parameter", "symbol", "tolerance", "max_space_um"]].to_string(index=False))
 
 found = tc.identifiability(model, q)
-print(f"\n{found.rank} of {len(model)} can be told apart; without effect: {', '.join(found.zero)}")
+print(f"\n{found.rank} of {len(model)} are identifiable; without effect: {', '.join(found.zero)}")
 for name, relation in list(found.dependent.items())[:4]:
     print(f"  {name} =", " ".join(f"{c:+.4g}·{other}" for other, c in relation.items()))
 

@@ -1,4 +1,4 @@
-"""What geometry leaves on a robot that bends: the published experiment on virtual robots, and what effects explain of it."""
+"""Residuals of a geometric model on robots with compliance: the published experiment, simulated, without and with effects."""
 
 from functools import partial
 
@@ -19,7 +19,7 @@ measured, new = tc.reach_task(geometry, task, 60).q, tc.reach_task(geometry, tas
 
 
 def explained(campaign):
-    """Geometry, eccentric gears as their class expects them, and of the rest what the data prove."""
+    """Fit geometry, eccentric gears with a prior of their class, and the other effects that are significant."""
     return tc.explain(geometry + GEARS, campaign, candidates=(SOFT, PERIODIC), folds=3).calibration
 
 
@@ -37,8 +37,8 @@ def run(truth, fits, robots=ROBOTS):
 
 
 published = {"published 33": partial(tc.identify, geometry, keep=published_kept(geometry))}
-print("mm               largest residual at 60 poses           200 new poses  inside")
-print("                      X      Y      Z  in space            mean   max    95 %")
+print("mm               largest residual at 60 poses           200 new poses  coverage")
+print("                      X      Y      Z  3D                  mean   max    95 %")
 print("measured, as published")
 print("  published 33    0.096  0.122  0.092  0.180")
 print("drives of 2·10⁶ Nm/rad, spring, gears")
@@ -48,7 +48,7 @@ print("the same with drives of 1·10⁶ Nm/rad")
 run(elastic_model(robot, 1e6) + RIPPLE, published)
 print("the same with drives of 4·10⁶ Nm/rad")
 run(elastic_model(robot, 4e6) + RIPPLE, published)
-print("drives of 2·10⁶ Nm/rad, spring, gears that err once and twice in a turn only")
+print("drives of 2·10⁶ Nm/rad, spring, gear errors of orders 1 and 2 only")
 run(elastic_model(robot), published)
-print("nothing but geometry")
+print("geometric errors only")
 run(geometry, published)

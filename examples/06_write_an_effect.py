@@ -1,4 +1,4 @@
-"""An effect that Taskcal does not have: it competes with the others, and is saved and loaded like them."""
+"""A user-defined effect: it competes with the built-in ones, and is saved and loaded like them."""
 
 import numpy as np
 from belt import Belt
@@ -8,7 +8,7 @@ import taskcal as tc
 robot, rng = tc.load_robot("abb-irb120"), np.random.default_rng(0)
 model = tc.ErrorModel(robot)
 
-# a robot whose second and third joint are driven by bad belts
+# a robot with belt errors in joints 2 and 3
 true = model + Belt()
 x = np.zeros(len(true))
 x[[true.names.index(name) for name in ("J2.belt_sin", "J3.belt_sin")]] = 5e-4, -5e-4
@@ -16,9 +16,9 @@ campaign, truth = tc.simulate(true, rng.uniform(-1.0, 1.0, (80, 6)), rng=rng, x=
 
 found = tc.explain(model, campaign, candidates=[tc.effects.EncoderGain(), tc.Compliance(), Belt()], folds=3)
 for stage in found.steps:
-    print(f"{stage.name}: {stage.cross_validated * 1e3:.4f} mm left")
+    print(f"{stage.name}: {stage.cross_validated * 1e3:.4f} mm cross-validated")
 for stage in found.worths:
-    print(f"without {stage.name}: {stage.cross_validated * 1e3:.4f} mm left   proven: {stage.accepted}")
+    print(f"without {stage.name}: {stage.cross_validated * 1e3:.4f} mm cross-validated, supported: {stage.accepted}")
 
 found.calibration.save("cal.json")
 again = tc.load_calibration("cal.json")

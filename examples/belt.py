@@ -1,4 +1,4 @@
-"""An effect of one's own: toothed belts that err once in each of their own rounds."""
+"""A user-defined effect: toothed belts with an error once per revolution of the belt."""
 
 from dataclasses import dataclass
 
@@ -9,14 +9,14 @@ from taskcal.effects import Effect, LinearTerm, at_joints
 
 @dataclass(frozen=True, kw_only=True)
 class Belt(Effect):
-    """Belts between motor and gear, which err by a cosine and a sine of how far they have run."""
+    """Belts between motor and gear, with an error of a cosine and a sine of their own angle."""
 
     key = "belt"  # on the command line
     label = "belt"  # in tables and reports
-    summary = "toothed belts that err once in each of their own rounds"
+    summary = "toothed belts: periodic error, once per revolution of the belt"
 
     rounds: float = 6.5
-    """Of the belt in a turn of the joint."""
+    """Revolutions of the belt per turn of the joint."""
 
     def term(self, robot) -> LinearTerm:
         """Parameters ``J2.belt_cos``, ``J2.belt_sin`` …, radians."""
