@@ -14,7 +14,7 @@ def fleet(tmp_path):
 
 def test_every_calibration_has_its_row_in_the_order_of_time(fleet):
     (fleet / "a" / "2026-09-01.json").rename(fleet / "a" / "0-20260901.json")  # the name's date counts, not the name
-    table = review_fleet(fleet).table()
+    table = review_fleet(fleet).calibrations
     assert [(row["robot"], row["date"]) for row in table] == [
         ("a", "2026-03-01"), ("a", "2026-09-01"), ("b", "2026-03-01"), ("b", "2026-09-01"), ("c", "2026-03-01"),
     ]  # fmt: skip
@@ -27,13 +27,13 @@ def test_every_calibration_has_its_row_in_the_order_of_time(fleet):
 def test_fleet_flags_only_changed_robot_and_its_joint(fleet):
     """Only the robot with a moved joint has changed, and the change is attributed to that joint."""
     reviewed = review_fleet(fleet)
-    verdicts = {change.robot: reviewed.verdict_of(change) for change in reviewed.changes}
+    verdicts = {change["robot"]: change["verdict"] for change in reviewed.changes}
     assert verdicts == {"a": "unchanged", "b": "changed"}
-    (moved,) = [change for change in reviewed.changes if change.robot == "b"]
-    assert moved.resembles[0].name == "J3.rz"
-    assert moved.resembles[0].amount == pytest.approx(MOVED_RAD, rel=0.1)
+    (moved,) = [change for change in reviewed.changes if change["robot"] == "b"]
+    assert moved["resembles"][0]["name"] == "J3.rz"
+    assert moved["resembles"][0]["amount"] == pytest.approx(1e3 * MOVED_RAD, rel=0.1)
     pair = [tc.load_calibration(fleet / "b" / f"2026-0{month}-01.json") for month in (3, 9)]
-    assert (moved.rms, moved.chance) == (tc.compare(*pair).rms, tc.compare(*pair).chance)
+    assert (moved["rms_mm"], moved["chance"]) == (1e3 * tc.compare(*pair).rms, tc.compare(*pair).chance)
 
 
 def test_the_more_comparisons_the_smaller_a_chance_has_to_be(fleet):
@@ -43,7 +43,7 @@ def test_the_more_comparisons_the_smaller_a_chance_has_to_be(fleet):
 
 @pytest.mark.slow
 def test_every_engine_says_the_same(fleet, monkeypatch):
-    monkeypatch.setattr("taskcal.planning.fleet.FEW", 0)
+    monkeypatch.setattr("taskcal.planning.fleet.MAX_SEQUENTIAL", 0)
     said = [review_fleet(fleet, engine=engine, workers=2).summary() for engine in ("sequential", "threading", "loky")]
     assert said[0] == said[1] == said[2]
 
@@ -58,7 +58,7 @@ def test_files_that_cannot_be_read_are_told_once_and_left_out(fleet):
     reviewed = review_fleet(fleet)
     assert [name for name, _ in reviewed.skipped] == ["a/2026-05-01.json", "c/cut.json", "d.json"]
     assert all(reason.startswith(name) for name, reason in reviewed.skipped)
-    assert [robot.robot for robot in reviewed.robots] == ["a", "b", "c"]
+    assert reviewed.robots == ("a", "b", "c")
     assert (reviewed.others, reviewed.unidentified) == (("c/photo.jpg",), ("c/new.csv",))
     assert any("3 of abb-irb120: too few" in remark for remark in reviewed.remarks)
 
@@ -70,13 +70,13 @@ def test_fleet_reports_robots_with_other_joints(fleet):
     campaign, _ = tc.simulate(other, q, rng=np.random.default_rng(1))
     tc.identify(other, campaign).save(fleet / "c" / "2026-10-01.json")
     reviewed = review_fleet(fleet)
-    assert [change.robot for change in reviewed.changes] == ["a", "b"]
+    assert [change["robot"] for change in reviewed.changes] == ["a", "b"]
     assert any("c/2026-10-01.json was not compared with c/2026-03-01.json" in remark for remark in reviewed.remarks)
 
 
 def test_a_file_in_the_folder_itself_is_a_robot(fleet):
     (fleet / "a" / "2026-03-01.json").rename(fleet / "solo.json")
-    assert [robot.robot for robot in review_fleet(fleet).robots] == ["a", "b", "c", "solo"]
+    assert review_fleet(fleet).robots == ("a", "b", "c", "solo")
 
 
 def test_what_holds_no_fleet_is_refused(tmp_path):
@@ -106,7 +106,7 @@ def test_fleet_identifies_each_campaign_once_or_states_why(tmp_path):
     assert done["b/2026-03-01.csv"].refusal.startswith("b/2026-03-01.csv:1")
     assert (folder / "c" / "2026-03-01.json").read_text() == "mine"
     reviewed = review_fleet(folder)
-    assert [(one.file, one.verdict != "not checked") for one in reviewed.calibrations] == [
+    assert [(row["file"], row["verdict"] != "not checked") for row in reviewed.calibrations] == [
         ("a/2026-03-01.json", True), ("a/2026-09-01.json", True),
     ]  # fmt: skip
     again = identify_campaigns(find_fleet(folder), small_model(), engine="sequential")

@@ -27,8 +27,8 @@ def test_the_robot_that_is_unlike_the_others_is_named_alone():
         for own, error in zip(values, errors, strict=True)
     ]
     (found,) = find_outliers([f"robot {k}" for k in range(40)], estimates)
-    assert (found.robot, found.name, found.value) == ("robot 7", "p20", values[7, 20])
-    assert found.spread == pytest.approx(1.0, abs=0.5)
+    assert (found["robot"], found["name"], found["value"]) == ("robot 7", "p20", 1e3 * values[7, 20])
+    assert found["fleet_spread"] == pytest.approx(1e3, abs=5e2)
 
 
 def test_fleet_ignores_poorly_measured_robots():

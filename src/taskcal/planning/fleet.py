@@ -2,24 +2,23 @@
 
 import os
 import re
-from collections.abc import Callable, Generator, Iterable, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from datetime import date
 from functools import partial
 from itertools import pairwise
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.campaigns.campaign import Campaign
 from taskcal.campaigns.drift import compensate_drift
 from taskcal.errors import FileError, TaskcalError
 from taskcal.identification.calibration import Calibration, load_calibration
-from taskcal.identification.comparison import LEVEL, ChangedParameter, Resemblance, compare
+from taskcal.identification.comparison import LEVEL, compare
 from taskcal.identification.holdout import Holdout, hold_out
 from taskcal.identification.identify import fit_nominal, identify_parameters
 from taskcal.identification.options import FitOptions
@@ -36,6 +35,7 @@ from taskcal.tables.forms import table_suffixes
 if TYPE_CHECKING:
     import pandas as pd
 
+Result = TypeVar("Result")
 
 # The calibrations and campaigns of many robots, as they lie in a folder: a folder for each robot, or a file for each.
 
@@ -43,32 +43,17 @@ CALIBRATION = ".json"
 
 
 @dataclass(frozen=True, kw_only=True)
-class RobotFiles:
-    """The files of one robot, relative to the fleet's folder."""
-
-    robot: str
-    """The first folder below the fleet's, or the name of a file that lies in that itself."""
-    calibrations: tuple[str, ...]
-    campaigns: tuple[str, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
 class FleetFiles:
-    """All files of a fleet."""
+    """All files of a fleet, by their names in its folder, with slashes."""
 
     folder: Path
-    robots: tuple[RobotFiles, ...]
-    """By name."""
+    calibrations: Mapping[str, tuple[str, ...]]
+    """Of each robot that has some, by its name: the first folder below the fleet's, or the name of a file that lies in that
+    itself."""
+    unidentified: tuple[str, ...]
+    """Campaigns beside which there is no calibration of the same name."""
     others: tuple[str, ...]
     """Files that are neither, by their endings."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SentFile:
-    """A file's name and content, for a machine that may not see the folder."""
-
-    name: str
-    content: bytes
 
 
 def find_fleet(folder: str | Path) -> FleetFiles:
@@ -80,69 +65,71 @@ def find_fleet(folder: str | Path) -> FleetFiles:
     folder = Path(folder)
     if not folder.is_dir():
         raise FileError(folder, "is not a folder; name one with a folder, or a calibration, for each robot")
-    calibrations: dict[str, list[str]] = {}
-    campaigns: dict[str, list[str]] = {}
-    others: list[str] = []
-    for name in sorted(_names(folder)):
-        path = Path(name)
-        robot = path.parts[0] if len(path.parts) > 1 else path.stem
-        suffix = path.suffix.lower()
-        if suffix == CALIBRATION:
-            calibrations.setdefault(robot, []).append(name)
-        elif suffix in table_suffixes():
-            campaigns.setdefault(robot, []).append(name)
-        else:
-            others.append(name)
-    robots = (
-        RobotFiles(
-            robot=robot,
-            calibrations=tuple(calibrations.get(robot, ())),
-            campaigns=tuple(campaigns.get(robot, ())),
-        )
-        for robot in sorted({*calibrations, *campaigns})
-    )
-    return FleetFiles(folder=folder, robots=tuple(robots), others=tuple(others))
-
-
-def _names(folder: Path) -> Generator[str, None, None]:
-    """Names of all files, relative to the folder, with slashes."""
+    paths: list[PurePosixPath] = []
     for place, folders, files in os.walk(folder):
         folders[:] = [name for name in folders if not name.startswith(".")]
-        for name in files:
-            if not name.startswith("."):
-                yield (Path(place) / name).relative_to(folder).as_posix()
+        below = PurePosixPath(Path(place).relative_to(folder).as_posix())
+        paths += [below / name for name in files if not name.startswith(".")]
+    calibrations: dict[str, list[str]] = {}
+    campaigns: list[str] = []
+    others: list[str] = []
+    for path in sorted(paths, key=str):
+        suffix = path.suffix.lower()
+        if suffix == CALIBRATION:
+            calibrations.setdefault(path.parts[0] if len(path.parts) > 1 else path.stem, []).append(str(path))
+        else:
+            (campaigns if suffix in table_suffixes() else others).append(str(path))
+    known = {name for names in calibrations.values() for name in names}
+    return FleetFiles(
+        folder=folder,
+        calibrations={robot: tuple(calibrations[robot]) for robot in sorted(calibrations)},
+        unidentified=tuple(name for name in campaigns if _beside(name) not in known),
+        others=tuple(others),
+    )
 
 
-def read_file(folder: Path, name: str) -> SentFile:
-    """A file to be sent.
+def _beside(campaign: str) -> str:
+    return str(PurePosixPath(campaign).with_suffix(CALIBRATION))
+
+
+class SentFile(NamedTuple):
+    """A file for a machine that may not see the folder."""
+
+    name: str
+    content: bytes | str
+    """The file's bytes; or why it cannot be read where it lies."""
+
+
+def _sent(folder: Path, name: str) -> SentFile:
+    try:
+        return SentFile(name, read_bytes(folder / name))
+    except TaskcalError as refusal:
+        return SentFile(name, _reason(refusal, folder))
+
+
+def _read_sent(file: SentFile, read: Callable[[Path], Result]) -> Result:
+    """What a function makes of a file that was sent, which it finds under its own name.
 
     Raises:
-        FileError: it cannot be read.
+        TaskcalError: it cannot be read; the message has the file's name in the fleet.
     """
-    return SentFile(name=name, content=read_bytes(folder / name))
+    if isinstance(file.content, str):
+        raise TaskcalError(file.content)
+    with TemporaryDirectory(prefix="taskcal-fleet-") as folder:
+        path = Path(folder) / file.name
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(file.content)
+        except OSError as error:
+            message = f"cannot be copied to {folder}: {error.strerror or error}; name a folder with room in TMPDIR"
+            raise FileError(file.name, message) from error
+        try:
+            return read(path)
+        except TaskcalError as refusal:
+            raise TaskcalError(_reason(refusal, folder)) from refusal
 
 
-@contextmanager
-def laid_out(files: Iterable[SentFile]) -> Generator[Path, None, None]:
-    """A folder in which files that were sent lie as they did, for as long as they are read.
-
-    Raises:
-        FileError: there is no room for them.
-    """
-    with TemporaryDirectory(prefix="taskcal-fleet-") as name:
-        folder = Path(name)
-        for file in files:
-            path = folder / file.name
-            try:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(file.content)
-            except OSError as error:
-                message = f"cannot be copied to {folder}: {error.strerror or error}; name a folder with room in TMPDIR"
-                raise FileError(file.name, message) from error
-        yield folder
-
-
-def reason_of(refusal: Exception, folder: Path) -> str:
+def _reason(refusal: TaskcalError, folder: str | Path) -> str:
     """State a refusal of a file in a folder, with the file's name in the fleet's."""
     return str(refusal).replace(f"{folder}{os.sep}", "")
 
@@ -150,11 +137,11 @@ def reason_of(refusal: Exception, folder: Path) -> str:
 # Campaigns of a fleet that are not identified yet: each identified as by ``taskcal identify``, side by side.
 
 FOLDS = 5
-"""Parts that are held out in turn, so that each calibration says what it predicts."""
+"""Parts that are held out in turn, so that each calibration says what it predicts. A convention (Hastie et al., The Elements of
+Statistical Learning, section 7.10: five or ten)."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class IdentifiedCampaign:
+class IdentifiedCampaign(NamedTuple):
     """What became of a campaign."""
 
     campaign: str
@@ -162,15 +149,6 @@ class IdentifiedCampaign:
     """The file that was written, or would have been."""
     refusal: str | None
     """Why there is none."""
-
-
-def without_calibration(robot: RobotFiles) -> tuple[str, ...]:
-    """Campaigns of a robot beside which there is no calibration of the same name."""
-    return tuple(name for name in robot.campaigns if _beside(name) not in robot.calibrations)
-
-
-def _beside(campaign: str) -> str:
-    return str(PurePosixPath(campaign).with_suffix(".json"))
 
 
 def identify_campaigns(
@@ -191,64 +169,55 @@ def identify_campaigns(
     Raises:
         TaskcalError: a calibration cannot be written.
     """
-    sent = _sent_campaign([name for robot in files.robots for name in without_calibration(robot)], files.folder)
+    sent = (_sent(files.folder, name) for name in files.unidentified)
     with closing(side_by_side(partial(_identified, model, folds), sent, engine, workers)) as results:
         for name, text, refusal in results:
             if text is not None:
                 write_whole(files.folder / _beside(name), text)
-            yield IdentifiedCampaign(campaign=name, calibration=_beside(name), refusal=refusal)
+            yield IdentifiedCampaign(name, _beside(name), refusal)
 
 
-def _sent_campaign(names: Sequence[str], folder: Path) -> Generator[SentFile | tuple[str, str], None, None]:
-    """Files as there is room for them, or a name and the reason why it cannot be read."""
-    for name in names:
-        try:
-            yield read_file(folder, name)
-        except TaskcalError as refusal:
-            yield name, reason_of(refusal, folder)
-
-
-def _identified(model: ErrorModel, folds: int, sent: SentFile | tuple[str, str]) -> tuple[str, str | None, str | None]:
+def _identified(model: ErrorModel, folds: int, file: SentFile) -> tuple[str, str | None, str | None]:
     """Name, the calibration's text, and the reason why there is none."""
-    if isinstance(sent, tuple):
-        return sent[0], None, sent[1]
-    with laid_out([sent]) as folder:
-        try:
-            campaign = read_campaign(folder / sent.name, model.robot)
-            followed = compensate_drift(campaign)
-            campaign = replace(followed.campaign, notes=(*campaign.notes, *followed.remarks))
-            return sent.name, _fitted(model, campaign, folds).to_text(), None
-        except TaskcalError as refusal:
-            return sent.name, None, reason_of(refusal, folder)
+
+    def fit(path: Path) -> str:
+        campaign = read_campaign(path, model.robot)
+        followed = compensate_drift(campaign)
+        campaign = replace(followed.campaign, notes=(*campaign.notes, *followed.remarks))
+        return hold_out(
+            lambda rows: identify_parameters(model, rows),
+            campaign,
+            Holdout(folds=folds),
+            lambda rows: fit_nominal(model, rows, FitOptions()),
+        ).to_text()
+
+    try:
+        return file.name, _read_sent(file, fit), None
+    except TaskcalError as refusal:
+        return file.name, None, str(refusal)
 
 
-def _fitted(model: ErrorModel, campaign: Campaign, folds: int) -> Calibration:
-    def fit(rows: Campaign) -> Calibration:
-        return identify_parameters(model, rows)
+# The calibrations of one robot in their order of time, and what changed from each to the next. Tables are lists of rows
+# in the units in which people see them, millimetres where a key says so; None for what is not known.
 
-    def nominal(rows: Campaign) -> Calibration:
-        return fit_nominal(model, rows, FitOptions())
+Row = dict[str, Any]
 
-    return hold_out(fit, campaign, Holdout(folds=folds), nominal)
+MAX_STATED_POSES = 50
+"""Poses, at most, at which the stated uncertainty of a calibration is taken; a convention that bounds the time."""
 
+MAX_HELD_OUT_RATIO = 1.6
+"""Error of held-out rows over that of fitted ones, beyond which there were too few rows; a convention. With n rows of three
+coordinates and p unknowns both grow apart as √((3n + p)/(3n − p)), which is 1.6 where 3n is 2.3 p."""
 
-# The calibrations of one robot in their order of time, and what changed from each to the next.
-
-MOST_POSES = 50
-"""At which the stated uncertainty of a calibration is taken."""
-
-MUCH_WORSE = 1.6
-"""Times the fitted error, beyond which rows that were held out say that there were too few."""
-
-CLEAR = 2.0
-"""Standard errors of the difference from which on a parameter is kept as changed."""
+MIN_CHANGE_SIGMA = 2.0
+"""Standard errors of the difference from which on a parameter is listed as changed: 5 % of those that have not changed are."""
 
 DATE = re.compile(r"(?<!\d)(\d{4})[-_.]?(\d{2})[-_.]?(\d{2})(?!\d)")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Estimates:
-    """What a calibration found, to be held beside that of other robots."""
+    """What a calibration found, to be compared with that of other robots."""
 
     kind: str
     """Digest of the nominal robot."""
@@ -262,108 +231,40 @@ class Estimates:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FleetCalibration:
-    """One calibration of one robot: lengths in metres, None where the file does not tell."""
-
-    robot: str
-    file: str
-    model: str
-    """Name of the nominal robot."""
-    date: str
-    """The last in the file's name, or in that of its folders; else when it was identified."""
-    rows: int
-    nominal: float | None
-    """Mean error of the nominal robot on rows that were held out."""
-    fitted: float
-    """On those that were fitted."""
-    held_out: float | None
-    """On those that were held out."""
-    stated: float
-    """Standard uncertainty in space at a single pose among those measured, root mean square."""
-    remarks: tuple[str, ...]
-
-    @property
-    def verdict(self) -> Literal["good", "too few rows", "no better", "not checked"]:
-        """Verdict of the held-out rows."""
-        if self.held_out is None or self.nominal is None:
-            return "not checked"
-        if self.held_out >= self.nominal:
-            return "no better"
-        return "too few rows" if self.held_out > MUCH_WORSE * self.fitted else "good"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Change:
-    """From one calibration of a robot to its next, as `compare` finds it; lengths in metres."""
-
-    robot: str
-    before: str
-    """File of the earlier one."""
-    after: str
-    rms: float
-    expected: float
-    """That their uncertainties alone would give."""
-    excess: float
-    chance: float
-    """That a robot that has not changed shows as much."""
-    unexplained: float
-    resembles: tuple[Resemblance, ...]
-    parameters: tuple[ChangedParameter, ...]
-    """Those that differ by more than two standard errors, the most changed first."""
-
-    def verdict(self, level: float) -> Literal["unchanged", "small", "changed"]:
-        """Verdict as `Comparison.verdict`, at a level that allows for the number of comparisons."""
-        if self.chance >= level:
-            return "unchanged"
-        return "changed" if self.excess > self.unexplained else "small"
-
-
-@dataclass(frozen=True, kw_only=True)
 class RobotHistory:
     """What the files of one robot tell."""
 
-    robot: str
-    calibrations: tuple[FleetCalibration, ...] = ()
+    calibrations: tuple[Row, ...]
     """The earliest first."""
-    changes: tuple[Change, ...] = ()
-    latest: Estimates | None = None
-    skipped: tuple[tuple[str, str], ...] = ()
+    changes: tuple[Row, ...]
+    """From each calibration to its next, as `compare` finds it."""
+    latest: Estimates | None
+    skipped: tuple[tuple[str, str], ...]
     """Files that could not be read, and why."""
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[str, ...]
     """What could not be compared, and why."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SentRobot:
-    """A robot's calibrations, to be looked at."""
-
-    robot: str
-    files: tuple[SentFile, ...]
-    skipped: tuple[tuple[str, str], ...] = ()
-    """Files that could not be read where they lie, and why."""
-
-
-def follow_robot(sent: SentRobot) -> RobotHistory:
+def _follow(robot: tuple[str, Sequence[SentFile]]) -> RobotHistory:
     """Read a robot's calibrations and compare each with the one before it."""
-    read: list[tuple[FleetCalibration, Calibration]] = []
-    skipped = list(sent.skipped)
-    with laid_out(sent.files) as folder:
-        for file in sent.files:
-            try:
-                calibration = load_calibration(folder / file.name)
-                read.append((_described(sent.robot, file.name, calibration), calibration))
-            except TaskcalError as refusal:
-                skipped.append((file.name, reason_of(refusal, folder)))
-    read.sort(key=lambda pair: (pair[0].date, pair[0].file))
-    changes: list[Change] = []
+    name, files = robot
+    read: list[tuple[Row, Calibration]] = []
+    skipped: list[tuple[str, str]] = []
+    for file in files:
+        try:
+            calibration = _read_sent(file, load_calibration)
+            read.append((_row(name, file.name, calibration), calibration))
+        except TaskcalError as refusal:
+            skipped.append((file.name, str(refusal)))
+    read.sort(key=lambda pair: (pair[0]["date"], pair[0]["file"]))
+    changes: list[Row] = []
     remarks: list[str] = []
     for (early, before), (late, after) in pairwise(read):
         try:
             changes.append(_change(early, late, before, after))
         except TaskcalError as refusal:
-            remarks.append(f"{late.file} was not compared with {early.file}: {refusal}")
+            remarks.append(f"{late['file']} was not compared with {early['file']}: {refusal}")
     return RobotHistory(
-        robot=sent.robot,
         calibrations=tuple(row for row, _ in read),
         changes=tuple(changes),
         latest=_estimates(read[-1][1]) if read else None,
@@ -372,20 +273,38 @@ def follow_robot(sent: SentRobot) -> RobotHistory:
     )
 
 
-def _described(robot: str, name: str, calibration: Calibration) -> FleetCalibration:
+def _row(robot: str, file: str, calibration: Calibration) -> Row:
+    """A calibration; errors are means in space, and the stated one is the standard uncertainty at a single pose, rms."""
     held_out = calibration.held_out
-    return FleetCalibration(
-        robot=robot,
-        file=name,
-        model=calibration.model.robot.name,
-        date=date_of(name) or calibration.provenance.created,
-        rows=len(calibration.ids),
-        nominal=None if held_out is None else held_out.nominal_validation.mean,
-        fitted=float(np.nanmean(np.linalg.norm(calibration.residuals[..., :3], axis=2))),
-        held_out=None if held_out is None else held_out.validation.mean,
-        stated=_stated(calibration),
-        remarks=calibration.remarks,
+    nominal, predicted = (
+        (None, None) if held_out is None else (held_out.nominal_validation.mean, held_out.validation.mean)
     )
+    fitted = float(np.nanmean(np.linalg.norm(calibration.residuals[..., :3], axis=2)))
+    count = len(calibration.q)
+    some = np.unique(np.linspace(0, count - 1, min(count, MAX_STATED_POSES)).astype(int))
+    return {
+        "robot": robot,
+        "file": file,
+        "model": calibration.model.robot.name,
+        "date": date_of(file) or calibration.provenance.created,
+        "rows": len(calibration.ids),
+        "nominal_mm": None if nominal is None else nominal * 1e3,
+        "fitted_mm": fitted * 1e3,
+        "held_out_mm": None if predicted is None else predicted * 1e3,
+        "stated_mm": budget_at(calibration, calibration.q[some]).combined * 1e3,
+        "verdict": _verdict(nominal, fitted, predicted),
+    }
+
+
+def _verdict(
+    nominal: float | None, fitted: float, predicted: float | None
+) -> Literal["good", "too few rows", "no better", "not checked"]:
+    """Verdict of the held-out rows."""
+    if predicted is None or nominal is None:
+        return "not checked"
+    if predicted >= nominal:
+        return "no better"
+    return "too few rows" if predicted > MAX_HELD_OUT_RATIO * fitted else "good"
 
 
 def date_of(name: str) -> str | None:
@@ -398,38 +317,35 @@ def date_of(name: str) -> str | None:
     return None
 
 
-def _stated(calibration: Calibration) -> float:
-    count = len(calibration.q)
-    chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_POSES)).astype(int))
-    return budget_at(calibration, calibration.q[chosen]).combined
-
-
 def _estimates(calibration: Calibration) -> Estimates:
-    kept = calibration.estimated
+    estimated = calibration.estimated
     parameters = calibration.model.parameters
     return Estimates(
         kind=calibration.model.robot.digest,
         names=calibration.kept,
-        units=tuple(parameters[i].shown for i in kept),
-        values=calibration.estimate[kept],
-        errors=calibration.standard_errors[kept],
+        units=tuple(parameters[i].shown for i in estimated),
+        values=calibration.estimate[estimated],
+        errors=calibration.standard_errors[estimated],
     )
 
 
-def _change(early: FleetCalibration, late: FleetCalibration, before: Calibration, after: Calibration) -> Change:
+def _change(early: Row, late: Row, before: Calibration, after: Calibration) -> Row:
+    """The change from one calibration to the next, with the parameters that differ clearly, the most changed first."""
     comparison = compare(before, after)
-    return Change(
-        robot=early.robot,
-        before=early.file,
-        after=late.file,
-        rms=comparison.rms,
-        expected=comparison.expected,
-        excess=comparison.excess,
-        chance=comparison.chance,
-        unexplained=comparison.unexplained,
-        resembles=comparison.resembles,
-        parameters=tuple(p for p in comparison.parameters if abs(p.over_sigma) >= CLEAR),
-    )
+    found = comparison.summary()
+    return {
+        "robot": early["robot"],
+        "before": early["file"],
+        "after": late["file"],
+        **{key: found[key] for key in ("verdict", "rms_mm", "expected_mm")},
+        "excess_mm": comparison.excess * 1e3,
+        **{key: found[key] for key in ("unexplained_mm", "chance", "resembles")},
+        "parameters": [
+            {key: value for key, value in one.items() if key != "standard_error"}
+            for one in found["parameters"]
+            if abs(one["over_sigma"]) >= MIN_CHANGE_SIGMA
+        ],
+    }
 
 
 # Robots of a fleet one of whose parameters is unlike those of the others, beyond what chance and uncertainty
@@ -444,82 +360,58 @@ def _change(early: FleetCalibration, late: FleetCalibration, before: Calibration
 # a fleet of robots that are alike has a chance of 1 % at most.
 
 OUTLIER_LEVEL = 0.01
-"""Chance of calling any robot of a fleet an outlier where all are alike."""
+"""Chance of calling any robot of a fleet an outlier where all are alike; a convention, as that of `compare`."""
 
-FEWEST_ROBOTS = 8
-"""Of one kind, that can be held against each other."""
+MIN_ROBOTS = 8
+"""Robots of one kind that can be compared with each other: the fewest for which the chance above was tried."""
 
 NORMAL_QUARTILE = 0.6745
 """Median of the absolute value of a standard normal variable."""
 
-FREEDOM_SHARE = 0.45
-"""Degrees of freedom for each robot but one."""
+MEDIAN_DEFICIT = 0.8
+"""Robots by which the median distance of n of them is too small, as n/(n − 0.8) (Croux and Rousseeuw 1992, for the MAD)."""
 
-HALVINGS = 50
-"""Of the interval in which a spread is looked for."""
+FREEDOM_PER_ROBOT = 0.45
+"""Degrees of freedom of a spread for each robot but one, by the experiment above."""
 
-
-@dataclass(frozen=True, kw_only=True)
-class OutlyingParameter:
-    """A parameter of a robot unlike that of the others; metres and radians."""
-
-    robot: str
-    name: str
-    unit: ShownUnit
-    value: float
-    standard_error: float
-    centre: float
-    """Median of the fleet."""
-    spread: float
-    """Standard deviation of the robots about it, without what their uncertainties add."""
-    z: float
-    """Distance from the centre over its standard deviation, the own uncertainty included."""
-    chance: float
-    """Of one like that anywhere in the fleet, were all robots alike."""
+SPREAD_HALVINGS = 50
+"""Of the interval in which a spread is looked for: to rounding."""
 
 
-def find_outliers(robots: Sequence[str], estimates: Sequence[Estimates]) -> tuple[OutlyingParameter, ...]:
+def find_outliers(robots: Sequence[str], estimates: Sequence[Estimates]) -> list[Row]:
     """Parameters of robots that are outliers, the least probable first.
 
     Args:
-        robots: names of the robots, `FEWEST_ROBOTS` or more.
+        robots: names of the robots, `MIN_ROBOTS` or more.
         estimates: of each; all of one nominal robot. A parameter that fewer of them have is left out.
     """
-    names = list(dict.fromkeys(name for one in estimates for name in one.names))
+    import pandas as pd
+
     units = {name: unit for one in estimates for name, unit in zip(one.names, one.units, strict=True)}
-    values, errors = _table(names, estimates)
-    common = np.isfinite(values).sum(axis=0) >= FEWEST_ROBOTS
-    names = [name for name, seen in zip(names, common, strict=True) if seen]
-    values, errors = values[:, common], errors[:, common]
-    if not names:
-        return ()
+    table = pd.DataFrame([dict(zip(one.names, one.values, strict=True)) for one in estimates])
+    table = table.loc[:, table.notna().sum() >= MIN_ROBOTS]
+    if table.empty:
+        return []
+    errors = pd.DataFrame([dict(zip(one.names, one.errors, strict=True)) for one in estimates])[
+        table.columns
+    ].to_numpy()
+    values = table.to_numpy()
     centre, spread, z, chance = judge(values, errors)
-    out = [
-        OutlyingParameter(
-            robot=robots[int(r)],
-            name=names[int(p)],
-            unit=units[names[p]],
-            value=float(values[r, p]),
-            standard_error=float(errors[r, p]),
-            centre=float(centre[p]),
-            spread=float(spread[p]),
-            z=float(z[r, p]),
-            chance=float(chance[r, p]),
-        )
-        for r, p in np.argwhere(chance < OUTLIER_LEVEL)
+    found = sorted(np.argwhere(chance < OUTLIER_LEVEL).tolist(), key=lambda at: (chance[*at], -abs(z[*at])))
+    return [
+        {
+            "robot": robots[r],
+            "name": (name := table.columns[p]),
+            "unit": units[name].name,
+            "value": float(values[r, p]) * units[name].factor,
+            "standard_error": float(errors[r, p]) * units[name].factor,
+            "fleet_median": float(centre[p]) * units[name].factor,
+            "fleet_spread": float(spread[p]) * units[name].factor,
+            "z": float(z[r, p]),
+            "chance": float(chance[r, p]),
+        }
+        for r, p in found
     ]
-    return tuple(sorted(out, key=lambda one: (one.chance, -abs(one.z))))
-
-
-def _table(names: Sequence[str], estimates: Sequence[Estimates]) -> tuple[np.ndarray, np.ndarray]:
-    """Values and standard errors of every robot and parameter; NaN where a robot's calibration has not got it."""
-    column = {name: k for k, name in enumerate(names)}
-    values = np.full((len(estimates), len(names)), np.nan)
-    errors = values.copy()
-    for row, one in enumerate(estimates):
-        columns = [column[name] for name in one.names]
-        values[row, columns], errors[row, columns] = one.values, one.errors
-    return values, errors
 
 
 def judge(
@@ -535,20 +427,19 @@ def judge(
 
     count = np.isfinite(values).sum(axis=0)
     centre = np.nanmedian(values, axis=0)
-    distance = np.abs(values - centre)
-    spread = _spread(distance, errors) * count / (count - 0.8)  # the median of few distances is too small
-    width = np.sqrt((spread**2 + errors**2) * (1.0 + np.pi / (2.0 * count)))  # the centre is uncertain, too
+    spread = _spread(np.abs(values - centre), errors) * count / (count - MEDIAN_DEFICIT)
+    # the centre is uncertain, too: the variance of a median is π/2 times that of a mean
+    width = np.sqrt((spread**2 + errors**2) * (1.0 + np.pi / (2.0 * count)))
     z = np.divide(values - centre, width, out=np.zeros_like(values), where=width > 0.0)
     z[np.isnan(values)] = np.nan
-    single = 2.0 * t.sf(np.abs(z), FREEDOM_SHARE * (count - 1))
-    return centre, spread, z, _holm(single)
+    return centre, spread, z, _holm(2.0 * t.sf(np.abs(z), FREEDOM_PER_ROBOT * (count - 1)))
 
 
 def _spread(distance: Float[np.ndarray, "n p"], errors: Float[np.ndarray, "n p"]) -> Float[np.ndarray, " p"]:
     """The spread beside the errors with which the median distance is that of a normal distribution; zero where they suffice."""
     low = np.zeros(distance.shape[1])
     high = np.nanmax(distance, axis=0) / NORMAL_QUARTILE
-    for _ in range(HALVINGS):
+    for _ in range(SPREAD_HALVINGS):
         middle = (low + high) / 2.0
         width = np.sqrt(middle**2 + errors**2)
         over = np.divide(distance, width, out=np.zeros_like(distance), where=width > 0.0)
@@ -568,8 +459,11 @@ def _holm(single: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n p"]:
     return out.reshape(single.shape)
 
 
-FEW = 16
-"""Calibrations that are read sooner here than processes for them would be started."""
+# The fleet: all robots together.
+
+MAX_SEQUENTIAL = 16
+"""Calibrations, at most, that are read sooner here than processes for them are started: each takes some 20 ms, and a process a
+second (`docs/theory/cost-of-a-fleet.md`)."""
 
 Progress = Callable[[int, int], None]
 
@@ -577,12 +471,15 @@ Progress = Callable[[int, int], None]
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fleet:
-    """What the files of many robots tell."""
+    """What the files of many robots tell: tables of rows with the keys of ``--json``, in millimetres and milliradians."""
 
     folder: Path
-    robots: tuple[RobotHistory, ...]
-    """By name; those without a calibration that could be read are among the skipped files alone."""
-    outliers: tuple[OutlyingParameter, ...]
+    calibrations: tuple[Row, ...]
+    """By robot, the earliest first, with what changed since the one before, and in a robot's latest which of its parameters
+    are unlike those of the others; None where that is not known."""
+    changes: tuple[Row, ...]
+    """From each calibration of a robot to its next, by robot, the earliest first."""
+    outliers: tuple[Row, ...]
     """Of the latest calibration of each robot, the least probable first."""
     skipped: tuple[tuple[str, str], ...]
     """Files that could not be read, and why."""
@@ -594,100 +491,49 @@ class Fleet:
     """What could not be compared, and why."""
 
     @property
-    def calibrations(self) -> tuple[FleetCalibration, ...]:
-        """All, by robot, the earliest first."""
-        return tuple(one for robot in self.robots for one in robot.calibrations)
+    def latest(self) -> dict[str, Row]:
+        """The latest calibration of each robot, by its name; those without one that could be read are among the skipped files."""
+        return {row["robot"]: row for row in self.calibrations}
 
     @property
-    def changes(self) -> tuple[Change, ...]:
-        """All, by robot, the earliest first."""
-        return tuple(one for robot in self.robots for one in robot.changes)
+    def robots(self) -> tuple[str, ...]:
+        """Names of the robots."""
+        return tuple(self.latest)
 
     @property
     def level(self) -> float:
         """Chance below which a change counts: with as many comparisons, one false alarm in the whole fleet stays as rare."""
-        return LEVEL / max(len(self.changes), 1)
-
-    def verdict_of(self, change: Change) -> Literal["unchanged", "small", "changed"]:
-        """Whether a robot has changed, with all comparisons of the fleet in mind."""
-        return change.verdict(self.level)
+        return _level(self.changes)
 
     def beyond(self, accuracy: float) -> tuple[str, ...]:
         """Robots of whose latest calibration the rows held out are farther off, in the mean, than an accuracy, metres."""
-        latest = [robot.calibrations[-1] for robot in self.robots]
-        return tuple(one.robot for one in latest if one.held_out is not None and one.held_out > accuracy)
-
-    def table(self) -> list[dict[str, Any]]:
-        """A row for each calibration, in millimetres, with what changed since the one before; None where that is not known."""
-        changes = {change.after: change for change in self.changes}
-        unlike: dict[str, list[OutlyingParameter]] = {}
-        for one in self.outliers:
-            unlike.setdefault(one.robot, []).append(one)
-        latest = {robot.calibrations[-1].file for robot in self.robots}
-        return [
-            {
-                **_row(one),
-                **self._changed(changes.get(one.file)),
-                "outliers": " ".join(p.name for p in unlike.get(one.robot, ())) if one.file in latest else "",
-            }
-            for one in self.calibrations
-        ]
-
-    def _changed(self, change: Change | None) -> dict[str, Any]:
-        return {
-            "change": "" if change is None else self.verdict_of(change),
-            "change_mm": None if change is None else change.rms * 1e3,
-            "change_expected_mm": None if change is None else change.expected * 1e3,
-            "change_chance": None if change is None else change.chance,
-        }
+        errors = {robot: row["held_out_mm"] for robot, row in self.latest.items()}
+        return tuple(robot for robot, error in errors.items() if error is not None and error > accuracy * 1e3)
 
     def to_frame(self) -> "pd.DataFrame":
-        """The table."""
+        """The calibrations as a table."""
         import pandas as pd
 
-        return pd.DataFrame(self.table())
+        return pd.DataFrame(list(self.calibrations))
 
     def summary(self) -> dict[str, Any]:
         """Everything, in millimetres and milliradians."""
         return {
             "folder": str(self.folder),
             "robots": len(self.robots),
-            "calibrations": self.table(),
-            "changes": [self._described(change) for change in self.changes],
+            "calibrations": list(self.calibrations),
+            "changes": list(self.changes),
             "change_level": self.level,
-            "outliers": [_unlike(one) for one in self.outliers],
+            "outliers": list(self.outliers),
             "skipped": [{"file": name, "reason": reason} for name, reason in self.skipped],
             "unidentified": list(self.unidentified),
             "not_looked_at": list(self.others),
             "remarks": list(self.remarks),
         }
 
-    def _described(self, change: Change) -> dict[str, Any]:
-        return {
-            "robot": change.robot,
-            "before": change.before,
-            "after": change.after,
-            "verdict": self.verdict_of(change),
-            "rms_mm": change.rms * 1e3,
-            "expected_mm": change.expected * 1e3,
-            "excess_mm": change.excess * 1e3,
-            "unexplained_mm": change.unexplained * 1e3,
-            "chance": change.chance,
-            "resembles": [
-                {"name": r.name, "unit": r.unit.name, "amount": r.amount * r.unit.factor, "share": r.share}
-                for r in change.resembles
-            ],
-            "parameters": [
-                {
-                    "name": p.name,
-                    "unit": p.unit.name,
-                    "first": p.first * p.unit.factor,
-                    "second": p.second * p.unit.factor,
-                    "over_sigma": p.over_sigma,
-                }
-                for p in change.parameters
-            ],
-        }
+
+def _level(changes: Sequence[Row]) -> float:
+    return LEVEL / max(len(changes), 1)
 
 
 def review_fleet(
@@ -713,69 +559,73 @@ def review_fleet(
         TaskcalError: it holds no calibration that can be read.
     """
     files = find_fleet(folder)
-    with_some = [robot for robot in files.robots if robot.calibrations]
-    if sum(len(robot.calibrations) for robot in with_some) <= FEW and engine == "loky":
+    if sum(map(len, files.calibrations.values())) <= MAX_SEQUENTIAL and engine == "loky":
         engine = "sequential"
-    robots: list[RobotHistory] = []
-    known: dict[Any, Any] = {}
-    progress(0, len(with_some))
-    with closing(side_by_side(follow_robot, _sent(files), engine, workers)) as results:
+    # read as there is room for them
+    sent = ((robot, [_sent(files.folder, name) for name in names]) for robot, names in files.calibrations.items())
+    histories: list[RobotHistory] = []
+    common: dict[Any, Any] = {}
+    progress(0, len(files.calibrations))
+    with closing(side_by_side(_follow, sent, engine, workers)) as results:
         for history in results:
-            robots.append(_sharing(history, known))
-            progress(len(robots), len(with_some))
-    return _assembled(files, sorted(robots, key=lambda one: one.robot))
+            if (one := history.latest) is not None:  # what thousands of robots have in common is held once
+                shared = {
+                    key: common.setdefault(getattr(one, key), getattr(one, key)) for key in ("names", "units", "kind")
+                }
+                history = replace(history, latest=replace(one, **shared))
+            histories.append(history)
+            progress(len(histories), len(files.calibrations))
+    return _assembled(files, histories)
 
 
-def _sent(files: FleetFiles) -> Generator[SentRobot, None, None]:
-    """Robots with the content of their calibrations, read as there is room for them."""
-    for robot in files.robots:
-        if not robot.calibrations:
-            continue
-        sent: list[SentFile] = []
-        skipped: list[tuple[str, str]] = []
-        for name in robot.calibrations:
-            try:
-                sent.append(read_file(files.folder, name))
-            except TaskcalError as refusal:
-                skipped.append((name, reason_of(refusal, files.folder)))
-        yield SentRobot(robot=robot.robot, files=tuple(sent), skipped=tuple(skipped))
-
-
-def _sharing(history: RobotHistory, known: dict[Any, Any]) -> RobotHistory:
-    """The history, with names that thousands of robots have in common kept once."""
-    one = history.latest
-    if one is None:
-        return history
-    shared = {key: known.setdefault(getattr(one, key), getattr(one, key)) for key in ("names", "units", "kind")}
-    return replace(history, latest=replace(one, **shared))
-
-
-def _assembled(files: FleetFiles, robots: Iterable[RobotHistory]) -> Fleet:
-    robots = list(robots)
-    readable = tuple(robot for robot in robots if robot.calibrations)
-    skipped = tuple(one for robot in robots for one in robot.skipped)
-    unidentified = tuple(name for robot in files.robots for name in without_calibration(robot))
+def _assembled(files: FleetFiles, histories: Iterable[RobotHistory]) -> Fleet:
+    by_robot = {h.calibrations[0]["robot"]: h for h in histories if h.calibrations}
+    readable = [by_robot[robot] for robot in files.calibrations if robot in by_robot]
+    skipped = sorted(one for history in histories for one in history.skipped)
     if not readable:
-        raise TaskcalError(_nothing(files, skipped, unidentified))
-    outliers, remarks = _unlike_others(readable)
+        raise TaskcalError(_nothing(files, skipped))
+    changes = [change for history in readable for change in history.changes]
+    level = _level(changes)
+    for change in changes:
+        if change["chance"] >= level:
+            change["verdict"] = "unchanged"
+    outliers, remarks = _outliers_by_kind(readable)
+    since = {change["after"]: change for change in changes}
+    rows: list[Row] = []
+    for row in (row for history in readable for row in history.calibrations):
+        change = since.get(row["file"], {})
+        rows.append(
+            {
+                **row,
+                "change": change.get("verdict", ""),
+                "change_mm": change.get("rms_mm"),
+                "change_expected_mm": change.get("expected_mm"),
+                "change_chance": change.get("chance"),
+                "outliers": "",
+            }
+        )
+    latest = {row["robot"]: row for row in rows}
+    for one in outliers:
+        latest[one["robot"]]["outliers"] = f"{latest[one['robot']]['outliers']} {one['name']}".lstrip()
     return Fleet(
         folder=files.folder,
-        robots=readable,
-        outliers=outliers,
-        skipped=skipped,
-        unidentified=unidentified,
+        calibrations=tuple(rows),
+        changes=tuple(changes),
+        outliers=tuple(outliers),
+        skipped=tuple(skipped),
+        unidentified=files.unidentified,
         others=files.others,
-        remarks=(*(remark for robot in robots for remark in robot.remarks), *remarks),
+        remarks=(*(remark for history in readable for remark in history.remarks), *remarks),
     )
 
 
-def _nothing(files: FleetFiles, skipped: tuple[tuple[str, str], ...], unidentified: tuple[str, ...]) -> str:
+def _nothing(files: FleetFiles, skipped: Sequence[tuple[str, str]]) -> str:
     """Why there is nothing to show."""
     if skipped:
         return f"{files.folder}: none of {len(skipped)} files can be read as a calibration; the first: {skipped[0][1]}"
-    if unidentified:
+    if files.unidentified:
         return (
-            f"{files.folder}: holds {len(unidentified)} campaigns, such as {unidentified[0]}, and no calibration; "
+            f"{files.folder}: holds {len(files.unidentified)} campaigns, such as {files.unidentified[0]}, and no calibration; "
             "identify them first (--identify --robot ROBOT)"
         )
     return (
@@ -783,51 +633,20 @@ def _nothing(files: FleetFiles, skipped: tuple[tuple[str, str], ...], unidentifi
     )
 
 
-def _unlike_others(robots: Iterable[RobotHistory]) -> tuple[tuple[OutlyingParameter, ...], tuple[str, ...]]:
+def _outliers_by_kind(readable: Iterable[RobotHistory]) -> tuple[list[Row], list[str]]:
     """Outliers among the robots of each kind, and kinds of which there are too few."""
-    kinds: dict[str, list[RobotHistory]] = {}
-    for robot in robots:
-        if robot.latest is not None:
-            kinds.setdefault(robot.latest.kind, []).append(robot)
-    outliers: list[OutlyingParameter] = []
+    kinds: dict[str, list[tuple[Row, Estimates]]] = {}
+    for history in readable:
+        if history.latest is not None:
+            kinds.setdefault(history.latest.kind, []).append((history.calibrations[-1], history.latest))
+    outliers: list[Row] = []
     remarks: list[str] = []
     for alike in kinds.values():
-        if len(alike) < FEWEST_ROBOTS:
-            name = alike[0].calibrations[-1].model
+        if len(alike) < MIN_ROBOTS:
             remarks.append(
-                f"{len(alike)} of {name}: too few to say which is unlike the others; it takes {FEWEST_ROBOTS} of one nominal robot"
+                f"{len(alike)} of {alike[0][0]['model']}: too few to say which is unlike the others; it takes {MIN_ROBOTS} of one "
+                "nominal robot"
             )
-            continue
-        latest = [robot.latest for robot in alike if robot.latest is not None]
-        outliers += find_outliers([robot.robot for robot in alike], latest)
-    return tuple(sorted(outliers, key=lambda one: (one.chance, -abs(one.z)))), tuple(remarks)
-
-
-def _row(one: FleetCalibration) -> dict[str, Any]:
-    return {
-        "robot": one.robot,
-        "file": one.file,
-        "model": one.model,
-        "date": one.date,
-        "rows": one.rows,
-        "nominal_mm": None if one.nominal is None else one.nominal * 1e3,
-        "fitted_mm": one.fitted * 1e3,
-        "held_out_mm": None if one.held_out is None else one.held_out * 1e3,
-        "stated_mm": one.stated * 1e3,
-        "verdict": one.verdict,
-    }
-
-
-def _unlike(one: OutlyingParameter) -> dict[str, Any]:
-    factor = one.unit.factor
-    return {
-        "robot": one.robot,
-        "name": one.name,
-        "unit": one.unit.name,
-        "value": one.value * factor,
-        "standard_error": one.standard_error * factor,
-        "fleet_median": one.centre * factor,
-        "fleet_spread": one.spread * factor,
-        "z": one.z,
-        "chance": one.chance,
-    }
+        else:
+            outliers += find_outliers([row["robot"] for row, _ in alike], [estimates for _, estimates in alike])
+    return sorted(outliers, key=lambda one: (one["chance"], -abs(one["z"]))), remarks

@@ -56,7 +56,7 @@ def test_campaigns_are_identified_and_judged_by_the_accuracy(run: Run, tmp_path:
 
 def test_of_many_only_those_that_need_a_look_are_shown(run: Run, fleet: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fleet_tables, "MAX_ROWS", 3)
-    monkeypatch.setattr("taskcal.planning.fleet.FleetCalibration.verdict", "good")
+    monkeypatch.setattr("taskcal.planning.fleet._verdict", lambda *_: "good")
     shown = run("fleet", fleet).out
     assert "the 1 of 3 robots that need a look" in " ".join(shown.split())
     assert [line.split()[0] for line in shown.splitlines() if "2026-" in line and ".json" not in line] == ["b", "b"]

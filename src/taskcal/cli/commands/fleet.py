@@ -95,13 +95,13 @@ def command(
 
 def _identify(folder: Path, options: IdentifyOptions, running: EngineOptions) -> list[tuple[str, str]]:
     """Identify campaigns; returns those that could not be, and why."""
-    from taskcal.planning.fleet import find_fleet, identify_campaigns, without_calibration
+    from taskcal.planning.fleet import find_fleet, identify_campaigns
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
 
     assert options.robot is not None
     files = find_fleet(folder)
-    total = sum(len(without_calibration(robot)) for robot in files.robots)
+    total = len(files.unidentified)
     refused: list[tuple[str, str]] = []
     if total == 0:
         info("--identify: every campaign has a calibration beside it")
