@@ -7,7 +7,7 @@ from taskcal.analysis.identifiability import published_kept
 from taskcal.cli.output import show
 from taskcal.demo import procedure_report as tables
 from taskcal.demo.procedure import ONE, SEVERAL, Procedure
-from taskcal.demo.procedure_report import procedure_html, summary_points
+from taskcal.demo.procedure_report import procedure_page, summary_points
 from taskcal.report.content import Table
 
 
@@ -87,7 +87,7 @@ def test_terminal_tables_keep_every_word(procedure: Procedure, width: int, monke
 
 
 def test_page_has_every_section_and_finite_numbers(procedure: Procedure) -> None:
-    page = procedure_html(procedure, next_steps="taskcal identify …", version="0")
+    page = procedure_page(procedure, next_steps="taskcal identify …").html()
     body = page[page.index("<body>") :]
     assert re.findall(r"<h2>(\d)", body) == [str(k) for k in range(1, 10)]
     assert body.count("<figure>") == 8

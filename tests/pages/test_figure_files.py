@@ -19,20 +19,18 @@ PAGE = Page(
     title="figures",
     sections=(
         Section(
-            title="both kinds",
-            blocks=(
-                Chart(title="a chart", figure=go.Figure(go.Scatter(x=[1, 2, 3], y=[1, 4, 9], line={"color": "black"}))),
-                Scene(
-                    title="in space",
-                    layers=(
-                        {
-                            "kind": "strokes",
-                            "label": "edges",
-                            "colour": "#000",
-                            "width": 8,
-                            "at": [[[0, 0, 0], [100, 50, 80]]],
-                        },
-                    ),
+            "both kinds",
+            Chart("a chart", go.Figure(go.Scatter(x=[1, 2, 3], y=[1, 4, 9], line={"color": "black"}))),
+            Scene(
+                title="in space",
+                layers=(
+                    {
+                        "kind": "strokes",
+                        "label": "edges",
+                        "colour": "#000",
+                        "width": 8,
+                        "at": [[[0, 0, 0], [100, 50, 80]]],
+                    },
                 ),
             ),
         ),

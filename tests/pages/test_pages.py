@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 import pytest
 
 from taskcal.report.content import Chart, Scene, Section
-from taskcal.report.page import report_html
+from taskcal.report.page import Page
 from tests.pages.conftest import quiet_tab
 from tests.pages.made_pages import PAGES
 from tests.pages.printed import Printed, squeezed
@@ -100,7 +100,7 @@ def test_an_empty_figure_is_seen_to_be_empty(tmp_path: Path, tab: Any) -> None:
     """The test above would be worth nothing if it called everything drawn."""
     blocks = (Chart(title="nothing", figure=go.Figure()), Scene(title="nowhere", layers=()))
     page = tmp_path / "empty.html"
-    page.write_text(report_html("empty", [Section(title="none", blocks=blocks)]), "utf-8")
+    page.write_text(Page(title="empty", sections=[Section("none", *blocks)]).html(), "utf-8")
     opened(tab, page)
     assert [there for _, there in tab.evaluate(DRAWN)] == [False, False]
 

@@ -15,7 +15,6 @@ from taskcal.identification.identify import identify
 from taskcal.identification.residual_analysis import Explained, ResidualAnalysis
 from taskcal.identification.validation import Validation, validate
 from taskcal.report.calibration import (
-    Beside,
     calibration_page,
     describe_held_out,
     describe_outliers,
@@ -59,17 +58,17 @@ def test_page_states_the_validation_of_fitted_rows(of_poses):
     again = Validation.of_residuals(calibration.residuals, calibration.T_tracker_base[:3, :3]).summary()
     assert again == pytest.approx(summary)
     table = tabulate_errors("errors", {"tool": summary}, of="target")
-    page = calibration_page(calibration, Beside(), version="0").html()
+    page = calibration_page(calibration).html()
     assert table.header[0] == "target"
     assert "max mrad" in table.header
     assert all(cell in page for cell in (*table.header[1:], *table.rows[0]))
 
 
 def test_page_states_model_error_of_rotation(of_poses):
-    page = calibration_page(of_poses[1], Beside(), version="0").html()
+    page = calibration_page(of_poses[1]).html()
     assert "0.400 mm and 0.300 mrad per axis" in page
     campaign, _ = simulate(MODEL, Q, rng=np.random.default_rng(1))
-    of_points = calibration_page(identify(MODEL, campaign, keep=[]), Beside(), version="0").html()
+    of_points = calibration_page(identify(MODEL, campaign, keep=[])).html()
     assert " mrad per axis" not in of_points
     assert "from poses" in of_points
 
@@ -96,7 +95,7 @@ def test_page_has_the_terminals_tables() -> None:
     )
     assert [row[:6] for row in tabulate_outliers(calibration).rows] == [("7", "9", "p7", "tool", "1.500", "6.2")]
     assert tabulate_left_out(calibration).rows == (("3", "–", "p3", "250.00", "900"),)
-    page = calibration_page(calibration, Beside(), version="1").html()
+    page = calibration_page(calibration).html()
     for table in (tabulate_outliers(calibration), tabulate_left_out(calibration)):
         assert all(cell in page for row in table.rows for cell in row[2:])
         assert table.title in page
@@ -176,7 +175,7 @@ def test_describe_held_out_states_mean_and_standard_error():
 def test_held_out_section_or_advice(fitted):
     calibration, _ = fitted
     nothing = held_out_section(calibration)
-    assert "--folds 5" in nothing.blocks[0].paragraphs[0]
+    assert "--folds 5" in nothing.blocks[0].words
     shown = held_out_section(replace(calibration, held_out=of_lengths([0.1, 0.1, 0.3, np.nan], [0, 0, 1, 2])))
     _, errors, parts = shown.blocks
     assert [row[0] for row in errors.rows] == ["nominal (registered)", "calibrated"]
@@ -261,7 +260,7 @@ def test_unobservable_mean_of_several_targets():
 
 def test_page_names_unobservable_targets():
     calibration = fitted(one_orientation(), FAR)
-    page = calibration_page(calibration, Beside(), version="0").html()
+    page = calibration_page(calibration).html()
     assert all(f"Target {name}: common offset of all targets not identifiable" in page for name in FAR)
     assert ": offset not identifiable" not in page
 

@@ -6,8 +6,9 @@ from html.parser import HTMLParser
 
 import plotly.graph_objects as go
 
-from taskcal.report.content import Chart, Commands, Numbers, Points, Scene, Section, Table, Text
-from taskcal.report.page import Page, as_markdown, figures_of, report_html
+from taskcal.identification.provenance import package_version
+from taskcal.report.content import Chart, Commands, Numbers, Points, Scene, Section, Table
+from taskcal.report.page import Page, as_markdown, figures_of
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
 
@@ -48,27 +49,30 @@ def sections_of_everything(text: str) -> list[Section]:
     table = Table.of_rows(text, (text, "b"), [(text, "1"), ("y", "2")], note=text)
     folded = Table(title=text, header=("a",), groups=((text, ((text,),)),), folded=True)
     chart = Chart(title=text, figure=go.Figure(go.Scatter(x=[1, 2], y=[3, 4], name=text)), note=text)
-    blocks = (Text((text,)), Points((text,)), Numbers(((text, "µm", text),)), Commands(text), table, folded, chart)
-    return [Section(title=text, blocks=blocks)] * 3
+    return [Section(text, text, Points(text), Numbers((text, "µm", text)), Commands(text), table, folded, chart)] * 3
+
+
+def html_of(words: str, sections: list[Section]) -> str:
+    return Page(title=words, sections=sections, lead=words, source=words).html()
 
 
 def test_page_is_well_formed_and_self_contained() -> None:
-    read = outline(report_html("A report", sections_of_everything("words"), lead="Lead.", footer="Foot."))
+    page = Page(title="A report", sections=sections_of_everything("words"), lead="Lead.", source="seed 3")
+    read = outline(page.html())
     assert read.addresses == ["#part-1", "#part-2", "#part-3"]
-    assert {"A report", "Lead.", "Foot.", "words"} <= {t.strip() for t in read.text}
+    assert {"A report", "Lead.", f"Taskcal {package_version()}; seed 3.", "words"} <= {t.strip() for t in read.text}
 
 
 def test_page_escapes_markup() -> None:
     hostile = "</script><b onclick='x'>&amp;<!--"
-    page = report_html(hostile, sections_of_everything(hostile), lead=hostile, footer=hostile)
-    harmless = report_html("words", sections_of_everything("words"), lead="words", footer="words")
+    page, harmless = (html_of(words, sections_of_everything(words)) for words in (hostile, "words"))
     assert outline(page).scripts == outline(harmless).scripts
     assert "<b " not in page
     assert hostile in outline(page).text
 
 
 def test_page_holds_figures_unchanged() -> None:
-    page = report_html("words", sections_of_everything("a < b"))
+    page = html_of("words", sections_of_everything("a < b"))
     found = re.findall(r'<script type="application/json" data-for="(chart-\d)">(.*?)</script>', page)
     assert [name for name, _ in found] == ["chart-1", "chart-2", "chart-3"]
     assert json.loads(found[0][1])["data"][0]["name"] == "a < b"
@@ -76,9 +80,9 @@ def test_page_holds_figures_unchanged() -> None:
 
 def test_page_embeds_plotly_once_if_needed() -> None:
     def size(sections: list[Section]) -> int:
-        return len(report_html("words", sections))
+        return len(html_of("words", sections))
 
-    without = [Section(title="words", blocks=(Text(("words",)),))]
+    without = [Section("words", "words")]
     once, thrice = without + sections_of_everything("a")[:1], without + sections_of_everything("a")
     assert size(without) < 20_000
     assert 3_000_000 < size(once) < 8_000_000
@@ -86,23 +90,22 @@ def test_page_embeds_plotly_once_if_needed() -> None:
 
 
 def test_page_is_reproducible() -> None:
-    assert report_html("a", sections_of_everything("b")) == report_html("a", sections_of_everything("b"))
+    assert html_of("a", sections_of_everything("b")) == html_of("a", sections_of_everything("b"))
 
 
 def _page(words: str) -> Page:
     table = Table(title=words, header=("a", words), groups=((words, ((words, "1"),)),), note=words)
-    blocks = (
-        Text((words,)),
-        Points((words,)),
-        Numbers(((words, "mm", words),)),
+    section = Section(
+        words,
+        words,
+        Points(words),
+        Numbers((words, "mm", words)),
         Commands("taskcal"),
         table,
-        Chart(title=words, figure=go.Figure(), note=words),
+        Chart(words, go.Figure(), words),
         Scene(title="in space", note=words),
     )
-    return Page(
-        title=words, sections=(Section(title=words, blocks=blocks),), lead=words, footer=words, header=((words, words),)
-    )
+    return Page(title=words, sections=(section,), lead=words, source=words, header=((words, words),))
 
 
 def test_markdown_has_every_block() -> None:

@@ -53,12 +53,12 @@ def test_placements_along_one_axis_are_a_curve():
     )
     assert list(before.x) == [-200.0, 0.0, 200.0]
     one = PartPlacements(name="square", now=placed(0.0), all=(placed(0.0),))
-    page = placement_page(one, "robot", calibrated=True, version="0")
+    page = placement_page(one, "robot", calibrated=True)
     assert [section.title for section in page.sections] == ["Best placements"]
 
 
 def test_placement_page_gives_reasons_of_rejection():
     found = PartPlacements(name="square", now=placed(0.0), all=tuple(placed(x) for x in XS))
-    page = placement_page(found, "robot", calibrated=True, version="0").html()
+    page = placement_page(found, "robot", calibrated=True).html()
     assert "Rejected placements" in page
     assert "square.csv:2: out of reach" in page

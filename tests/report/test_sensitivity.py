@@ -92,9 +92,7 @@ def test_sensitivity_page_states_determined_directions():
     table = tabulate_elimination(model, {"poses": q})
     noise = MeasuringNoise(tracker=3e-5, model_error=ModelError(position=4e-4, source="a guess"))
     told_apart = table.eliminations["poses"].distinguishable(noise=noise.total)
-    page = sensitivity_page(
-        sensitivity(model, q), table, told_apart, noise, maps=None, poses="20 poses", version="0"
-    ).html()
+    page = sensitivity_page(sensitivity(model, q), table, told_apart, noise, maps=None, poses="20 poses").html()
     assert 0 < told_apart.count < table.eliminations["poses"].rank
     assert f"{told_apart.count} of {table.eliminations['poses'].rank} directions are determined" in page
     assert "0.401 mm per axis at every pose: tracker 0.03 mm, model error 0.4 mm (a guess)" in page

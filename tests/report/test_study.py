@@ -41,7 +41,7 @@ def test_study_figure_has_a_box_for_each_model() -> None:
 
 def test_study_page_has_the_table():
     task = Task(name="milling", poses=np.eye(4)[None])
-    page = study_page(ErrorModel(load_robot("ur5")), task, study(5.5e-5), version="0").html()
+    page = study_page(ErrorModel(load_robot("ur5")), task, study(5.5e-5)).html()
     table = tabulate_study(study(5.5e-5), "milling")
     assert all(cell in page for cell in (*table.header, *table.rows[0]))
 

@@ -60,22 +60,18 @@ class Sensitivity:
         """A row per parameter: largest influences per unit (mm per mm, mm per mrad) and for its tolerance (µm)."""
         import pandas as pd
 
-        shown = [p.shown for p in self.model.parameters]
         to_shown = self.to_shown()
         raw, scaled = self.maximum() * to_shown, self.maximum(scaled=True) * 1e6
         return pd.DataFrame(
             {
                 "parameter": self.model.names,
                 "symbol": [p.symbol for p in self.model.parameters],
-                "unit": [unit.influence for unit in shown],
+                "unit": [p.shown.influence for p in self.model.parameters],
                 "max_x": raw[0],
                 "max_y": raw[1],
                 "max_z": raw[2],
                 "max_space": self.maximum_in_space() * to_shown,
-                "tolerance": [
-                    f"{p.tolerance * unit.factor:g} {unit.name}"
-                    for p, unit in zip(self.model.parameters, shown, strict=True)
-                ],
+                "tolerance": [p.stated_tolerance for p in self.model.parameters],
                 "max_x_um": scaled[0],
                 "max_y_um": scaled[1],
                 "max_z_um": scaled[2],

@@ -104,12 +104,12 @@ def show_log() -> None:
 # Tables and labelled lines for people.
 
 
-def show(table: Table, *, spare: Sequence[int] = (), note: bool = False) -> None:
+def show(table: Table, *, spare: Sequence[str] = (), note: bool = False) -> None:
     """Print a table, the same that a page shows.
 
     Args:
         table: with its columns of words set flush left.
-        spare: columns that are left out first where it is too wide.
+        spare: headers of columns that are left out where it is too wide, those that go first at the front.
         note: whether to print its note below it.
     """
     clear_line()
@@ -117,7 +117,8 @@ def show(table: Table, *, spare: Sequence[int] = (), note: bool = False) -> None
     for line in fold(for_terminal(table.title), width) if table.title else ():
         print(f"\x1b[1m{line}\x1b[0m" if sys.stdout.isatty() and "NO_COLOR" not in os.environ else line)
     groups = [(heading, [[_in_a_cell(cell) for cell in row] for row in rows]) for heading, rows in table.groups]
-    for line in lay_out_table([*map(_in_a_cell, table.header)], groups, set(table.text_columns), width, spare):
+    without = [table.header.index(name) for name in spare if name in table.header]
+    for line in lay_out_table([*map(_in_a_cell, table.header)], groups, set(table.text_columns), width, without):
         print(line)
     for line in fold(for_terminal(table.note), width) if note and table.note else ():
         print(line)

@@ -18,11 +18,10 @@ from taskcal.demo.closed_loop import (
     share_within,
     stated_errors,
 )
-from taskcal.identification.provenance import package_version
-from taskcal.report.content import Chart, Commands, Numbers, Section, Table, Text
+from taskcal.report.content import Chart, Column, Commands, Numbers, Section, Table
 from taskcal.report.correction import draw_errors, with_decades
-from taskcal.report.page import report_html
-from taskcal.report.theme import BLUE, GREY, INK, ORANGE, VERMILION, styled
+from taskcal.report.page import Page
+from taskcal.report.theme import BLUE, GREY, INK, ORANGE, VERMILION, add_series, styled
 
 MARKERS = {
     "as programmed": (VERMILION, "circle-open"),
@@ -56,14 +55,18 @@ def tabulate_closed_loop(runs: Sequence[LoopRun]) -> Table:
         "stated rms": [rms(stated_errors(run)) for run in runs],
     }
     within = np.array([share_within(run) for run in runs]) * 100.0
+    sizes = {"median": np.median, "smallest": np.min, "largest": np.max}
     rows = [
-        (label, *(f"{f(np.array(values) * 1e3):.4f}" for f in (np.median, np.min, np.max)))
-        for label, values in figures.items()
+        *((label, 1e3 * np.array(values), ".4f") for label, values in figures.items()),
+        ("points within the stated 95 % (%)", within, ".1f"),
     ]
-    rows.append(("points within the stated 95 % (%)", *(f"{f(within):.1f}" for f in (np.median, np.min, np.max))))
-    return Table.of_rows(
+    columns = (
+        Column("", lambda row: row[0]),
+        *(Column(name, lambda row, size=size: format(size(row[1]), row[2]), "s") for name, size in sizes.items()),
+    )
+    return Table.of(
         f"The true cutter against its way on the part: {len(runs)} virtual robots (mm)",
-        ("", "median", "smallest", "largest"),
+        columns,
         rows,
         note="In space, at targets and between them. Touched off: the robot's own cutter set the part's frame at four marks on "
         "it. Stated: what the correction expects of its own error, its root mean square along the program, and the radius "
@@ -89,71 +92,64 @@ def draw_closed_loop(found: Mapping[str, Float[np.ndarray, " runs"]]) -> go.Figu
     figure = go.Figure()
     for label, (colour, shape) in MARKERS.items():
         name = "stated, 95 % within" if label == "stated" else label
-        figure.add_trace(
-            go.Scatter(
-                x=np.arange(1, len(order) + 1),
-                y=found[label][order] * 1e3,
-                mode="markers",
-                name=name,
-                marker={"color": colour, "size": 10, "symbol": shape, "line": {"width": 2, "color": colour}},
-                hovertemplate="%{y:.3f} mm<extra>" + name + "</extra>",
-            )
-        )
+        marker = {"size": 10, "symbol": shape, "line": {"width": 2, "color": colour}}
+        values = found[label][order] * 1e3
+        add_series(figure, name, np.arange(1, len(order) + 1), values, colour, hover="%{y:.3f} mm", marker=marker)
     figure.add_hline(y=0.1, line={"color": GREY, "dash": "dot", "width": 1})
     figure.update_xaxes(title_text="virtual robot, by its error as programmed", dtick=max(1, len(order) // 10))
     return with_decades(styled(figure, height=400), "largest error on the part (mm)")
 
 
-def closed_loop_html(loop: ClosedLoop, runs: Sequence[LoopRun], *, next_steps: str, version: str) -> str:
-    """The page of the closed loop.
+def closed_loop_page(loop: ClosedLoop, runs: Sequence[LoopRun], *, next_steps: str) -> Page:
+    """Make the page of the closed loop.
 
     Args:
         loop: what the robots have in common.
         runs: one for each robot.
         next_steps: commands to go on with.
-        version: of the package that makes the page.
     """
     found = largest_errors(runs)
-    moves = loop.program.moves
-    items = (
-        *(
-            (f"{np.median(found[line]) * 1e3:.2g}", "mm", f"largest error {line}, median of the robots")
-            for line in LINES
-        ),
-        (str(len(moves)), "", "motions of the milling program, with arcs, two tools and two part frames"),
-        (str(len(loop.q)), "", "measured poses, planned for the task"),
-    )
-    sections = [
-        Section(title="In short", blocks=(Numbers(items), Text((STORY, TRUTH)))),
-        Section(
-            title="All robots",
-            blocks=(
+    return Page(
+        title="From measurement to a corrected program",
+        sections=(
+            Section(
+                "In short",
+                Numbers(
+                    *(
+                        (f"{np.median(found[line]) * 1e3:.2g}", "mm", f"largest error {line}, median of the robots")
+                        for line in LINES
+                    ),
+                    (
+                        str(len(loop.program.moves)),
+                        "",
+                        "motions of the milling program, with arcs, two tools and two part frames",
+                    ),
+                    (str(len(loop.q)), "", "measured poses, planned for the task"),
+                ),
+                STORY,
+                TRUTH,
+            ),
+            Section(
+                "All robots",
                 tabulate_closed_loop(runs),
                 Chart(
-                    title="As programmed, touched off, corrected",
-                    figure=draw_closed_loop(found),
-                    note="Each robot is one column of marks; the dotted line is at 0.1 mm.",
+                    "As programmed, touched off, corrected",
+                    draw_closed_loop(found),
+                    "Each robot is one column of marks; the dotted line is at 0.1 mm.",
                 ),
                 tabulate_effects(runs),
             ),
-        ),
-        Section(
-            title="The first robot",
-            blocks=(
+            Section(
+                "The first robot",
                 Chart(
-                    title="Error along the program",
-                    figure=draw_errors(loop.program, errors_by_line(runs[0]), "true error (mm)"),
-                    note="Distance of the true cutter from where it is wanted; between targets, from its way.",
+                    "Error along the program",
+                    draw_errors(loop.program, errors_by_line(runs[0]), "true error (mm)"),
+                    "Distance of the true cutter from where it is wanted; between targets, from its way.",
                 ),
             ),
+            Section("Go on", Commands(next_steps)),
         ),
-        Section(title="Go on", blocks=(Commands(next_steps),)),
-    ]
-    return report_html(
-        "From measurement to a corrected program",
-        sections,
         lead=f"{len(runs)} virtual robots of the kind {loop.robot.title or loop.robot.name}.",
-        footer=f"Page by Taskcal {version}.",
     )
 
 
@@ -174,25 +170,20 @@ def closed_loop_files(folder: Path) -> dict[str, Path]:
     return {label: folder / name for label, name in NAMES.items()}
 
 
-def closed_loop_contents(
-    loop: ClosedLoop, runs: Sequence[LoopRun], files: Mapping[str, Path], *, next_steps: str
-) -> dict[Path, str | bytes]:
-    """Content of each file to be written.
+def closed_loop_contents(loop: ClosedLoop, runs: Sequence[LoopRun], *, next_steps: str) -> dict[str, str | bytes]:
+    """Content of each file to be written, by what it holds.
 
     Args:
         loop: what the robots have in common.
         runs: one for each robot.
-        files: as `closed_loop_files` names them.
         next_steps: commands to go on with, for the page.
     """
     first = runs[0]
     return {
-        files["program"]: loop.milling.source.encode(),
-        files["touched-off program"]: first.correction.program.sources[0].encode(),
-        files["corrected program"]: first.correction.sources[0].encode(),
-        files["calibration for milling"]: first.calibration.to_text(),
-        files["cell"]: cell_text(first.cell),
-        files["page of the closed loop"]: closed_loop_html(
-            loop, runs, next_steps=next_steps, version=package_version()
-        ),
+        "program": loop.milling.source.encode(),
+        "touched-off program": first.correction.program.sources[0].encode(),
+        "corrected program": first.correction.sources[0].encode(),
+        "calibration for milling": first.calibration.to_text(),
+        "cell": cell_text(first.cell),
+        "page of the closed loop": closed_loop_page(loop, runs, next_steps=next_steps).html(),
     }

@@ -20,6 +20,7 @@ from taskcal.analysis.sensitivity import Sensitivity, sensitivity
 from taskcal.campaigns.campaign import Campaign
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.held_out import Validation
 from taskcal.identification.identify import identify
 from taskcal.identification.options import FitOptions
 from taskcal.registration.circles import AxisCircle, find_circles, register_from_circles
@@ -95,34 +96,19 @@ class Predictions:
         return float(np.mean(self.squared_distance <= chdtri(3, 1.0 - probability)))
 
 
-# Errors of the tool point in a few numbers.
-
-
-@dataclass(frozen=True, kw_only=True)
-class Errors:
-    """Errors of the predicted tool point against the true one, in the robot's base axes, metres."""
-
-    mean: float
-    maximum: float
-    per_axis: tuple[float, float, float]
-
-
 def rms(values: Float[np.ndarray, " k"]) -> float:
     """Root mean square."""
     return float(np.sqrt((values**2).mean()))
 
 
-def errors_in_base(in_tracker: Float[np.ndarray, "n 3"], calibration: Calibration) -> Errors:
+def errors_in_base(in_tracker: Float[np.ndarray, "n 3"], calibration: Calibration) -> Validation:
     """The size of errors, along the robot's base axes.
 
     Args:
         in_tracker: errors of the tool point in the tracker frame, metres.
         calibration: says how the base lies in it.
     """
-    in_base = in_tracker @ calibration.T_tracker_base[:3, :3]
-    length = np.linalg.norm(in_base, axis=1)
-    x, y, z = np.abs(in_base).max(axis=0)
-    return Errors(mean=float(length.mean()), maximum=float(length.max()), per_axis=(float(x), float(y), float(z)))
+    return Validation.of_residuals(in_tracker[:, None], calibration.T_tracker_base[:3, :3])
 
 
 # The reference task of the published procedure: a box in front of an IRB 6660-205/1.9, worked in one tool
@@ -163,11 +149,11 @@ class Fitted:
     """Which parameters were identified, and how."""
     parameters: int
     calibration: Calibration
-    residual: Errors
+    residual: Validation
     """On the measured poses, against the measurements; as published."""
-    inside: Errors
+    inside: Validation
     """On new poses in the workspace and orientation that were measured."""
-    outside: Errors
+    outside: Validation
     """On new poses in the workspace, in orientations up to 40° away from the single one."""
 
 
@@ -193,6 +179,11 @@ class Procedure:
     predictions: tuple[Predictions, ...]
     """Every fit on the new poses, in the order of the fits: inside the measured orientations, then outside."""
     seed: int
+
+    @property
+    def whole(self) -> Mapping[str, Calibration]:
+        """Fits of all parameters, by campaign."""
+        return {f.campaign: f.calibration for f in self.fits if f.parameters == len(self.model)}
 
     def fit(self, campaign: str, start: str) -> Fitted:
         """The fit of a campaign whose model's name starts so."""
@@ -318,9 +309,9 @@ class ModelTrial:
 
     model: str
     calibration: Calibration
-    residual: Errors
+    residual: Validation
     """On the measured poses, against the measurements; as published."""
-    new: Errors
+    new: Validation
     """On new poses, against the truth."""
     inside: float
     """Share of the new errors' components inside their stated 95 % intervals."""

@@ -1,7 +1,6 @@
 """A calibration as a page and as tables: prediction error, residuals, parameters, uncertainty over a task, provenance."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -37,7 +36,6 @@ from taskcal.report.content import (
     Points,
     Section,
     Table,
-    Text,
     decimals_of,
     millimetres,
     model_error_origin,
@@ -151,21 +149,16 @@ def held_out_section(calibration: Calibration) -> Section:
             "No rows were held out, so that the error at other poses is not known: fit residuals underestimate it. Identify with "
             "--holdout 0.3, or with --folds 5, which uses every row."
         )
-        return Section(title="Held-out error", blocks=(Text((advice,)),))
+        return Section("Held-out error", advice)
     summaries = {NOMINAL: held_out.nominal_validation.summary(), "calibrated": held_out.validation.summary()}
     sentence = describe_held_out(held_out)
-    blocks: list[Block] = [
-        Text((f"{sentence[0].upper()}{sentence[1:]}.",)),
-        tabulate_errors(
-            "Position error of held-out rows",
-            summaries,
-            of="model",
-            note="The figure to quote. Any x, y and z are the axes of the robot's base.",
-        ),
-    ]
-    if 1 < len(held_out.part_means) <= MAX_PARTS:
-        blocks.append(_tabulate_parts(held_out))
-    return Section(title="Held-out error", blocks=tuple(blocks))
+    note = "The figure to quote. Any x, y and z are the axes of the robot's base."
+    return Section(
+        "Held-out error",
+        f"{sentence[0].upper()}{sentence[1:]}.",
+        tabulate_errors("Position error of held-out rows", summaries, of="model", note=note),
+        _tabulate_parts(held_out) if 1 < len(held_out.part_means) <= MAX_PARTS else None,
+    )
 
 
 def _tabulate_parts(held_out: HeldOut) -> Table:
@@ -198,12 +191,12 @@ def ladder_section(rungs: Sequence[Rung]) -> Section:
         millimetres("p95 mm", "p95"),
     )
     chart = Chart(
-        title="Cross-validated error by model stage",
-        figure=draw_ladder_rungs(rungs),
-        note="A bar that is shorter than the one above it: this stage reduces the error. Equal bars: further parameters do not "
+        "Cross-validated error by model stage",
+        draw_ladder_rungs(rungs),
+        "A bar that is shorter than the one above it: this stage reduces the error. Equal bars: further parameters do not "
         "help. Neighbouring poses are held out together, in five parts.",
     )
-    return Section(title="Error reduction by model stage", blocks=(chart, Table.of("Nested models", columns, rungs)))
+    return Section("Error reduction by model stage", chart, Table.of("Nested models", columns, rungs))
 
 
 def draw_ladder_rungs(rungs: Sequence[Rung]) -> go.Figure:
@@ -238,32 +231,29 @@ def parameters_section(calibration: Calibration) -> Section:
     """Make the section of parameters."""
     geometry = ErrorModel(calibration.model.robot, lengths_only=calibration.model.lengths_only)
     found = identifiability(geometry, calibration.q)
-    blocks: list[Block] = [
-        Chart(
-            title="Effect of every parameter on the tool point at the measured poses",
-            least_width=700,
-            figure=draw_effects(sensitivity(geometry, calibration.q)),
-            note="A high bar: a defect of one tolerance (1σ) moves the tool far. A bar near zero: it hardly matters here, and is "
-            "poorly determined by these poses. Along the robot's base axes, and in space.",
-        )
-    ]
     estimated = len(calibration.estimated) > 0
-    if estimated:
-        blocks.append(
-            Chart(
-                title="Estimated parameters",
-                least_width=700,
-                figure=draw_parameters({"fit": calibration}),
-                note="Bars are two standard errors. A bar that crosses zero: the defect is not significant. Linearly dependent "
-                "parameters share the estimate.",
-            )
+    return Section(
+        "Parameters",
+        Chart(
+            "Effect of every parameter on the tool point at the measured poses",
+            draw_effects(sensitivity(geometry, calibration.q)),
+            "A high bar: a defect of one tolerance (1σ) moves the tool far. A bar near zero: it hardly matters here, and is "
+            "poorly determined by these poses. Along the robot's base axes, and in space.",
+            least_width=700,
+        ),
+        Chart(
+            "Estimated parameters",
+            draw_parameters({"fit": calibration}),
+            "Bars are two standard errors. A bar that crosses zero: the defect is not significant. Linearly dependent "
+            "parameters share the estimate.",
+            least_width=700,
         )
-    blocks.append(tabulate_intervals(calibration, found))
-    if found.dependent or found.zero:
-        blocks.append(_tabulate_relations(geometry, found))
-    if estimated:
-        blocks.append(_tabulate_correlations(calibration))
-    return Section(title="Parameters", blocks=tuple(blocks))
+        if estimated
+        else None,
+        tabulate_intervals(calibration, found),
+        _tabulate_relations(geometry, found) if found.dependent or found.zero else None,
+        _tabulate_correlations(calibration) if estimated else None,
+    )
 
 
 def tabulate_intervals(calibration: Calibration, found: Identifiability) -> Table:
@@ -274,21 +264,25 @@ def tabulate_intervals(calibration: Calibration, found: Identifiability) -> Tabl
         found: linear dependence of the geometry at the fitted poses.
     """
     informed, estimated = informed_parameters(calibration), set(calibration.estimated.tolist())
-    rows: list[tuple[str, ...]] = []
-    for i, p in enumerate(calibration.model.parameters):
-        unit, kept = p.shown, i in estimated
-        value, interval = with_interval(
-            float(calibration.estimate[i]) * unit.factor, float(calibration.standard_errors[i]) * unit.factor
-        )
-        status = _status(p.name, kept, informed.get(p.name), found)
-        rows.append(
-            (p.label, value if kept else "0, fixed", interval, f"{p.tolerance * unit.factor:.3g}", unit.name, status)
-        )
-    return Table.of_rows(
-        f"All {len(rows)} parameters: {len(estimated)} were estimated",
-        ("parameter", "estimate", "95 % interval", "tolerance (1σ)", "unit", "status"),
-        rows,
-        text_columns=(0, 4, 5),
+    parameters = calibration.model.parameters
+    intervals = [
+        with_interval(float(value) * p.shown.factor, float(error) * p.shown.factor)
+        for p, value, error in zip(parameters, calibration.estimate, calibration.standard_errors, strict=True)
+    ]
+    columns = (
+        Column("parameter", lambda i: parameters[i].label),
+        Column("estimate", lambda i: intervals[i][0] if i in estimated else "0, fixed", "s"),
+        Column("95 % interval", lambda i: intervals[i][1], "s"),
+        Column("tolerance (1σ)", lambda i: parameters[i].tolerance * parameters[i].shown.factor, ".3g"),
+        Column("unit", lambda i: parameters[i].shown.name),
+        Column(
+            "status", lambda i: _status(parameters[i].name, i in estimated, informed.get(parameters[i].name), found)
+        ),
+    )
+    return Table.of(
+        f"All {len(parameters)} parameters: {len(estimated)} were estimated",
+        columns,
+        range(len(parameters)),
         note="Digits are those that the standard error leaves. A parameter that was not estimated is fixed at zero, and counts "
         "with its tolerance in every uncertainty.",
         folded=True,
@@ -412,8 +406,7 @@ def provenance_section(calibration: Calibration) -> Section:
         *((str(key), _words(value)) for key, value in source.options.items()),
         ("ended", f"{calibration.reason}; {calibration.iterations} iterations in the last of {calibration.rounds} rounds"),
     ]  # fmt: skip
-    table = Table.of_rows("Provenance", ("entry", "value"), rows, text_columns=(0, 1))
-    return Section(title="Provenance", blocks=(table,))
+    return Section("Provenance", Table.of_rows("Provenance", ("entry", "value"), rows, text_columns=(0, 1)))
 
 
 def _words(value: object) -> str:
@@ -453,40 +446,41 @@ def residual_analysis_section(analysis: ResidualAnalysis, rows: str) -> Section:
         f"A smooth function of each quantity is fitted to the residuals of {rows} and predicts those of held-out poses. p is the "
         "probability of such a share if the quantity does not matter, by permutation among the poses."
     )
-    blocks: list[Block] = [Text((method,)), Numbers(tuple(numbers)), Points(_findings(analysis))]
-    if any(e.p_value is not None for e in analysis.explained):
-        blocks.append(
-            Chart(
-                title="Residual variance explained, by quantity",
-                figure=draw_shares(analysis),
-                note="Each quantity by itself; correlated quantities share what they explain. Grey: not significant, as chance "
-                f"gives as much more often than once in {1 / MAX_P_VALUE:.0f} or the share is under {100 * MIN_SHARE:.0f} %.",
-            )
-        )
-    if analysis.explained:
-        blocks.append(
-            Chart(
-                title="Residual against each quantity",
-                figure=draw_against(analysis),
-                note="Turns are those of the joint that the measured points require, at poses that determine them.",
-            )
-        )
+    judged = any(e.p_value is not None for e in analysis.explained)
     columns = (
         Column("quantity", lambda e: e.regressor.name),
         Column("moves", lambda e: e.regressor.moves),
         Column("share %", lambda e: round(100 * e.share, 1) + 0.0, ".1f"),
         Column("p", "p_value", ".2g"),
     )
-    blocks.append(
+    return Section(
+        "Residual analysis",
+        method,
+        Numbers(*numbers),
+        Points(*_findings(analysis)),
+        Chart(
+            "Residual variance explained, by quantity",
+            draw_shares(analysis),
+            "Each quantity by itself; correlated quantities share what they explain. Grey: not significant, as chance "
+            f"gives as much more often than once in {1 / MAX_P_VALUE:.0f} or the share is under {100 * MIN_SHARE:.0f} %.",
+        )
+        if judged
+        else None,
+        Chart(
+            "Residual against each quantity",
+            draw_against(analysis),
+            "Turns are those of the joint that the measured points require, at poses that determine them.",
+        )
+        if analysis.explained
+        else None,
         Table.of(
             f"All {len(analysis.explained)} quantities",
             columns,
             analysis.explained,
             note="Share of the variance on held-out poses; below zero, the quantity predicts worse than none.",
             folded=True,
-        )
+        ),
     )
-    return Section(title="Residual analysis", blocks=tuple(blocks))
 
 
 def _findings(analysis: ResidualAnalysis) -> tuple[str, ...]:
@@ -580,9 +574,9 @@ def residuals_section(calibration: Calibration, errors: MeasuredErrors | None) -
     blocks.insert(
         min(1, len(blocks)),
         Chart(
-            title=f"Measured less predicted, target {calibration.targets[0]}",
-            figure=draw_residuals({calibration.provenance.campaign or "the campaign": {"fit": calibration}}),
-            note="A band about zero without steps, drifts or waves: the residuals look like chance. A step: something moved. "
+            f"Measured less predicted, target {calibration.targets[0]}",
+            draw_residuals({calibration.provenance.campaign or "the campaign": {"fit": calibration}}),
+            "A band about zero without steps, drifts or waves: the residuals look like chance. A step: something moved. "
             f"{axes}, pose by pose.",
         ),
     )
@@ -594,33 +588,33 @@ def residuals_section(calibration: Calibration, errors: MeasuredErrors | None) -
     }
     note = "Fit residuals underestimate the error; quote the held-out error. Any x, y and z are the axes of the robot's base."
     blocks.append(tabulate_errors("Residuals of the fitted rows", summaries, of="target", note=note))
-    return Section(title="Fit residuals", blocks=tuple(blocks))
+    return Section("Fit residuals", *blocks)
 
 
 def _error_charts(calibration: Calibration, errors: MeasuredErrors) -> list[Block]:
     return [
         Chart(
-            title="Error of every measured pose, nominal and calibrated",
-            figure=draw_before_after(errors),
-            note="All circles should lie far below the crosses: a circle among the crosses is a pose at which the calibration does "
+            "Error of every measured pose, nominal and calibrated",
+            draw_before_after(errors),
+            "All circles should lie far below the crosses: a circle among the crosses is a pose at which the calibration does "
             "not reduce the error. Of several targets the worst one counts.",
         ),
         Chart(
-            title="Residuals along each axis, by target",
-            figure=draw_by_axis(calibration, errors),
-            note="Boxes about zero and alike: no axis and no target stands out. A box off zero: this target, or this "
+            "Residuals along each axis, by target",
+            draw_by_axis(calibration, errors),
+            "Boxes about zero and alike: no axis and no target stands out. A box off zero: this target, or this "
             "direction, is measured differently. Half of the values are in the box; single points are far out.",
         ),
         Chart(
-            title="Residuals against joint angle",
+            "Residuals against joint angle",
+            draw_over_joints(calibration, errors),
+            "A trend or wave indicates an error of this joint; a flat scatter does not.",
             least_width=700,
-            figure=draw_over_joints(calibration, errors),
-            note="A trend or wave indicates an error of this joint; a flat scatter does not.",
         ),
         Chart(
-            title="Error against the rotation of the tool",
-            figure=draw_over_orientation(calibration, errors),
-            note="Circles that rise to the right: the error grows with the rotation; then measure more orientations. Most "
+            "Error against the rotation of the tool",
+            draw_over_orientation(calibration, errors),
+            "Circles that rise to the right: the error grows with the rotation; then measure more orientations. Most "
             "campaigns have few poses far to the right.",
         ),
     ]
@@ -922,28 +916,30 @@ def summary_section(calibration: Calibration, errors: MeasuredErrors | None, ove
     held_out = calibration.held_out
     sample = "held-out rows" if held_out is not None else "fitted rows"
     what = "mean 3D prediction error" if after.in_space else "mean prediction error"
-    robot = calibration.model.robot
-    blocks: list[Block] = []
-    numbers = [
-        (f"{after.mean * 1e3:.3f}", "mm", f"{what} of the calibrated model, {sample}"),
-        (f"{after.p95 * 1e3:.3f}", "mm", f"95th percentile of the error, {sample}"),
-        (f"{after.maximum * 1e3:.3f}", "mm", f"largest error, {sample}")
-        if over is None
-        else (f"{over.target * 1e3:.3f}", "mm", f"standard uncertainty of the target over {over.task} (3D, rms)"),
-    ]
+    robot, said, nominal = calibration.model.robot, None, None
     if before is not None:
         name, means = robot.title or robot.name, (before.mean * 1e3, after.mean * 1e3)
-        count = None if held_out is None else len(after)
-        blocks.append(Text((verdict(name, *means, count, in_space=after.in_space),)))
-        numbers.insert(0, (f"{before.mean * 1e3:.3f}", "mm", f"{what} of the nominal model (registered), {sample}"))
-    blocks += [Numbers(tuple(numbers)), Points(_remarks(calibration))]
-    return Section(title="Summary", blocks=tuple(blocks))
+        said = verdict(name, *means, None if held_out is None else len(after), in_space=after.in_space)
+        nominal = (f"{before.mean * 1e3:.3f}", "mm", f"{what} of the nominal model (registered), {sample}")
+    return Section(
+        "Summary",
+        said,
+        Numbers(
+            nominal,
+            (f"{after.mean * 1e3:.3f}", "mm", f"{what} of the calibrated model, {sample}"),
+            (f"{after.p95 * 1e3:.3f}", "mm", f"95th percentile of the error, {sample}"),
+            (f"{after.maximum * 1e3:.3f}", "mm", f"largest error, {sample}")
+            if over is None
+            else (f"{over.target * 1e3:.3f}", "mm", f"standard uncertainty of the target over {over.task} (3D, rms)"),
+        ),
+        Points(*_remarks(calibration)),
+    )
 
 
 def outliers_section(calibration: Calibration) -> Section:
     """Make the section of rejected rows and outliers."""
     tables = [one for one in (tabulate_left_out(calibration), tabulate_outliers(calibration)) if len(one)]
-    return Section(title="Outliers", blocks=tuple(tables) or (Text(("No outliers and no rejected rows.",)),))
+    return Section("Outliers", *(tables or ["No outliers and no rejected rows."]))
 
 
 def _before_after(calibration: Calibration, errors: MeasuredErrors | None) -> tuple[Validation | None, Validation]:
@@ -1033,7 +1029,7 @@ def _budget_section(title: str, text: str, budget: UncertaintyBudget) -> Section
         (f"expanded uncertainty U along one axis (k = {COVERAGE_FACTOR:g})", "", budget.expanded, ""),
     ]
     see = f" The largest contribution is {ordered[0].source}." if ordered else ""
-    return Section(title=title, blocks=(Text((text + see,)), Table.of("Uncertainty budget", columns, rows)))
+    return Section(title, text + see, Table.of("Uncertainty budget", columns, rows))
 
 
 def _task_section(over: Uncertainty) -> Section:
@@ -1050,68 +1046,58 @@ def _task_section(over: Uncertainty) -> Section:
     )
     if over.slices:
         chart = Chart(
-            title="Uncertainty over the workspace (3D standard uncertainty)",
-            least_width=700,
-            figure=draw_maps(over.slices, over.maps),
-            note="Bright is worse: measure more poses there. In the tool orientation of the task's middle. White: out of the "
+            "Uncertainty over the workspace (3D standard uncertainty)",
+            draw_maps(over.slices, over.maps),
+            "Bright is worse: measure more poses there. In the tool orientation of the task's middle. White: out of the "
             "robot's reach. Each view has its own scale of colours.",
+            least_width=700,
         )
     else:
         chart = Chart(
-            title="95 % intervals pose by pose",
-            figure=draw_bands(over.deviations),
-            note="The wider the band, the larger the uncertainty. Along the robot's base axes, about the prediction.",
+            "95 % intervals pose by pose",
+            draw_bands(over.deviations),
+            "The wider the band, the larger the uncertainty. Along the robot's base axes, about the prediction.",
         )
-    return Section(title="TCP uncertainty over the task", blocks=(Text((text, difference)), chart))
+    return Section("TCP uncertainty over the task", text, difference, chart)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Beside:
-    """Additional parts of a calibration's page, each if it was asked for."""
-
-    over: Uncertainty | None = None
-    """Uncertainty over a task."""
-    space: Workspace | None = None
-    """The task's workspace."""
-    remainder: ResidualAnalysis | None = None
-    """Residuals of a campaign."""
-    rungs: Sequence[Rung] = ()
-    """Nested models, on that campaign."""
-    header: Sequence[tuple[str, str]] = ()
-    """Labelled lines at the head: customer, serial number and the like."""
-
-
-def calibration_page(calibration: Calibration, beside: Beside, *, version: str) -> Page:
+def calibration_page(
+    calibration: Calibration,
+    *,
+    over: Uncertainty | None = None,
+    space: Workspace | None = None,
+    remainder: ResidualAnalysis | None = None,
+    rungs: Sequence[Rung] = (),
+) -> Page:
     """Make the page of a calibration.
 
     Args:
         calibration: the calibration.
-        beside: what else is shown.
-        version: of the package that makes the page.
+        over: uncertainty over a task, if one was named.
+        space: the task's workspace.
+        remainder: residuals of a campaign, if one was named.
+        rungs: nested models, on that campaign.
     """
     model, source = calibration.model, calibration.provenance
     errors = measured_errors(calibration)
-    sections = [summary_section(calibration, errors, beside.over)]
+    sections = [summary_section(calibration, errors, over)]
     if errors is not None:
-        scene = robot_scene(calibration, errors, beside.space)
-        sections.append(Section(title="The robot", blocks=(scene,)))
+        sections.append(Section("The robot", robot_scene(calibration, errors, space)))
     sections += [held_out_section(calibration), residuals_section(calibration, errors)]
-    if beside.remainder is not None:
-        sections.append(residual_analysis_section(beside.remainder, f"{len(beside.remainder.residual)} poses"))
+    if remainder is not None:
+        sections.append(residual_analysis_section(remainder, f"{len(remainder.residual)} poses"))
     if errors is not None:
         sections.append(predicted_uncertainty_section(budget_at(calibration, calibration.q), "the measured poses"))
-    if beside.over is not None:
-        sections.append(_task_section(beside.over))
+    if over is not None:
+        sections.append(_task_section(over))
     sections.append(parameters_section(calibration))
-    if beside.rungs:
-        sections.append(ladder_section(beside.rungs))
+    if rungs:
+        sections.append(ladder_section(rungs))
     sections += [outliers_section(calibration), provenance_section(calibration)]
-    robot = model.robot.title or model.robot.name
     return Page(
-        title=f"Calibration of the {robot}",
-        sections=tuple(sections),
+        title=f"Calibration of the {model.robot.title or model.robot.name}",
+        sections=sections,
         lead=f"{len(calibration.kept)} of {len(model)} parameters from {source.rows} rows of {source.campaign or 'a campaign'}. "
         "All lengths are in millimetres.",
-        footer=f"Page by Taskcal {version}; calibration by Taskcal {source.version}, {source.created}.",
-        header=tuple(beside.header),
+        source=f"calibration by Taskcal {source.version}, {source.created}",
     )

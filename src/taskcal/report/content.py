@@ -24,7 +24,7 @@ class Column:
     factor: float = 1.0
     """From the unit of the rows to that of the label."""
     optional: bool = False
-    """Whether it is left out where no row has a value."""
+    """Whether it is left out where no row has a value, or only empty words."""
 
     def of(self, row: Any) -> Any:
         """The value in a row; None where it has none."""
@@ -66,15 +66,34 @@ class Table:
 
     @classmethod
     def of(
-        cls, title: str, columns: Iterable[Column], rows: Iterable[Any], *, note: str = "", folded: bool = False
+        cls,
+        title: str,
+        columns: Iterable[Column],
+        rows: Iterable[Any] | Mapping[str, Iterable[Any]],
+        *,
+        note: str = "",
+        folded: bool = False,
     ) -> "Table":
-        """A table of columns, each of which takes its value from every row."""
-        rows = list(rows)
-        shown = [c for c in columns if not c.optional or not rows or any(c.of(row) is not None for row in rows)]
-        return cls.of_rows(
-            title,
-            tuple(column.label for column in shown),
-            [tuple(column.cell(row) for column in shown) for row in rows],
+        """A table of columns, each of which takes its value from every row.
+
+        Args:
+            title: of the table.
+            columns: from left to right.
+            rows: of the table, or of its groups by their headings.
+            note: what it shows.
+            folded: whether a page shows it only on demand.
+        """
+        by_heading = rows if isinstance(rows, Mapping) else {"": rows}
+        groups = {heading: list(group) for heading, group in by_heading.items()}
+        every = [row for group in groups.values() for row in group]
+        shown = [c for c in columns if not c.optional or not every or any(c.of(row) not in (None, "") for row in every)]
+        return cls(
+            title=title,
+            header=tuple(column.label for column in shown),
+            groups=tuple(
+                (heading, tuple(tuple(column.cell(row) for column in shown) for row in group))
+                for heading, group in groups.items()
+            ),
             text_columns=tuple(k for k, column in enumerate(shown) if not column.form),
             note=note,
             folded=folded,
@@ -106,26 +125,33 @@ class Table:
 
 @dataclass(frozen=True)
 class Text:
-    """Paragraphs."""
+    """A paragraph."""
 
     kind: ClassVar[str] = "text"
-    paragraphs: tuple[str, ...]
+    words: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Points:
     """A list of short statements."""
 
     kind: ClassVar[str] = "points"
     items: tuple[str, ...]
 
+    def __init__(self, *items: str) -> None:
+        object.__setattr__(self, "items", items)
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, init=False)
 class Numbers:
     """A few numbers to remember, each with its unit and what it is."""
 
     kind: ClassVar[str] = "numbers"
     items: tuple[tuple[str, str, str], ...]
+
+    def __init__(self, *items: tuple[str, str, str] | None) -> None:
+        """Take numbers; what is None is left out."""
+        object.__setattr__(self, "items", tuple(item for item in items if item is not None))
 
 
 @dataclass(frozen=True)
@@ -136,7 +162,7 @@ class Commands:
     lines: str
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Chart:
     """A figure, and how to read it."""
 
@@ -188,12 +214,23 @@ class Scene:
 Block = Table | Text | Points | Numbers | Commands | Chart | Scene
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, init=False)
 class Section:
     """A part of a report."""
 
     title: str
     blocks: tuple[Block, ...]
+
+    def __init__(self, title: str, *blocks: Block | str | None) -> None:
+        """Put a section together.
+
+        Args:
+            title: of the section.
+            blocks: in order; words alone are a paragraph, and what is None is left out.
+        """
+        object.__setattr__(self, "title", title)
+        made = (Text(block) if isinstance(block, str) else block for block in blocks if block is not None)
+        object.__setattr__(self, "blocks", tuple(made))
 
 
 # Tables and labelled lines as text of a given width, in which no word and no number is ever broken.

@@ -15,7 +15,7 @@ from taskcal.correction.correction import Correction, Deviations
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.uncertainty_budget import evaluation_of_model_error
 from taskcal.report.calibration import corrected_uncertainty_section
-from taskcal.report.content import Block, Chart, Column, Numbers, Points, Scene, Section, Table, Text
+from taskcal.report.content import Block, Chart, Column, Numbers, Points, Scene, Section, Table
 from taskcal.report.page import Page
 from taskcal.report.scene import coloured_points, spread_rows, strokes
 from taskcal.report.theme import BLUE, GREY, ORANGE, VERMILION, add_series, styled, with_decades
@@ -272,13 +272,12 @@ def _from(folder: Path | None, path: Path) -> Path:
     return path if folder is None else path.relative_to(folder)
 
 
-def correction_page(correction: Correction, calibration: Calibration, *, version: str) -> Page:
+def correction_page(correction: Correction, calibration: Calibration) -> Page:
     """Make the page of a correction.
 
     Args:
         correction: the corrected program.
         calibration: by which it was corrected.
-        version: of the package that makes the page.
     """
     robot = calibration.model.robot
     names = ", ".join(source.path.name for source in correction.program.sources)
@@ -286,12 +285,12 @@ def correction_page(correction: Correction, calibration: Calibration, *, version
     if len(correction.before.error):
         budget = correction.budget.of_targets(evaluation_of_model_error(calibration))
         sections.append(corrected_uncertainty_section(budget))
-    sections += [_unchanged(correction), Section(title="Targets", blocks=(tabulate_targets(correction),))]
+    sections += [_unchanged(correction), Section("Targets", tabulate_targets(correction))]
     return Page(
         title=f"Correction of {names}",
-        sections=tuple(sections),
+        sections=sections,
         lead=f"For the {robot.title or robot.name}, by the calibration of {calibration.provenance.campaign or 'a campaign'}.",
-        footer=f"Page by Taskcal {version}; calibration of {calibration.provenance.created}.",
+        source=f"calibration of {calibration.provenance.created}",
     )
 
 
@@ -302,16 +301,18 @@ def _summary(correction: Correction) -> Section:
         (f"{budget.after * 1e3:.3f}", "mm", "expected error after, uncertainty included"),
         (f"{budget.uncertainty * 1e3:.3f}", "mm", "standard uncertainty of the correction (3D rms)"),
     )
-    items = (
-        *(expected if len(correction.before.error) else ()),
-        (f"{summary['largest_shift_mm']:.3f}", "mm", "largest shift of a target"),
-        (str(summary["refused"]), "", "motions rejected, and left unchanged"),
-        (str(summary["unresolved"]), "", "statements not interpreted, and left unchanged"),
-    )
     facts = [*state_expected(correction), *tabulate_correction(correction)]
-    doubt = (Text((f"Not significant: {state_uncertain(correction)}.",)),) if correction.uncertain else ()
-    table = Table.of_rows("The correction", ("", ""), facts, text_columns=(0, 1))
-    return Section(title="Summary", blocks=(Numbers(items), *doubt, table))
+    return Section(
+        "Summary",
+        Numbers(
+            *(expected if len(correction.before.error) else ()),
+            (f"{summary['largest_shift_mm']:.3f}", "mm", "largest shift of a target"),
+            (str(summary["refused"]), "", "motions rejected, and left unchanged"),
+            (str(summary["unresolved"]), "", "statements not interpreted, and left unchanged"),
+        ),
+        f"Not significant: {state_uncertain(correction)}." if correction.uncertain else None,
+        Table.of_rows("The correction", ("", ""), facts, text_columns=(0, 1)),
+    )
 
 
 def _errors(correction: Correction) -> Section:
@@ -320,30 +321,26 @@ def _errors(correction: Correction) -> Section:
         lines = {"before": correction.before, "after": correction.after}
         blocks += [
             Chart(
-                title="Predicted error along the program",
-                figure=draw_errors(correction.program, lines, "predicted 3D error (mm)"),
-                note="The lower line should lie well below the upper one along the whole program; where it does not, see the "
+                "Predicted error along the program",
+                draw_errors(correction.program, lines, "predicted 3D error (mm)"),
+                "The lower line should lie well below the upper one along the whole program; where it does not, see the "
                 "motions left unchanged. At targets: distance of the true tool from the programmed position; else from the path.",
             ),
             Chart(
-                title="Errors at targets along the part's axes",
-                figure=draw_errors_per_axis(correction),
-                note="After the correction, boxes should lie about zero and be short. They hold the middle half, whiskers "
+                "Errors at targets along the part's axes",
+                draw_errors_per_axis(correction),
+                "After the correction, boxes should lie about zero and be short. They hold the middle half, whiskers "
                 "reach 1.5 times as far.",
             ),
             draw_program(correction),
         ]
-    return Section(title="Errors", blocks=tuple(blocks))
+    return Section("Errors", *blocks)
 
 
 def _unchanged(correction: Correction) -> Section:
     moves = correction.program.moves
     rejected = group_remarks((moves[i].place, why) for i, why in sorted(correction.rejected.items()))
     diagnostics = group_remarks((diagnostic.place, diagnostic.text) for diagnostic in correction.diagnostics)
-    blocks: list[Block] = []
-    for title, lines in (("Rejected motions:", rejected), ("Diagnostics:", diagnostics)):
-        if lines:
-            blocks += [Text((title,)), Points(tuple(lines))]
-    return Section(
-        title="Motions left unchanged", blocks=tuple(blocks) or (Text(("None: every motion was corrected.",)),)
-    )
+    listed = {"Rejected motions:": rejected, "Diagnostics:": diagnostics}
+    blocks = [block for title, lines in listed.items() if lines for block in (title, Points(*lines))]
+    return Section("Motions left unchanged", *(blocks or ["None: every motion was corrected."]))

@@ -12,8 +12,8 @@ MAX_ROWS = 100
 MAX_NAMED = 20
 """Changes and outliers that are listed."""
 
-SPARE = (4, 2, 3)
-"""Columns that the first table can do without where it is too wide."""
+SPARE = ("fitted", "rows", "nominal")
+"""Columns that the first table can do without where it is too wide, those that go first at the front."""
 
 
 def tabulate_fleet(fleet: Fleet) -> Table:

@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, Literal
 from markupsafe import Markup
 
 from taskcal.errors import TaskcalError, printable
-from taskcal.report.content import Chart, Commands, Numbers, Points, Scene, Section, Table, Text
+from taskcal.identification.provenance import package_version
+from taskcal.report.content import Chart, Scene, Section
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -30,21 +31,26 @@ class Page:
     """A report, before it is written as a page or as text."""
 
     title: str
-    sections: tuple[Section, ...]
+    sections: Sequence[Section]
     """In order; each gets an entry in the table of contents."""
     lead: str = ""
     """A sentence or two under the title."""
-    footer: str = ""
-    """Where the numbers come from."""
+    source: str = ""
+    """Where the numbers come from, beside this version of the package."""
     header: tuple[tuple[str, str], ...] = ()
     """Whom and what it is for: labels and what belongs to them."""
+
+    @property
+    def footer(self) -> str:
+        """Line at the end: the version of the package that makes the page, and where the numbers come from."""
+        return f"Taskcal {package_version()}{'; ' if self.source else ''}{self.source}."
 
     def html(self) -> str:
         """The page, with its figures and, once, the library that draws them (about 5 MB)."""
         from plotly.offline import get_plotlyjs
 
         kinds = {block.kind for section in self.sections for block in section.blocks}
-        return _template().render(
+        return _template("report.html.j2").render(
             page=self,
             chart_json=_chart_json,
             scene_json=_scene_json,
@@ -52,18 +58,6 @@ class Page:
             scenes=Markup(_script("scene.js")) if Scene.kind in kinds else "",  # noqa: S704 - ours
             behaviour=Markup(_script("page.js")),  # noqa: S704 - ours
         )
-
-
-def report_html(title: str, sections: Sequence[Section], *, lead: str = "", footer: str = "") -> str:
-    """A report as a page.
-
-    Args:
-        title: of the page.
-        sections: in order.
-        lead: a sentence or two under the title.
-        footer: where the numbers come from.
-    """
-    return Page(title=title, sections=tuple(sections), lead=lead, footer=footer).html()
 
 
 def _chart_json(chart: Chart) -> Markup:
@@ -87,17 +81,18 @@ def _script(name: str) -> str:
 
 
 @cache
-def _template() -> "Template":
+def _template(name: str) -> "Template":
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
         loader=PackageLoader("taskcal", "report"),
-        autoescape=True,
+        autoescape=name.endswith(".html.j2"),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template("report.html.j2")
+    environment.filters |= {"plain": _plain, "fenced": _fenced}
+    return environment.get_template(name)
 
 
 # A browser without a window, which draws what pages show: Chromium or one of its kin, as it is installed.
@@ -199,7 +194,7 @@ def draw_figures(page: "Page", kind: FigureFormat) -> dict[str, bytes]:
     figures = [block for section in page.sections for block in section.blocks if isinstance(block, Chart | Scene)]
     if not figures:
         return {}
-    alone = replace(page, sections=(Section(title=page.title, blocks=tuple(figures)),), header=())
+    alone = replace(page, sections=(Section(page.title, *figures),), header=())
     with tempfile.TemporaryDirectory(prefix="taskcal-figures-") as folder:
         place = Path(folder)
         file = place / "figures.html"
@@ -255,59 +250,7 @@ def as_markdown(page: Page, figures: Mapping[str, str] | None = None) -> str:
         page: the report.
         figures: file of each figure by its title; without, a figure is its title and what to see in it.
     """
-    out = [f"# {_plain(page.title)}"]
-    out += [_plain(page.lead)] if page.lead else []
-    out += ["\n".join(f"- {_plain(label)}: {_plain(text)}" for label, text in page.header)] if page.header else []
-    for number, section in enumerate(page.sections, start=1):
-        out.append(f"## {number}. {_plain(section.title)}")
-        out += _blocks(section, figures or {})
-    out += [f"*{_plain(page.footer)}*"] if page.footer else []
-    return "\n\n".join(out) + "\n"
-
-
-def _blocks(section: Section, figures: Mapping[str, str]) -> list[str]:
-    out: list[str] = []
-    for block in section.blocks:
-        match block:
-            case Text(paragraphs):
-                out += [_plain(paragraph) for paragraph in paragraphs]
-            case Points(items):
-                out.append("\n".join(f"- {_plain(item)}" for item in items))
-            case Numbers(items):
-                out.append(
-                    "\n".join(
-                        f"- **{_plain(f'{value} {unit}'.strip())}** {_plain(said)}" for value, unit, said in items
-                    )
-                )
-            case Commands(lines):
-                out.append(_fenced(lines))
-            case Table():
-                out += _table(block)
-            case Chart() | Scene():
-                out += _figure(block, figures)
-    return out
-
-
-def _figure(block: Chart | Scene, figures: Mapping[str, str]) -> list[str]:
-    title, file = _plain(block.title), figures.get(block.title)
-    shown = f"![{title}]({file})" if file else f"**Figure: {title}**"
-    return [shown, _plain(block.note)] if block.note else [shown]
-
-
-def _table(table: Table) -> list[str]:
-    if not len(table):
-        return []
-    marks = [":--" if k in table.text_columns else "--:" for k in range(len(table.header))]
-    lines = [_row(table.header), "|".join(["", *marks, ""])]
-    for heading, rows in table.groups:
-        lines += [_row((heading, *([""] * (len(table.header) - 1))))] if heading else []
-        lines += [_row(row) for row in rows]
-    out = [f"**{_plain(table.title)}**", "\n".join(lines)]
-    return [*out, _plain(table.note)] if table.note else out
-
-
-def _row(cells: tuple[str, ...]) -> str:
-    return f"| {' | '.join(_plain(cell) for cell in cells)} |"
+    return _template("report.md.j2").render(page=page, figures=figures or {})
 
 
 def _fenced(lines: str) -> str:

@@ -7,23 +7,22 @@ import numpy as np
 import plotly.graph_objects as go
 
 from taskcal.campaigns.performance import CyclePerformance, PathPerformance
-from taskcal.report.content import Block, Chart, Column, Numbers, Section, Table, Text
+from taskcal.report.content import Chart, Column, Numbers, Section, Table
 from taskcal.report.page import Page
 from taskcal.report.theme import BLUE, SERIES, SHAPES, VERMILION, add_series, styled
 
 
-def pose_performance_page(performance: CyclePerformance, source: str, *, version: str) -> Page:
+def pose_performance_page(performance: CyclePerformance, source: str) -> Page:
     """Make the page of poses.
 
     Args:
         performance: of the poses.
         source: file of the measurements.
-        version: of the package, for the footer.
     """
     summary = performance.summary()
     sections = [
-        Section(title="Summary", blocks=(Numbers(_worst_of_poses(performance)), Text((_MEANING,)))),
-        Section(title="Poses", blocks=(*_pose_charts(performance), tabulate_results("Every pose", summary["poses"]))),
+        Section("Summary", Numbers(*_worst_of_poses(performance)), _MEANING),
+        Section("Poses", *_pose_charts(performance), tabulate_results("Every pose", summary["poses"])),
     ]
     for key, title, words in (
         ("directions", "Directions of approach", "Distance between the means of several directions (7.2.3)."),
@@ -31,22 +30,23 @@ def pose_performance_page(performance: CyclePerformance, source: str, *, version
     ):
         if summary[key]:
             table = tabulate_results(f"All {title.lower()}", summary[key])
-            sections.append(Section(title=title, blocks=(Text((words,)), table)))
-    return _page("Performance of poses", sections, source, version)
+            sections.append(Section(title, words, table))
+    return _page("Performance of poses", sections, source)
 
 
-def path_performance_page(performance: PathPerformance, source: str, *, version: str) -> Page:
+def path_performance_page(performance: PathPerformance, source: str) -> Page:
     """Make the page of a path.
 
     Args:
         performance: of the path.
         source: file of the measurements.
-        version: of the package, for the footer.
     """
-    items = [(f"{performance.accuracy * 1e3:.3f}", "mm", "path accuracy AT_p: largest deviation of the mean pass")]
-    if performance.repeatability is not None:
-        items.append((f"{performance.repeatability * 1e3:.3f}", "mm", "path repeatability RT_p, at the worst point"))
-    items.append((str(performance.cycles), "", "passes"))
+    again = performance.repeatability
+    numbers = Numbers(
+        (f"{performance.accuracy * 1e3:.3f}", "mm", "path accuracy AT_p: largest deviation of the mean pass"),
+        None if again is None else (f"{again * 1e3:.3f}", "mm", "path repeatability RT_p, at the worst point"),
+        (str(performance.cycles), "", "passes"),
+    )
     figure = go.Figure()
     at = np.arange(len(performance.accuracy_along))
     for label, values, colour, dash in (
@@ -57,16 +57,16 @@ def path_performance_page(performance: PathPerformance, source: str, *, version:
             hover = "section %{x}: %{y:.3f} mm"
             add_series(figure, label, at, values * 1e3, colour, mode="lines", dash=dash, hover=hover)
     along = Chart(
-        title="Accuracy and repeatability along the path",
-        figure=styled(figure, height=400, x="section of the path", y="mm", zero=True),
-        note="A peak of accuracy: the path is missed the same way each time, mostly at a corner; this can be corrected. A peak of "
+        "Accuracy and repeatability along the path",
+        styled(figure, height=400, x="section of the path", y="mm", zero=True),
+        "A peak of accuracy: the path is missed the same way each time, mostly at a corner; this can be corrected. A peak of "
         "repeatability is random, and cannot.",
     )
     sections = [
-        Section(title="Summary", blocks=(Numbers(tuple(items)), Text((_MEANING,)))),
-        Section(title="Along the path", blocks=(along, tabulate_results("The path", [performance.summary()]))),
+        Section("Summary", numbers, _MEANING),
+        Section("Along the path", along, tabulate_results("The path", [performance.summary()])),
     ]
-    return _page("Performance along a path", sections, source, version)
+    return _page("Performance along a path", sections, source)
 
 
 _MEANING = (
@@ -76,26 +76,26 @@ _MEANING = (
 )
 
 
-def _page(title: str, sections: Sequence[Section], source: str, version: str) -> Page:
-    lead = f"Accuracy and repeatability after ISO 9283, from {source}."
-    return Page(title=title, sections=tuple(sections), lead=lead, footer=f"Page by Taskcal {version}.")
+def _page(title: str, sections: Sequence[Section], source: str) -> Page:
+    return Page(title=title, sections=sections, lead=f"Accuracy and repeatability after ISO 9283, from {source}.")
 
 
-def _worst_of_poses(performance: CyclePerformance) -> tuple[tuple[str, str, str], ...]:
+def _worst_of_poses(performance: CyclePerformance) -> list[tuple[str, str, str]]:
     poses = performance.poses.values()
-    accuracy = [one.accuracy for one in poses if one.accuracy is not None]
-    repeatability = [one.repeatability for one in poses if one.repeatability is not None]
-    items: list[tuple[str, str, str]] = []
-    if accuracy:
-        items.append((f"{max(accuracy) * 1e3:.3f}", "mm", "pose accuracy AP_p of the worst pose"))
-    if repeatability:
-        items.append((f"{max(repeatability) * 1e3:.3f}", "mm", "pose repeatability RP_l of the worst pose"))
-    items.append((str(len(performance.poses)), "", "poses, each direction of approach counted"))
-    items.append((str(min(one.cycles for one in poses)), "", "cycles at least; the standard requires 30"))
-    return tuple(items)
+    worst = {
+        "pose accuracy AP_p of the worst pose": [one.accuracy for one in poses if one.accuracy is not None],
+        "pose repeatability RP_l of the worst pose": [
+            one.repeatability for one in poses if one.repeatability is not None
+        ],
+    }
+    return [
+        *((f"{max(values) * 1e3:.3f}", "mm", said) for said, values in worst.items() if values),
+        (str(len(poses)), "", "poses, each direction of approach counted"),
+        (str(min(one.cycles for one in poses)), "", "cycles at least; the standard requires 30"),
+    ]
 
 
-def _pose_charts(performance: CyclePerformance) -> list[Block]:
+def _pose_charts(performance: CyclePerformance) -> list[Chart]:
     names = [f"{pose} {direction}".strip() for pose, direction in performance.poses]
     poses = list(performance.poses.values())
     bars, cycles = go.Figure(), go.Figure()
@@ -117,15 +117,15 @@ def _pose_charts(performance: CyclePerformance) -> list[Block]:
     styled(bars, height=380, x="pose", y="mm", zero=True).update_xaxes(type="category")
     return [
         Chart(
-            title="Accuracy and repeatability of every pose",
-            figure=bars,
-            note="Plain bars much higher than hatched ones: the errors are reproducible, and a calibration helps. Hatched ones as "
+            "Accuracy and repeatability of every pose",
+            bars,
+            "Plain bars much higher than hatched ones: the errors are reproducible, and a calibration helps. Hatched ones as "
             "high: it does not.",
         ),
         Chart(
-            title="Distance of every cycle from the mean of all",
-            figure=styled(cycles, height=380, x="cycle", y="from the mean of all cycles (mm)", zero=True, top=80),
-            note="Scatter without a trend: random. A line that falls and rises again: drift, such as warm-up.",
+            "Distance of every cycle from the mean of all",
+            styled(cycles, height=380, x="cycle", y="from the mean of all cycles (mm)", zero=True, top=80),
+            "Scatter without a trend: random. A line that falls and rises again: drift, such as warm-up.",
         ),
     ]
 

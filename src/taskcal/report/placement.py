@@ -11,7 +11,7 @@ from jaxtyping import Float
 from plotly.subplots import make_subplots
 
 from taskcal.correction.part_placement import PartPlacements, PlacedPart
-from taskcal.report.content import Block, Chart, Column, Numbers, Section, Table, Text
+from taskcal.report.content import Chart, Column, Numbers, Section, Table
 from taskcal.report.page import Page
 from taskcal.report.theme import BLUE, GREEN, INK, ORANGE, VERMILION, add_series, draw_slices, styled
 
@@ -141,13 +141,13 @@ def tabulate_placements(found: PartPlacements) -> Table:
     return Table.of(title, COLUMNS, [placed.summary() for placed in found.ranked[:SHOWN]])
 
 
-def tabulate_obstacles(found: PartPlacements) -> tuple[Table, ...]:
+def tabulate_obstacles(found: PartPlacements) -> Table | None:
     """Count rejected placements by their reasons; nothing where none is rejected."""
     reasons = Counter(_reason(placed) for placed in found.all if not placed.possible)
     if not reasons:
-        return ()
+        return None
     rows = [(reason, str(number)) for reason, number in reasons.most_common()]
-    return (Table.of_rows("Rejected placements", ("first reason", "placements"), rows),)
+    return Table.of_rows("Rejected placements", ("first reason", "placements"), rows)
 
 
 def _reason(placed: PlacedPart) -> str:
@@ -186,42 +186,36 @@ _MAPS = (
 )
 
 
-def placement_page(found: PartPlacements, robot: str, *, calibrated: bool, version: str) -> Page:
+def placement_page(found: PartPlacements, robot: str, *, calibrated: bool) -> Page:
     """Make the page of placements.
 
     Args:
         found: the placements.
         robot: its name.
         calibrated: whether they are based on a calibration, rather than on tolerances.
-        version: of the package, for the footer.
     """
     ranked = found.ranked
     said = [f"Present placement: {state_placement(found.now)}."]
     if ranked:
         said += [f"Best placement: {state_placement(ranked[0])}.", f"To reach it, {state_cost(found.now, ranked[0])}."]
-    blocks: list[Block] = [Numbers(_numbers(found)), Text((*said, MEANING))]
-    if ranked:
-        blocks.append(tabulate_placements(found))
-    sections = [Section(title="Best placements", blocks=tuple(blocks))]
+    best = tabulate_placements(found) if ranked else None
+    sections = [Section("Best placements", Numbers(*_numbers(found)), *said, MEANING, best)]
     axes = varied_axes(found)
     if axes:
         through = ranked[0] if ranked else max(found.all, key=lambda placed: placed.reached)
         chart = Chart(
-            title="Expected error over the region",
+            "Expected error over the region",
+            draw_placements(found, through),
+            _MAPS if len(axes) > 1 else "A gap: the program is not feasible as a whole there, or near a singularity.",
             least_width=700 if len(axes) > 2 else 0,
-            figure=draw_placements(found, through),
-            note=_MAPS
-            if len(axes) > 1
-            else "A gap: the program is not feasible as a whole there, or near a singularity.",
         )
-        sections.append(Section(title="Region", blocks=(chart, *tabulate_obstacles(found))))
+        sections.append(Section("Region", chart, tabulate_obstacles(found)))
     source = "calibrated" if calibrated else "by its tolerances, in its own base"
     return Page(
         title=f"Placement of {found.name}",
-        sections=tuple(sections),
+        sections=sections,
         lead=f"{len(found.all)} placements before the {robot}, {source}. {len(ranked)} are feasible and clear of singularities. "
         "Collisions are not checked.",
-        footer=f"Taskcal {version}.",
     )
 
 

@@ -15,7 +15,6 @@ from taskcal.report.content import (
     Scene,
     Section,
     Table,
-    Text,
     millimetres,
     state_model_error,
 )
@@ -163,7 +162,7 @@ def plan_scene(model: ErrorModel, plan: Plan, space: Workspace | None) -> Scene:
     )
 
 
-def plan_page(model: ErrorModel, task: Task, plan: Plan, *, seed: int, version: str) -> Page:
+def plan_page(model: ErrorModel, task: Task, plan: Plan, *, seed: int) -> Page:
     """Make the page of a plan.
 
     Args:
@@ -171,30 +170,26 @@ def plan_page(model: ErrorModel, task: Task, plan: Plan, *, seed: int, version: 
         task: what the plan is for.
         plan: the plan.
         seed: of the plan, for the footer.
-        version: of the package, for the footer.
     """
     error = (
         f"Model error: {state_model_error(plan.model_error * 1e3, plan.model_error_origin)}. It counts as noise of the "
         f"measurements; with it the expected error of a single pose is {plan.expected_at_a_pose * 1e3:.3f} mm."
     )
     by_count = Chart(
-        title="Expected error against the number of measured poses",
-        figure=draw_by_count(plan),
-        note="Beyond the plateau, more poses add little. The line is the greedy choice; exchange and refinement improve the plan "
+        "Expected error against the number of measured poses",
+        draw_by_count(plan),
+        "Beyond the plateau, more poses add little. The line is the greedy choice; exchange and refinement improve the plan "
         "at its end. Logarithmic scale.",
     )
     table = tabulate_expected_errors(plan, task.name)
-    blocks = (Numbers(_numbers(plan)), table, Text((error, _meaning(plan))), by_count, tabulate_by_count(plan))
+    blocks = (Numbers(*_numbers(plan)), table, error, _meaning(plan), by_count, tabulate_by_count(plan))
     poses = (plan_scene(model, plan, task.workspace), _tabulate_poses(model, plan), _tabulate_candidates(plan))
     robot = model.robot.title or model.robot.name
     return Page(
         title=f"Measurement poses for {task.name}",
-        sections=(
-            Section(title="Expected error of the plan", blocks=blocks),
-            Section(title="Measurement poses", blocks=poses),
-        ),
+        sections=(Section("Expected error of the plan", *blocks), Section("Measurement poses", *poses)),
         lead=f"{len(plan.q)} poses of the {robot}, chosen among {plan.candidates} feasible ones.",
-        footer=f"Taskcal {version}; robot {model.robot.name}; criterion {plan.criterion}; seed {seed}.",
+        source=f"robot {model.robot.name}; criterion {plan.criterion}; seed {seed}",
     )
 
 

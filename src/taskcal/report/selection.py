@@ -5,7 +5,7 @@ import plotly.graph_objects as go
 from taskcal.analysis.sensitivity import Sensitivity
 from taskcal.planning.selection import NestedModel, Selection
 from taskcal.planning.task_map import TaskCurves, TaskMaps
-from taskcal.report.content import Chart, Column, Numbers, Points, Section, Table, Text, millimetres, state_model_error
+from taskcal.report.content import Chart, Column, Numbers, Points, Section, Table, millimetres, state_model_error
 from taskcal.report.page import Page
 from taskcal.report.sensitivity import draw_effects, tabulate_effects
 from taskcal.report.task import task_section
@@ -103,7 +103,6 @@ def selection_page(
     *,
     accuracy: float | None,
     measured: str,
-    version: str,
 ) -> Page:
     """Make the page of a choice of parameters.
 
@@ -115,7 +114,6 @@ def selection_page(
         maps: errors over the task, with the chosen parameters identified.
         accuracy: that was asked for, metres.
         measured: which poses are measured, in words.
-        version: of the package, for the footer.
     """
     sections = [
         _how_many(model, selection, accuracy),
@@ -127,7 +125,7 @@ def selection_page(
         title=f"The parameters that {task.name} needs",
         sections=tuple(sections),
         lead=f"A smaller model of the {robot}, chosen by the error to be expected over the task.",
-        footer=f"Taskcal {version}; robot {model.robot.name}; measured: {measured}.",
+        source=f"robot {model.robot.name}; measured: {measured}",
     )
 
 
@@ -141,24 +139,21 @@ def _how_many(model: ErrorModel, selection: Selection, accuracy: float | None) -
         f"The {REFERENCES[name][0]} has {size} parameters; expected error {left * 1e3:.3f} mm."
         for name, (size, left) in selection.references.items()
     )
-    numbers = (
-        (f"{len(selection.kept)} of {len(model)}", "", "parameters are enough"),
-        (f"{chosen.expected * 1e3:.3f}", "mm", "expected 3D rms error over the task with these"),
-        (f"{selection.ladder[0].expected * 1e3:.3f}", "mm", "expected with all parameters"),
-        (f"{selection.before * 1e3:.3f}", "mm", "expected of the nominal model (registered)"),
-    )
     return Section(
-        title="Number of parameters",
-        blocks=(
-            Numbers(numbers),
-            Points((f"Chosen is {selection.why}.", f"Model error: {error}.", *references)),
-            Chart(
-                title="Expected task error against the number of parameters",
-                figure=draw_ladder(selection, accuracy),
-                note=_LADDER + (_CROSSED if chosen.cross_validated is not None else ""),
-            ),
-            tabulate_ladder(selection),
+        "Number of parameters",
+        Numbers(
+            (f"{len(selection.kept)} of {len(model)}", "", "parameters are enough"),
+            (f"{chosen.expected * 1e3:.3f}", "mm", "expected 3D rms error over the task with these"),
+            (f"{selection.ladder[0].expected * 1e3:.3f}", "mm", "expected with all parameters"),
+            (f"{selection.before * 1e3:.3f}", "mm", "expected of the nominal model (registered)"),
         ),
+        Points(f"Chosen is {selection.why}.", f"Model error: {error}.", *references),
+        Chart(
+            "Expected task error against the number of parameters",
+            draw_ladder(selection, accuracy),
+            _LADDER + (_CROSSED if chosen.cross_validated is not None else ""),
+        ),
+        tabulate_ladder(selection),
     )
 
 
@@ -167,19 +162,17 @@ def _which(model: ErrorModel, selection: Selection, effects: Sensitivity) -> Sec
     labels = {p.name: p.label for p in model.parameters}
     kept = ", ".join(labels.get(name, name) for name in selection.kept_groups)
     return Section(
-        title="Selected and dropped parameters",
-        blocks=(
-            Text((f"Selected: {kept or 'none, only tracker frame and targets'}.",)),
-            tabulate_dropped(selection, model),
-            Chart(
-                title="Effect of every parameter on the tool point",
-                least_width=700,
-                figure=draw_effects(effects),
-                note="Over the task's poses, along the robot's base axes and in space. A large effect does not make a parameter "
-                "necessary: it may depend linearly on others, or move the task as tracker frame and targets do.",
-            ),
-            tabulate_effects(effects),
+        "Selected and dropped parameters",
+        f"Selected: {kept or 'none, only tracker frame and targets'}.",
+        tabulate_dropped(selection, model),
+        Chart(
+            "Effect of every parameter on the tool point",
+            draw_effects(effects),
+            "Over the task's poses, along the robot's base axes and in space. A large effect does not make a parameter "
+            "necessary: it may depend linearly on others, or move the task as tracker frame and targets do.",
+            least_width=700,
         ),
+        tabulate_effects(effects),
     )
 
 

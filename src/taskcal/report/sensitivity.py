@@ -1,6 +1,7 @@
 """Sensitivity as a page: what every parameter does to the tool, which are determined, and where in the task it matters."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import plotly.graph_objects as go
@@ -11,13 +12,14 @@ from taskcal.analysis.identifiability import (
     NEGLIGIBLE,
     Direction,
     DistinguishableDirections,
+    EliminationRow,
     EliminationTable,
     Identifiability,
     describe_combination,
 )
 from taskcal.analysis.sensitivity import MeasuringNoise, Sensitivity
 from taskcal.planning.task_map import TaskCurves, TaskMaps
-from taskcal.report.content import Chart, Column, Numbers, Section, Table, Text
+from taskcal.report.content import Chart, Column, Numbers, Section, Table
 from taskcal.report.page import Page
 from taskcal.report.task import task_section
 from taskcal.report.theme import AXIS_COLOURS, GREY, INK, SERIES, SHAPES, add_series, styled, switch
@@ -172,30 +174,49 @@ def count_distinguishable(told_apart: DistinguishableDirections) -> str:
     )
 
 
-# The table of single parameters' effects over some poses.
+# The tables of single parameters: what elimination says of each, and their effects over some poses.
+
+
+def tabulate_eliminated(title: str, table: EliminationTable, rows: Iterable[EliminationRow]) -> Table:
+    """What was published of some parameters, which one other each equals at all poses, and what elimination at each set says.
+
+    Args:
+        title: of the table.
+        table: of all parameters.
+        rows: of it.
+    """
+    sets = list(table.eliminations)
+    columns = (
+        Column("parameter", "name"),
+        Column("symbol", "symbol", optional=True),
+        Column("published", "published", optional=True),
+        Column("equal to", "repeats"),
+        *(
+            Column(label if len(sets) > 1 else "full elimination", lambda row, label=label: row.eliminated[label])
+            for label in sets
+        ),
+    )
+    return Table.of(title, columns, rows)
+
+
+def tabulate_all_eliminated(table: EliminationTable, note: str = "") -> Table:
+    """The same of all parameters, which a page shows on demand."""
+    whole = tabulate_eliminated(f"Elimination of all {len(table.rows)} parameters", table, table.rows)
+    return replace(whole, note=note, folded=True)
 
 
 def tabulate_effects(found: Sensitivity) -> Table:
     """Largest and root mean square effect of every parameter: per unit, and for its tolerance."""
-    raw, scaled = (
-        np.vstack(
-            [
-                found.maximum(scaled=each),
-                found.maximum_in_space(scaled=each),
-                found.rms_per_axis(scaled=each),
-                found.rms(scaled=each),
-            ]
-        )
-        * (1e3 if each else found.to_shown())
-        for each in (False, True)
-    )
+    sizes = (found.maximum, found.maximum_in_space, found.rms_per_axis, found.rms)
+    raw = np.vstack([size() for size in sizes]) * found.to_shown()
+    scaled = np.vstack([size(scaled=True) for size in sizes]) * 1e3
     parameters = found.model.parameters
     kinds = [f"{kind}\n{axis}" for kind in ("largest", "rms") for axis in ("X", "Y", "Z", "space")]
     columns = (
         Column("parameter", lambda i: parameters[i].label),
         Column("unit", lambda i: parameters[i].shown.influence),
         *(Column(kind, values.__getitem__, ".3f") for kind, values in zip(kinds, raw, strict=True)),
-        Column("tolerance", lambda i: f"{parameters[i].tolerance * parameters[i].shown.factor:g} {parameters[i].shown.name}", "s"),
+        Column("tolerance", lambda i: parameters[i].stated_tolerance, "s"),
         *(Column(f"{kind} mm", values.__getitem__, ".3f") for kind, values in zip(kinds, scaled, strict=True)),
     )  # fmt: skip
     return Table.of(
@@ -215,7 +236,6 @@ def sensitivity_page(
     *,
     maps: TaskMaps | TaskCurves | None,
     poses: str,
-    version: str,
 ) -> Page:
     """Make the page of a sensitivity analysis.
 
@@ -226,7 +246,6 @@ def sensitivity_page(
         noise: of that measurement.
         maps: errors over the task, if there is one.
         poses: which poses these are, in words.
-        version: of the package, for the footer.
     """
     model = found.model
     sections = [_effects(found, table, told_apart), _elimination(found, table, told_apart, noise)]
@@ -236,9 +255,9 @@ def sensitivity_page(
     robot = model.robot.title or model.robot.name
     return Page(
         title=f"Sensitivity of the {robot}",
-        sections=tuple(sections),
+        sections=sections,
         lead=f"{len(model)} parameters over {poses}.",
-        footer=f"Taskcal {version}; robot {model.robot.name}.",
+        source=f"robot {model.robot.name}",
     )
 
 
@@ -246,25 +265,26 @@ def _effects(found: Sensitivity, table: EliminationTable, told_apart: Distinguis
     """Effects of every parameter."""
     model, eliminated = found.model, next(iter(table.eliminations.values()))
     largest = found.maximum_in_space(scaled=True)
-    numbers = (
-        (model.parameters[int(largest.argmax())].name, "", f"has the largest effect: {largest.max() * 1e3:.3f} mm"),
-        (f"{eliminated.rank} of {len(model)}", "", "parameters are linearly independent at these poses"),
-        (f"{told_apart.count} of {eliminated.rank}", "", "directions are determined by a measurement with noise"),
-        (f"{eliminated.condition_number:.0f}", "", "condition number of the independent parameters, columns of unit length"),
-    )  # fmt: skip
     return Section(
-        title="Effect of each parameter",
-        blocks=(
-            Numbers(numbers),
-            Chart(
-                title="Effect of every parameter on the tool point",
-                least_width=700,
-                figure=draw_effects(found),
-                note="A high bar: an ordinary defect moves the tool far. No bar: the parameter has no effect at these poses. Along "
-                "the base axes and in space, nominal model. A tolerance is one standard deviation.",
+        "Effect of each parameter",
+        Numbers(
+            (model.parameters[int(largest.argmax())].name, "", f"has the largest effect: {largest.max() * 1e3:.3f} mm"),
+            (f"{eliminated.rank} of {len(model)}", "", "parameters are linearly independent at these poses"),
+            (f"{told_apart.count} of {eliminated.rank}", "", "directions are determined by a measurement with noise"),
+            (
+                f"{eliminated.condition_number:.0f}",
+                "",
+                "condition number of the independent parameters, columns of unit length",
             ),
-            tabulate_effects(found),
         ),
+        Chart(
+            "Effect of every parameter on the tool point",
+            draw_effects(found),
+            "A high bar: an ordinary defect moves the tool far. No bar: the parameter has no effect at these poses. Along "
+            "the base axes and in space, nominal model. A tolerance is one standard deviation.",
+            least_width=700,
+        ),
+        tabulate_effects(found),
     )
 
 
@@ -272,30 +292,22 @@ def _elimination(
     found: Sensitivity, table: EliminationTable, told_apart: DistinguishableDirections, noise: MeasuringNoise
 ) -> Section:
     """Exactly independent parameters, and the directions that noise leaves determined."""
-    label, eliminated = next(iter(table.eliminations.items()))
-    columns = [
-        Column("parameter", "name"),
-        Column("symbol", "symbol"),
-        *([Column("published", "published")] if found.model.robot.published.source else []),
-        Column("equal to", "repeats"),
-        Column("full elimination", lambda row: row.eliminated[label]),
-    ]
+    eliminated = next(iter(table.eliminations.values()))
     counts = (
         f"{len(eliminated.zero)} parameters have no effect on the tool point, {len(eliminated.dependent)} equal a combination of "
         f"others, {len(eliminated.kept)} are independent. Tracker frame and targets, which are dependent on some of these too, are "
         "not counted here."
     )
     return Section(
-        title="Identifiable parameters",
-        blocks=(
-            Text((counts, f"{count_distinguishable(told_apart)}. Noise of the measurement: {noise.describe()}.")),
-            tabulate_distinguishable(told_apart, {p.name: p.symbol or p.name for p in found.model.parameters}),
-            Chart(
-                title="Singular values",
-                figure=draw_singular_values(table.eliminations),
-                note="Filled marks count: so many parameters are independent. A wide gap below them: the number is beyond doubt. "
-                "Filled marks far to the right and low: exactly independent, but lost in the noise of a measurement.",
-            ),
-            Table.of(f"Elimination of all {len(table.rows)} parameters", columns, table.rows, folded=True),
+        "Identifiable parameters",
+        counts,
+        f"{count_distinguishable(told_apart)}. Noise of the measurement: {noise.describe()}.",
+        tabulate_distinguishable(told_apart, {p.name: p.symbol or p.name for p in found.model.parameters}),
+        Chart(
+            "Singular values",
+            draw_singular_values(table.eliminations),
+            "Filled marks count: so many parameters are independent. A wide gap below them: the number is beyond doubt. "
+            "Filled marks far to the right and low: exactly independent, but lost in the noise of a measurement.",
         ),
+        tabulate_all_eliminated(table),
     )

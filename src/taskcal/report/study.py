@@ -4,7 +4,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from taskcal.planning.study import Study
-from taskcal.report.content import NOMINAL, Chart, Column, Section, Table, Text, state_model_error
+from taskcal.report.content import NOMINAL, Chart, Column, Section, Table, state_model_error
 from taskcal.report.page import Page
 from taskcal.report.theme import GREY, SERIES, styled, with_decades
 from taskcal.robot.error_model import ErrorModel
@@ -73,14 +73,13 @@ def describe_unlearnt(study: Study) -> str:
     )
 
 
-def study_page(model: ErrorModel, task: Task, study: Study, *, version: str) -> Page:
+def study_page(model: ErrorModel, task: Task, study: Study) -> Page:
     """Make the page of a study.
 
     Args:
         model: the model that the robots were drawn from.
         task: what they have to do.
         study: what it found.
-        version: of the package, for the footer.
     """
     error = state_model_error(study.model_error * 1e3, study.model_error_origin)
     text = (
@@ -90,19 +89,18 @@ def study_page(model: ErrorModel, task: Task, study: Study, *, version: str) -> 
         "and the accuracy is judged by that. It is uncorrelated here, but spatially correlated on a real robot.",
     )
     chart = Chart(
-        title="Task error over all robots",
-        figure=draw_study(study),
-        note="A low box: small errors; a long one: large spread. Boxes reach from the first to the third quartile, with the median "
+        "Task error over all robots",
+        draw_study(study),
+        "A low box: small errors; a long one: large spread. Boxes reach from the first to the third quartile, with the median "
         "in them. Logarithmic scale.",
     )
     robot = model.robot.title or model.robot.name
     unlearnt = f" Nothing was learnt {describe_unlearnt(study)}." if study.unlearnt else ""
-    blocks = (Text(text), chart, tabulate_study(study, task.name))
     return Page(
         title=f"Study of {task.name}",
-        sections=(Section(title="Error over the task", blocks=blocks),),
+        sections=(Section("Error over the task", *text, chart, tabulate_study(study, task.name)),),
         lead=f"{study.robots} simulated robots of type {robot}.{unlearnt}",
-        footer=f"Taskcal {version}; robot {model.robot.name}; seed {study.seed}.",
+        source=f"robot {model.robot.name}; seed {study.seed}",
     )
 
 

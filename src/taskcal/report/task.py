@@ -9,7 +9,7 @@ from jaxtyping import Float
 from plotly.subplots import make_subplots
 
 from taskcal.planning.task_map import Maps, Slice, TaskCurves, TaskMaps
-from taskcal.report.content import COVERAGE, NOMINAL, Block, Chart, Section, Text
+from taskcal.report.content import COVERAGE, NOMINAL, Chart, Section
 from taskcal.report.theme import (
     AXIS_COLOURS,
     SERIES,
@@ -138,22 +138,18 @@ def task_section(model: ErrorModel, maps: TaskMaps | TaskCurves, identified: str
         identified: which parameters are identified, in words.
         measured: at which poses, in words.
     """
-    meaning = Text(
-        (
-            "Nominal (registered): the measurements only determine tracker frame and targets. Identified: "
-            f"{identified} are estimated as well, from {measured}. Both are expected 3D rms errors in the tracker frame, in closed "
-            "form; tolerances alone are in the robot's base, where nothing is fitted.",
-        )
+    meaning = (
+        "Nominal (registered): the measurements only determine tracker frame and targets. Identified: "
+        f"{identified} are estimated as well, from {measured}. Both are expected 3D rms errors in the tracker frame, in closed "
+        "form; tolerances alone are in the robot's base, where nothing is fitted."
     )
-    blocks: tuple[Block, ...]
     if isinstance(maps, TaskCurves):
         curves = {"tolerances alone": maps.tolerance, NOMINAL: maps.before, "identified": maps.after}
-        blocks = (
-            meaning,
+        charts = (
             Chart(
-                title="Expected error, pose by pose",
-                figure=draw_curves(curves),
-                note="The farther the lowest line lies below the others, the more identification reduces the error there. "
+                "Expected error, pose by pose",
+                draw_curves(curves),
+                "The farther the lowest line lies below the others, the more identification reduces the error there. "
                 "Logarithmic scale.",
             ),
         )
@@ -164,21 +160,20 @@ def task_section(model: ErrorModel, maps: TaskMaps | TaskCurves, identified: str
             maps.effects, key=lambda name: -max(float(np.nanmax(m, initial=0.0)) for m in maps.effects[name])
         )
         views = {"identified": maps.after, NOMINAL: maps.before, "tolerances": maps.tolerance}
-        blocks = (
-            meaning,
+        charts = (
             Chart(
-                title="Expected error before and after identification",
-                least_width=700,
-                figure=draw_maps(maps.slices, views),
-                note="Bright is worse. Drawn in one tool orientation, that of the task's middle. White: out of the robot's reach "
+                "Expected error before and after identification",
+                draw_maps(maps.slices, views),
+                "Bright is worse. Drawn in one tool orientation, that of the task's middle. White: out of the robot's reach "
                 "there. Each view has its own scale of colours.",
+                least_width=700,
             ),
             Chart(
-                title="3D effect of a single parameter's tolerance",
-                least_width=700,
-                figure=draw_maps(maps.coarse, {labels[name]: maps.effects[name] for name in strongest}, from_zero=True),
-                note="One colour all over: the defect moves the whole task equally. Bright corners: it matters there most. Choose "
+                "3D effect of a single parameter's tolerance",
+                draw_maps(maps.coarse, {labels[name]: maps.effects[name] for name in strongest}, from_zero=True),
+                "One colour all over: the defect moves the whole task equally. Bright corners: it matters there most. Choose "
                 "the parameter in the list, which begins with the strongest. Each has its own scale of colours.",
+                least_width=700,
             ),
         )
-    return Section(title="Errors over the task", blocks=blocks)
+    return Section("Errors over the task", meaning, *charts)

@@ -55,6 +55,11 @@ class Parameter:
         """The unit in which people see it."""
         return ShownUnit.of(self.unit)
 
+    @property
+    def stated_tolerance(self) -> str:
+        """The tolerance in that unit, in words."""
+        return f"{self.tolerance * self.shown.factor:g} {self.shown.name}"
+
 
 def parameters_of(
     robot: Robot, names: Sequence[str], units: Sequence[str], stated: Mapping[str, float]

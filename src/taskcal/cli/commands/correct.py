@@ -193,7 +193,6 @@ def command(
             keep_joints=keep_joints,
             progress=begin,
         )
-    from taskcal.identification.provenance import package_version
     from taskcal.report.correction import correction_page, state_uncertain
 
     withheld, contents, written = destination.withholds(correction), dict[Path, str | bytes](), tuple[Path, ...]()
@@ -202,7 +201,7 @@ def command(
             contents |= correction.contents(destination.output)
         else:
             written = correction.write(destination.output)
-    made = page.compose(lambda: correction_page(correction, calibrated, version=package_version()))
+    made = page.compose(lambda: correction_page(correction, calibrated))
     outputs.write({**contents, **made})
     written = (*contents, *written)
     if written:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from taskcal.cli.options.common import OutputOptions, SeedOption, option
-from taskcal.cli.output import Outputs, check_outputs, say, show, started_as, tell, write_json
+from taskcal.cli.output import Outputs, say, show, started_as, tell, write_json
 from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
@@ -49,9 +49,8 @@ def command(
     """
     from taskcal.demo.closed_loop_report import closed_loop_files
     from taskcal.demo.procedure import ROBOT, run_procedure
-    from taskcal.demo.procedure_report import procedure_contents, procedure_html, procedure_json, procedure_names
+    from taskcal.demo.procedure_report import procedure_contents, procedure_files, procedure_json, procedure_page
     from taskcal.errors import FileError
-    from taskcal.identification.provenance import package_version
     from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
 
@@ -60,22 +59,22 @@ def command(
     except OSError as error:
         message = f"cannot make this folder: {error.strerror or error}; name another with --output"
         raise FileError(output, message) from error
-    paths = [output / name for name in ("report.html", *procedure_names())]
-    paths += closed_loop_files(output).values() if full else []
-    outputs = check_outputs("demo", [("--output", path) for path in paths], force=out.force)
+    files = {"page": output / "report.html", **procedure_files(output)}
+    paths = [*files.values(), *(closed_loop_files(output).values() if full else ())]
+    outputs = out.begin("demo", [("--output", path) for path in paths])
     with bar_over(["starting"], 5 + FITS) as begin:
         model = ErrorModel(load_robot(ROBOT))
         procedure = run_procedure(model, count=count, seed=seed, held_out=HELD_OUT, progress=begin)
         begin("figures and page")
-        page = output / "report.html"
-        files, contents = procedure_contents(procedure, output)
         commands = _next_steps(output, files)
-        contents[page] = procedure_html(procedure, next_steps=commands, version=package_version())
-        outputs.write(contents)
-    files = {"page": page, **files}
+        contents = {
+            "page": procedure_page(procedure, next_steps=commands).html(),
+            **procedure_contents(procedure),
+        }
+        outputs.write({files[name]: content for name, content in contents.items()})
     if not out.as_json:
         _show(procedure)
-        tell(f"The page with all tables and figures: {page}")
+        tell(f"The page with all tables and figures: {files['page']}")
         print(f"\nContinue with:\n{commands}")
     closed: dict[str, Any] = {}
     if full:
@@ -102,7 +101,8 @@ def _close_the_loop(
     with bar_over(["the closed loop"], 7 + len(seeds)) as begin:
         loop = prepare_closed_loop(robot, seed=seeds[0], progress=begin)
         runs = run_closed_loops(loop, seeds, begin, fits=folder / ROBOTS)
-        outputs.write(closed_loop_contents(loop, runs, files, next_steps=command))
+        contents = closed_loop_contents(loop, runs, next_steps=command)
+        outputs.write({files[name]: content for name, content in contents.items()})
     if not quiet:
         tell()
         show(replace(tabulate_closed_loop(runs), note=""))

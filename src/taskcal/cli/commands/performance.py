@@ -72,8 +72,7 @@ def _of_path(measured: Path, commanded: Path | None) -> "tuple[dict[str, Any], C
     from taskcal.errors import CampaignError, FileError
 
     cycles = read_path_cycles(measured, commanded)
-    from taskcal.identification.provenance import package_version  # after the file was read: figures take a while
-    from taskcal.report.performance import path_performance_page
+    from taskcal.report.performance import path_performance_page  # after the file was read: figures take a while
 
     try:
         performance = assess_path(
@@ -89,7 +88,7 @@ def _of_path(measured: Path, commanded: Path | None) -> "tuple[dict[str, Any], C
     if left_out:
         info(f"{len(left_out)} of {len(cycles.sections)} sections are not crossed by every pass and left out")
     result = {**performance.summary(), "left_out": left_out}
-    return result, lambda: path_performance_page(performance, str(measured), version=package_version())
+    return result, lambda: path_performance_page(performance, str(measured))
 
 
 def _of_poses(measured: Path, pairs: Sequence[tuple[str, str]] | None) -> "tuple[dict[str, Any], Callable[[], Page]]":
@@ -97,15 +96,14 @@ def _of_poses(measured: Path, pairs: Sequence[tuple[str, str]] | None) -> "tuple
     from taskcal.errors import CampaignError, FileError
 
     cycles = read_pose_cycles(measured)
-    from taskcal.identification.provenance import package_version  # after the file was read: figures take a while
-    from taskcal.report.performance import pose_performance_page
+    from taskcal.report.performance import pose_performance_page  # after the file was read: figures take a while
 
     try:
         performance = assess_cycles(cycles, pairs)
     except CampaignError as error:
         raise FileError(measured, str(error)) from error
     _ask_for_cycles("a pose", min(pose.cycles for pose in performance.poses.values()), POSE_CYCLES)
-    return performance.summary(), lambda: pose_performance_page(performance, str(measured), version=package_version())
+    return performance.summary(), lambda: pose_performance_page(performance, str(measured))
 
 
 def _ask_for_cycles(what: str, cycles: int, wanted: int) -> None:

@@ -110,11 +110,10 @@ def command(
             touched_off=touched_off,
             progress=lambda done, of: begin("placements"),
         )
-    from taskcal.identification.provenance import package_version
     from taskcal.report.placement import SHOWN, placement_page
 
     calibrated, name = calibration is not None, model.robot.title or model.robot.name
-    made = page.compose(lambda: placement_page(found, name, calibrated=calibrated, version=package_version()))
+    made = page.compose(lambda: placement_page(found, name, calibrated=calibrated))
     files_written = {**({} if output is None else {output: _csv(found)}), **made}
     outputs.write(files_written)
     result: dict[str, Any] = {

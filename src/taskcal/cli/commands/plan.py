@@ -257,11 +257,10 @@ def command(
             contents[source.path] = source.encode()
 
         def make() -> "Page":
-            from taskcal.identification.provenance import package_version
             from taskcal.report.plan import plan_page
 
             begin("page")
-            return plan_page(setting.model, setting.task, chosen, seed=choice.seed, version=package_version())
+            return plan_page(setting.model, setting.task, chosen, seed=choice.seed)
 
         made = page.compose(make)
         outputs.write({**contents, **made})

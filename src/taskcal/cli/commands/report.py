@@ -60,9 +60,8 @@ def command(
 
     calibrated = load_calibration(calibration)
     described = None if task is None else load_task(task)
-    from taskcal.identification.provenance import package_version
     from taskcal.planning.task_map import uncertainty_over  # after the files were read: figures take a while
-    from taskcal.report.calibration import Beside, calibration_page
+    from taskcal.report.calibration import calibration_page
 
     steps = [OVER_TASK] * (described is not None) + [DEPENDING, CLIMBING] * (measured.campaign is not None)
     with bar_over([*steps, PAGE, WRITING]) as begin:
@@ -72,13 +71,10 @@ def command(
             uncertainty = uncertainty_over(calibrated, described, out.seed)
         remainder, rungs = _examine(calibrated, measured, out.seed, begin)
         begin(PAGE)
-        shown = Beside(
-            over=uncertainty,
-            space=None if described is None else described.workspace,
-            remainder=remainder,
-            rungs=rungs,
+        space = None if described is None else described.workspace
+        files = out.compose(
+            lambda: calibration_page(calibrated, over=uncertainty, space=space, remainder=remainder, rungs=rungs)
         )
-        files = out.compose(lambda: calibration_page(calibrated, shown, version=package_version()))
         begin(WRITING)
         outputs.write(files)
 

@@ -85,7 +85,6 @@ def _page(
     seed: int,
 ) -> "Page":
     from taskcal.analysis.sensitivity import sensitivity
-    from taskcal.identification.provenance import package_version
     from taskcal.planning.task_map import map_task
     from taskcal.report.selection import selection_page
     from taskcal.task.task import reach_task
@@ -96,8 +95,7 @@ def _page(
     assumed = "60 poses assumed in the task" if task.workspace is not None else "60 poses assumed around the task"
     poses = assumed if campaign is None else f"the {len(campaign)} rows of {campaign.source}"
     effects = sensitivity(model, reached.q)
-    version = package_version()
-    return selection_page(model, task, selection, effects, maps, accuracy=accuracy, measured=poses, version=version)
+    return selection_page(model, task, selection, effects, maps, accuracy=accuracy, measured=poses)
 
 
 def _show(model: "ErrorModel", selection: "Selection", result: Mapping[str, Any], pages: str) -> None:

@@ -18,7 +18,7 @@ from taskcal.cli.options.common import (
     read_and_reach,
 )
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import files_of_task, show, show_facts, show_table, tell
+from taskcal.cli.output import files_of_task, show, show_facts, tell
 from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def command(
         contents |= page.compose(make)
     outputs.write(contents)
     result |= page.summary()
-    page.give(result, lambda: _show(result, told_apart, noise))
+    page.give(result, lambda: _show(result, elimination, told_apart, noise))
     if contents and not page.as_json:
         tell(f"wrote {page.in_words(contents)}")
 
@@ -113,7 +113,6 @@ def _page(
     task: Path | None,
     seed: int,
 ) -> "Page":
-    from taskcal.identification.provenance import package_version
     from taskcal.report.sensitivity import sensitivity_page
 
     model, poses = found.model, f"{len(found.matrix)} poses of a campaign"
@@ -132,7 +131,7 @@ def _page(
         poses += f", model error {state_model_error(hyper.model_error[0] * 1e3, hyper.origin)}"
         maps = map_task(model, asked, made, seed=seed)
     told_apart, noise = apart
-    return sensitivity_page(found, elimination, told_apart, noise, maps=maps, poses=poses, version=package_version())
+    return sensitivity_page(found, elimination, told_apart, noise, maps=maps, poses=poses)
 
 
 def _result(found: "Sensitivity", table: "EliminationTable", unreachable: float) -> dict[str, Any]:
@@ -195,40 +194,35 @@ def _result(found: "Sensitivity", table: "EliminationTable", unreachable: float)
     }
 
 
-def _show(result: Mapping[str, Any], told_apart: "DistinguishableDirections", noise: "MeasuringNoise") -> None:
-    from taskcal.report.sensitivity import count_distinguishable, tabulate_distinguishable
+def _show(
+    result: Mapping[str, Any],
+    table: "EliminationTable",
+    told_apart: "DistinguishableDirections",
+    noise: "MeasuringNoise",
+) -> None:
+    from taskcal.report.content import Column, Table
+    from taskcal.report.sensitivity import count_distinguishable, tabulate_distinguishable, tabulate_eliminated
 
-    found = result["identifiability"]
+    found, spaces = result["identifiability"], ("x", "y", "z", "space")
     fate = dict.fromkeys(found["kept"], "kept") | dict.fromkeys(found["zero"], "zero")
     fate |= dict.fromkeys(found["dependent"], "dependent")
-    rows = [
-        (
-            p["name"],
-            p["symbol"],
-            *(f"{p[f'max_{axis}']:.3f}" for axis in ("x", "y", "z", "space")),
-            p["unit"],
-            *(f"{p['tolerance_scaled_um'][axis]:.1f}" for axis in ("x", "y", "z", "space")),
-            fate[p["name"]],
-        )
-        for p in result["parameters"]
-    ]
-    header = ["parameter", "symbol", "x", "y", "z", "3D", "unit", "x µm", "y µm", "z µm", "3D µm", "elimination"]
-    named = any(p["symbol"] for p in result["parameters"])
-    show_table(
-        f"Maximum influence over {result['poses']} poses: per unit, and at the tolerance (1σ) in µm",
-        header if named else header[:1] + header[2:],
-        rows if named else [row[:1] + row[2:] for row in rows],
-        left=(0, 1, 6, 11) if named else (0, 5, 10),
-        spare=(2, 3, 4, 7, 8, 9, 1) if named else (1, 2, 3, 6, 7, 8),
+    columns = (
+        Column("parameter", "name"),
+        Column("symbol", "symbol", optional=True),
+        *(Column(axis.replace("space", "3D"), f"max_{axis}", ".3f") for axis in spaces),
+        Column("unit", "unit"),
+        *(
+            Column(f"{axis.replace('space', '3D')} µm", lambda p, axis=axis: p["tolerance_scaled_um"][axis], ".1f")
+            for axis in spaces
+        ),
+        Column("elimination", lambda p: fate[p["name"]]),
     )
-    said = [row for row in result["elimination"] if row["eliminated"] != "kept" or row["published"] not in ("", "kept")]
+    title = f"Maximum influence over {result['poses']} poses: per unit, and at the tolerance (1σ) in µm"
+    spare = ("x", "y", "z", "x µm", "y µm", "z µm", "symbol")
+    show(Table.of(title, columns, result["parameters"]), spare=spare)
+    said = [row for row in table.rows if row.eliminated["poses"] != "kept" or row.published not in ("", "kept")]
     if said:
-        columns = ["parameter", "symbol", "published", "equal to", "full elimination"]
-        cells = [[r["name"], r["symbol"], r["published"], r["repeats"], r["eliminated"]] for r in said]
-        stay = [k for k in range(5) if (named or k != 1) and (result["published"] or k != 2)]
-        shown = [[row[k] for k in stay] for row in cells]
-        title = "Linearly dependent parameters at these poses"
-        show_table(title, [columns[k] for k in stay], shown, left=range(5))
+        show(tabulate_eliminated("Linearly dependent parameters at these poses", table, said))
     indices = "  ".join(f"{name} {value:.3g}" for name, value in found["observability"].items())
     eliminated = f"{len(found['zero'])} without effect, {len(found['dependent'])} dependent, {len(found['kept'])} kept"
     symbols = {p["name"]: p["symbol"] or p["name"] for p in result["parameters"]}

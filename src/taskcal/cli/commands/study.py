@@ -121,10 +121,9 @@ def command(
     study = _run(model, calibration, described, choice, running)
 
     def make() -> "Page":
-        from taskcal.identification.provenance import package_version
         from taskcal.report.study import study_page
 
-        return study_page(model, described, study, version=package_version())
+        return study_page(model, described, study)
 
     made = page.compose(make)
     outputs.write({**({} if output is None else {output: study.to_frame().to_csv(index=False)}), **made})
