@@ -106,7 +106,7 @@ def test_what_is_measured_is_filled_into_the_plan(
         (["--observe", "wire", "--range-mm", "900,100"], "'900,100' is not a lower and a higher limit"),
         (["--observe", "wire", "--range-mm", "900"], "'900' is not 2 numbers"),
         (["--observe", "camera", "--mounted-axis", "0,0,0"], "0,0,0 is not a direction"),
-        (["--observe", "camera", "--fov-deg", "180"], "180 is not below 180"),
+        (["--observe", "camera", "--fov-deg", "180"], "180 is not between 0 and 180"),
         (["--observe", "socket", "--mounted-mm", "1,2"], "'1,2' is not 3 numbers"),
         (["--observe", "socket", "--approach-mm", "0"], "0 is not above zero"),
         (["--observe", "socket", "--campaign", "sockets.csv"], "begins anew"),

@@ -357,10 +357,6 @@ def test_published_and_none_are_sets_of_parameters(model, campaign) -> None:
     ("options", "hint"),
     [
         ({"prior": "none", "prior_scale": 2.0}, "--prior-scale / --prior"),
-        ({"model_error_mm": -1.0}, "--model-error-mm"),
-        ({"model_error_mm": float("nan")}, "--model-error-mm"),
-        ({"prior_scale": 0.0}, "--prior-scale"),
-        ({"mpe_to_sigma": 0.0}, "--mpe-to-sigma"),
         ({"keep": "J1,J1"}, "--keep"),
         ({"lengths_only": True, "keep": "published"}, "--lengths-only / --keep"),
     ],
@@ -369,3 +365,21 @@ def test_contradictory_fit_options_are_refused(options, hint) -> None:
     with pytest.raises(typer.BadParameter) as refused:
         FitCommandOptions(**options)
     assert refused.value.param_hint == hint
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("--model-error-mm", "-1", "-1 is not between 1e-06 and 1000"),
+        ("--model-error-mm", "nan", "nan is not between"),
+        ("--prior-scale", "0", "0 is not between"),
+        ("--mpe-to-sigma", "0", "0 is not between"),
+    ],
+)
+def test_numbers_out_of_their_bounds_are_wrong_usage(option: str, value: str, words: str, tmp_path, capsys) -> None:
+    (tmp_path / "campaign.csv").touch()
+    arguments = ["identify", str(tmp_path / "campaign.csv"), "-r", "ur5", "-o", str(tmp_path / "cal.json")]
+    assert main([*arguments, option, value]) == 2
+    said = capsys.readouterr().err
+    assert option in said
+    assert words in said

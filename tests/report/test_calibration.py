@@ -57,7 +57,7 @@ def test_page_states_the_validation_of_fitted_rows(of_poses):
     summary = validate(calibration, campaign).summary()
     again = Validation.of_residuals(calibration.residuals, calibration.T_tracker_base[:3, :3]).summary()
     assert again == pytest.approx(summary)
-    table = tabulate_errors("errors", {"tool": summary}, of="target")
+    table = tabulate_errors({"tool": summary}, of="target")
     page = calibration_page(calibration).html()
     assert table.header[0] == "target"
     assert "max mrad" in table.header
@@ -74,7 +74,7 @@ def test_page_states_model_error_of_rotation(of_poses):
 
 
 def test_errors_table_omits_absent_columns():
-    table = tabulate_errors("errors", {"a": {"mean_mm": 1.0, "n": 3}, "b": {"mean_mm": 2.0, "max_mrad": 0.5}})
+    table = tabulate_errors({"a": {"mean_mm": 1.0, "n": 3}, "b": {"mean_mm": 2.0, "max_mrad": 0.5}})
     assert table.header == ("rows", "mean mm", "max mrad", "points")
     assert table.rows == (("a", "1.000", "–", "3"), ("b", "2.000", "0.500", "–"))
 

@@ -120,7 +120,7 @@ def test_a_fit_says_what_the_command_line_says_to_the_digit(tab: Tab, example: t
     page.get_by_role("link", name="Show the result").click()
     tab.ready()
     shown = page.locator("table").first.inner_text()
-    printed = tabulate_errors("", {key: said[key] for key in ("nominal", "fitted", "held_out")})
+    printed = tabulate_errors({key: said[key] for key in ("nominal", "fitted", "held_out")})
     assert [cell for row in printed.rows for cell in row[1:] if cell not in shown.split()] == []
     assert "Tolerance of tasks/milling.toml met" in text_of(page)
     kept = json.loads((folder / "calibrations" / "measured-geometry.result.json").read_text())

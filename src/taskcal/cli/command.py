@@ -1,11 +1,11 @@
 """A command of the command line: its help ends with the effects it can take."""
 
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import MISSING, fields, is_dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, signature
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
 from typer import BadParameter
@@ -84,21 +84,65 @@ class Command(TyperCommand):
         return {name for parameter in self.params for name in parameter.opts}
 
 
-# The options of a command: single ones, and groups of them as one frozen value.
+# The options of a command, each declared once: single ones, and groups of them as one frozen value.
 
-TrustOption = Annotated[
-    bool,
-    typer.Option(
-        "--trust-xacro",
-        help="Let a xacro file read files outside its own folder and the environment, as a program that you trust.",
-    ),
-]
+
+@dataclass(frozen=True, kw_only=True)
+class Declared:
+    """An option, or an argument, which is named after the parameter or the field that gets its value."""
+
+    kind: Callable[..., Any] = typer.Option
+    metavar: str | None = None
+    help: str = ""
+    also: str = ""
+    """Another name of an option, such as ``-o``."""
+    named: str = ""
+    """Its name, where that is not the parameter's."""
+    more: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """As Typer has it."""
+
+    def of(self, parameter: str) -> Any:
+        """What Typer takes. A file is looked at by its reader alone, which reports what is wrong with it."""
+        names = (self.named or f"--{parameter.replace('_', '-')}", self.also) if self.kind is typer.Option else ()
+        return self.kind(*filter(None, names), metavar=self.metavar, readable=False, help=self.help, **self.more)
+
+
+def option(
+    default: Any, metavar: str | None = None, help: str = "", *, also: str = "", named: str = "", **more: Any
+) -> Any:
+    """Declare an option, in place of the default of a parameter or of a group's field.
+
+    Args:
+        default: its value where it is not given; ``...`` where it has to be given.
+        metavar: how help shows its value; None for a flag or a choice.
+        help: what it is.
+        also: another name, such as ``-o``.
+        named: its name, where that is not the parameter's.
+        more: as Typer has it.
+    """
+    return _field(default, Declared(metavar=metavar, help=help, also=also, named=named, more=more))
+
+
+def argument(default: Any, metavar: str, help: str, **more: Any) -> Any:
+    """Declare an argument, like `option`."""
+    return _field(default, Declared(kind=typer.Argument, metavar=metavar, help=help, more=more))
+
+
+def _field(default: Any, declared: Declared) -> Any:
+    return field(default=MISSING if default is ... else default, metadata={DECLARED: declared})
+
+
+DECLARED = "declared"
+
+TRUST = Declared(
+    help="Let a xacro file read files outside its own folder and the environment, as a program that you trust."
+)
 
 
 def laid_out(command: Callable[..., None]) -> Callable[..., None]:
     """Return a command as the command line reads it: every option a parameter of its own.
 
-    Where an annotation is a dataclass, its fields, annotated like parameters, take its place; the command gets the
+    Where an annotation is a dataclass, its fields, declared like parameters, take its place; the command gets the
     dataclass, which may check its values against one another as it is made. After a robot, or a source of one,
     ``--trust-xacro`` is added.
 
@@ -112,11 +156,10 @@ def laid_out(command: Callable[..., None]) -> Callable[..., None]:
     groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
     flat: list[Parameter] = []
     for name, parameter in signature(command).parameters.items():
-        one = parameter.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[name])
-        flat += _parameters(groups[name]) if name in groups else [one]
+        flat += _parameters(groups[name]) if name in groups else [_parameter(name, hints[name], parameter.default)]
     place = next((place for place, parameter in enumerate(flat) if parameter.name in ("robot", "source")), None)
     if place is not None:
-        flat.insert(place + 1, Parameter("trust_xacro", Parameter.KEYWORD_ONLY, default=False, annotation=TrustOption))
+        flat.insert(place + 1, _parameter("trust_xacro", Annotated[bool, TRUST], False))
 
     @wraps(command)
     def run(*, trust_xacro: bool = False, **given: Any) -> None:
@@ -138,12 +181,21 @@ def laid_out(command: Callable[..., None]) -> Callable[..., None]:
 def _parameters(group: type) -> list[Parameter]:
     """One for each field."""
     hints = get_type_hints(group, include_extras=True)
-    return [
-        Parameter(
-            field.name,
-            Parameter.KEYWORD_ONLY,
-            default=Parameter.empty if field.default is MISSING else field.default,
-            annotation=hints[field.name],
-        )
-        for field in fields(group)
-    ]
+    return [_parameter(one.name, hints[one.name], one) for one in fields(group)]
+
+
+def _parameter(name: str, hint: Any, default: Any) -> Parameter:
+    """A parameter as Typer takes it.
+
+    Args:
+        name: of the parameter.
+        hint: its type, which may be annotated with how it is declared.
+        default: its value where it is not given; or a field, which has that and may say how it is declared.
+    """
+    declared = next((one for one in getattr(hint, "__metadata__", ()) if isinstance(one, Declared)), None)
+    if isinstance(default, Field):
+        declared, default = default.metadata.get(DECLARED, declared), default.default
+    if declared is not None:
+        hint = Annotated[get_args(hint)[0] if get_origin(hint) is Annotated else hint, declared.of(name)]
+    default = Parameter.empty if default is MISSING else default
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=hint)

@@ -125,19 +125,6 @@ def show(table: Table, *, spare: Sequence[str] = (), note: bool = False) -> None
     print()
 
 
-def show_table(
-    title: str,
-    header: Sequence[str],
-    rows: Iterable[Sequence[str]],
-    *,
-    left: Iterable[int] = (0,),
-    spare: Sequence[int] = (),
-) -> None:
-    """Print a table that no page has; columns are flush right but for those in `left`."""
-    table = Table.of_rows(title, tuple(header), [tuple(row) for row in rows], text_columns=tuple(left))
-    show(table, spare=spare)
-
-
 def _in_a_cell(text: str) -> str:
     """A cell's text, without line feeds, which would break the table; a header's stand where it folds."""
     return " ".join(for_terminal(text).split("\n"))

@@ -76,17 +76,23 @@ ERRORS = (
 
 
 def tabulate_errors(
-    title: str, summaries: Mapping[str, Mapping[str, float | int]], *, of: str = "rows", note: str = ""
+    summaries: Mapping[str, Mapping[str, float | int]], title: str = "", *, of: str = "rows", note: str = ""
 ) -> Table:
     """Tabulate labelled `Validation.summary`s; axes are those of the robot's base.
 
     Args:
-        title: of the table.
         summaries: by label; columns that none of them has are left out.
+        title: of the table; what the columns are by default.
         of: title of the column of labels.
         note: what the table shows.
     """
     rows = [{"label": label, **summary} for label, summary in summaries.items()]
+    along_axes = any("max_x_mm" in summary for summary in summaries.values())
+    title = title or (
+        "Position error (base-frame components: maximum; 3D: max, mean, rms, p95), mm"
+        if along_axes
+        else "Error: measured less predicted"
+    )
     return Table.of(title, (Column(of, "label"), *ERRORS), rows, note=note)
 
 
@@ -156,7 +162,7 @@ def held_out_section(calibration: Calibration) -> Section:
     return Section(
         "Held-out error",
         f"{sentence[0].upper()}{sentence[1:]}.",
-        tabulate_errors("Position error of held-out rows", summaries, of="model", note=note),
+        tabulate_errors(summaries, "Position error of held-out rows", of="model", note=note),
         _tabulate_parts(held_out) if 1 < len(held_out.part_means) <= MAX_PARTS else None,
     )
 
@@ -587,7 +593,7 @@ def residuals_section(calibration: Calibration, errors: MeasuredErrors | None) -
         if not np.isnan(residuals[:, t]).all()
     }
     note = "Fit residuals underestimate the error; quote the held-out error. Any x, y and z are the axes of the robot's base."
-    blocks.append(tabulate_errors("Residuals of the fitted rows", summaries, of="target", note=note))
+    blocks.append(tabulate_errors(summaries, "Residuals of the fitted rows", of="target", note=note))
     return Section("Fit residuals", *blocks)
 
 

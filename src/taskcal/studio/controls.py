@@ -67,6 +67,44 @@ class ValueInput(Element, component="value_input.js"):
         return self
 
 
+class Dial:
+    """A slider and a number, in a row, that show one value."""
+
+    def __init__(
+        self,
+        name: str,
+        label: str,
+        unit: str,
+        limits: Sequence[float],
+        take: Callable[[str, bool], None],
+        every: float,
+        step: str = "any",
+    ) -> None:
+        """Show no value yet.
+
+        Args:
+            name: of what is set, before the slider.
+            label: what is set, as a screen reader says it.
+            unit: of the number.
+            limits: of the slider.
+            take: called with what is set, and whether the user left it there.
+            every: seconds between two calls at least.
+            step: of the slider.
+        """
+        low, high = (f"{limit:.6g}" for limit in limits)
+        with ui.element("div").classes("joint"):
+            text("span", name)
+            slider = ValueInput("range", label, "", min=low, max=high, step=step)
+            slider.on_moved(lambda given: take(given, False), every)
+            number = ValueInput("number", f"{label} ({unit})", "", step="any").classes("value")
+        self._fields = tuple(field.on_left(lambda given: take(given, True)) for field in (slider, number))
+
+    def show(self, value: str) -> None:
+        """Set both, unless the user has set them again meanwhile."""
+        for field in self._fields:
+            field.show(value)
+
+
 MAX_COLUMNS = 9
 """Beyond which a table is set smaller, to fit beside the road."""
 
@@ -157,42 +195,28 @@ def button(label: str, on_click: Callable[[], Any], *, plain: bool = False) -> T
     return made
 
 
-def table(caption: str, header: Sequence[str], rows: Iterable[Sequence[str]], words: Iterable[int] = (0,)) -> Element:
-    """A table of texts.
-
-    Args:
-        caption: what it shows.
-        header: of its columns.
-        rows: of cells.
-        words: columns of words, set flush left; the others are numbers.
-    """
-    left = set(words)
+def tabulated(shown: Table) -> Element:
+    """A table as reports and the command line have it."""
 
     def cell(tag: str, column: int, content: str) -> TextElement:
         kind = "words long" if len(content) > MAX_CELL else "words"
-        return text(tag, content).classes(kind if column in left else "")
+        return text(tag, content).classes(kind if column in shown.text_columns else "")
 
     with ui.element("div").classes("scroll").props("tabindex=0 role=region") as around:
-        set_attribute(around, "aria-label", caption)
-        with ui.element("table").classes("plain dense" if len(header) > MAX_COLUMNS else "plain"):
-            text("caption", caption)
+        set_attribute(around, "aria-label", shown.title)
+        with ui.element("table").classes("plain dense" if len(shown.header) > MAX_COLUMNS else "plain"):
+            text("caption", shown.title)
             with ui.element("thead"), ui.element("tr"):
-                for column, name in enumerate(header):
+                for column, name in enumerate(shown.header):
                     cell("th", column, name).props("scope=col")
             with ui.element("tbody"):
-                for row in rows:
+                for row in shown.rows:
                     with ui.element("tr"):
                         for column, content in enumerate(row):
                             cell("td", column, content)
-    return around
-
-
-def tabulated(shown: Table) -> Element:
-    """A table as reports and the command line have it."""
-    made = table(shown.title, shown.header, shown.rows, shown.text_columns)
     if shown.note:
         text("p", shown.note).classes("quiet")
-    return made
+    return around
 
 
 def number(

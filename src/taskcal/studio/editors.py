@@ -23,7 +23,7 @@ from taskcal.geometry.euler import from_angles, to_angles
 from taskcal.io.files import write_whole
 from taskcal.observations.point import Station, load_station
 from taskcal.robot.robot import Robot
-from taskcal.studio.controls import ValueInput, button, choice, drop_zone, facts, message, number, text
+from taskcal.studio.controls import Dial, button, choice, drop_zone, facts, message, number, text
 from taskcal.studio.project import CELL_ENDINGS, LAYOUT, STATION_ENDINGS, Project
 from taskcal.studio.steps import choose_file, show_error
 from taskcal.studio.task_box import FREE, TENTHS, THOUSANDTHS, TaskBox, ToolRoom
@@ -240,7 +240,7 @@ class BoxEditor:
         """
         self.box = box
         self._on_move, self._on_release = on_move, on_release
-        self._controls: dict[tuple[Property, int], tuple[ValueInput, ValueInput]] = {}
+        self._controls: dict[tuple[Property, int], Dial] = {}
         reach = float(np.ceil(robot.reach * 10.0) * 100.0)
         with ui.element("div").classes("side-by-side"):
             with ui.element("div"):
@@ -250,15 +250,16 @@ class BoxEditor:
                     add_views(view.scene, view.look, texts("task.space_of", robot=robot.title), texts)
                 text("p", texts("task.drag")).classes("quiet")
             with ui.element("div"):
-                ranges: dict[Property, tuple[float, float, float]] = {
-                    "center": (-reach, reach, STEP_MM),
-                    "size": (SMALLEST_MM, reach, STEP_MM),
-                    "turn": (-180.0, 180.0, STEP_DEG),
+                ranges: dict[Property, tuple[tuple[float, float], float]] = {
+                    "center": ((-reach, reach), STEP_MM),
+                    "size": ((SMALLEST_MM, reach), STEP_MM),
+                    "turn": ((-180.0, 180.0), STEP_DEG),
                 }
-                for of, limits in ranges.items():
+                for of, (limits, step) in ranges.items():
                     text("h2", texts(f"task.{of}"))
                     for axis, letter in enumerate("xyz"):
-                        self._add_controls(of, axis, f"{texts(f'task.{of}')} {letter}", letter, limits)
+                        label, take = f"{texts(f'task.{of}')} {letter}", partial(self._take, of, axis)
+                        self._controls[of, axis] = Dial(letter, label, UNITS[of], limits, take, UPDATES_S, f"{step:g}")
         self._show()
 
     def change(self, box: TaskBox, *, release: bool = True, held: Part | None = None) -> None:
@@ -280,20 +281,7 @@ class BoxEditor:
         """Save a box whose orientations are others in number; the page has to be shown anew."""
         self.box = self._on_release(box)
 
-    def _add_controls(
-        self, of: Property, axis: int, label: str, letter: str, limits: tuple[float, float, float]
-    ) -> None:
-        low, high, step = limits
-        with ui.element("div").classes("joint"):
-            text("span", letter)
-            slider = ValueInput("range", label, "", min=f"{low:g}", max=f"{high:g}", step=f"{step:g}")
-            slider.on_moved(lambda given: self._take(of, axis, given), UPDATES_S)
-            slider.on_left(lambda given: self._take(of, axis, given, release=True))
-            number = ValueInput("number", f"{label} ({UNITS[of]})", "", step="any").classes("value")
-            number.on_left(lambda given: self._take(of, axis, given, release=True))
-        self._controls[of, axis] = (slider, number)
-
-    def _take(self, of: Property, axis: int, given: str, *, release: bool = False) -> None:
+    def _take(self, of: Property, axis: int, given: str, release: bool) -> None:
         """A length from the browser, millimetres, or an angle, degrees."""
         try:
             value = float(given)
@@ -318,10 +306,8 @@ class BoxEditor:
         Args:
             held: what of it the mouse has in the scene.
         """
-        for (of, axis), controls in self._controls.items():
-            value = f"{getattr(self.box, of)[axis]:.{2 if of == 'turn' else 1}f}"
-            for control in controls:
-                control.show(value)
+        for (of, axis), control in self._controls.items():
+            control.show(f"{getattr(self.box, of)[axis]:.{2 if of == 'turn' else 1}f}")
         workspace = self.box.workspace
         R = workspace.T_base_frame[:3, :3]
         tools = [(R @ room.rotation, room) for room in workspace.orientations]

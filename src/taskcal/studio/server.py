@@ -38,6 +38,7 @@ from taskcal.studio.pages import (
 )
 from taskcal.studio.pages.robot_page import warm_up
 from taskcal.studio.runs import Studio
+from taskcal.studio.steps import show_error
 from taskcal.studio.texts import LANGUAGES, LIBRARY_LANGUAGE, Texts, preferred
 
 # What is let through to the studio: its own pages' requests, to its own address, of bounded size.
@@ -218,7 +219,7 @@ class Page:
     key: str
     """Its path without the slash, and where its texts stand."""
     build: "Callable[[Studio, Texts], Awaitable[None]]"
-    """Fills it, once the browser shows what surrounds it."""
+    """Fills it, once the browser shows what surrounds it; a `TaskcalError` ends it, and is shown."""
 
 
 def add_page(page: Page, road: tuple[Page, ...], studio: Studio) -> None:
@@ -239,7 +240,10 @@ def add_page(page: Page, road: tuple[Page, ...], studio: Studio) -> None:
                 waiting = text("p", texts("frame.loading")).props("role=status").classes("quiet")
         await client.connected(timeout=30)
         with place:
-            await page.build(studio, texts)
+            try:
+                await page.build(studio, texts)
+            except TaskcalError as error:  # of a file: what was shown before it stays
+                show_error(studio.project, error)
             waiting.delete()
             place.props("data-ready=1")
 

@@ -1,20 +1,19 @@
 """``taskcal compare``: what changed between calibrations of one robot."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
+from taskcal.cli.command import argument, option
 from taskcal.cli.options.common import (
     REACHING,
-    TASK,
     CountOption,
     JsonOption,
     SeedOption,
-    argument,
-    check_above_zero,
+    above_zero,
     look_at_calibration,
-    option,
+    metres,
     read_and_reach,
 )
 from taskcal.cli.output import info, say, show, show_facts, write_json
@@ -25,22 +24,22 @@ if TYPE_CHECKING:
 
 
 def command(
-    calibrations: Annotated[
-        list[Path],
-        argument(
-            "CAL.json CAL.json…",
-            "Calibrations; each is compared with the first.",
-            callback=lambda paths: [look_at_calibration(path) for path in paths],
-        ),
-    ],
-    task: Annotated[Path | None, option(*TASK, "Compare over this task; by default at the measured poses.")] = None,
-    accuracy_mm: Annotated[
-        float | None,
-        option("--accuracy-mm", "MM", "Required accuracy, for whether recalibration is due; by default the task's."),
-    ] = None,
-    all_parameters: Annotated[
-        bool, option("--parameters", help="List all parameters, not only those that changed significantly.")
-    ] = False,
+    *,
+    calibrations: list[Path] = argument(
+        ...,
+        "CAL.json CAL.json…",
+        "Calibrations; each is compared with the first.",
+        callback=lambda paths: [look_at_calibration(path) for path in paths],
+    ),
+    task: Path | None = option(
+        None, "TASK.toml", "Compare over this task; by default at the measured poses.", also="-t"
+    ),
+    accuracy_mm: float | None = option(
+        None, "MM", "Required accuracy, for whether recalibration is due; by default the task's.", callback=above_zero
+    ),
+    all_parameters: bool = option(
+        False, named="--parameters", help="List all parameters, not only those that changed significantly."
+    ),
     count: CountOption = 200,
     seed: SeedOption = 0,
     as_json: JsonOption = False,
@@ -49,7 +48,6 @@ def command(
 
     Tracker frames and targets do not count, nor does it matter which parameters each calibration estimates.
     """
-    check_above_zero(accuracy_mm, "--accuracy-mm")
     if len(calibrations) < 2:
         raise typer.BadParameter("name two calibrations or more", param_hint="CAL.json")
     from taskcal.identification.calibration import load_calibration
@@ -57,7 +55,7 @@ def command(
     from taskcal.task.task import load_task
 
     first, *others = [load_calibration(path) for path in calibrations]
-    accuracy, q = None if accuracy_mm is None else accuracy_mm * 1e-3, None
+    accuracy, q = metres(accuracy_mm), None
     names, compared = [f"comparing {path}" for path in calibrations[1:]], dict[Path, "Comparison"]()
     with bar_over([*([] if task is None else [REACHING]), *names]) as begin:
         if task is not None:

@@ -1,27 +1,27 @@
 """``taskcal convert``: a file of measurements as plain CSV or as Parquet."""
 
 from pathlib import Path
-from typing import Annotated
 
+from taskcal.cli.command import argument, option
 from taskcal.cli.options.campaign import TableOptions
-from taskcal.cli.options.common import ForceOption, RobotOption, argument, option
-from taskcal.cli.output import check_outputs, info
+from taskcal.cli.options.common import OutputOptions, RobotOption
+from taskcal.cli.output import info
 
 
 def command(
-    file: Annotated[Path, argument("FILE", "Joints, points or both: text in columns, a workbook (.xlsx), or a log.")],
-    robot: RobotOption,
-    output: Annotated[Path, option("--output -o", "OUT.csv", "Output CSV, or Parquet if it ends in .parquet.")],
     *,
+    file: Path = argument(..., "FILE", "Joints, points or both: text in columns, a workbook (.xlsx), or a log."),
+    robot: RobotOption,
+    output: Path = option(..., "OUT.csv", "Output CSV, or Parquet if it ends in .parquet.", also="-o"),
     table: TableOptions,
-    force: ForceOption = False,
+    out: OutputOptions,
 ) -> None:
     """Convert a file of measurements to plain CSV or Parquet.
 
     One row per pose, units in the column names, shots of one pose averaged. Every inference and every column left out is reported
     in a line.
     """
-    outputs = check_outputs("convert", [("--output", output)], [file, table.points, robot], force=force)
+    outputs = out.begin("convert", [("--output", output)], [file, table.points, robot])
     from taskcal.reading.reader import campaign_of, read_measurements
     from taskcal.reading.writer import as_parquet, campaign_text, readings_text
     from taskcal.robot.catalogue import load_robot
@@ -33,5 +33,13 @@ def command(
     outputs.write({output: as_parquet(text) if output.suffix.lower() == ".parquet" else text})
     for note in readings.notes:
         info(note)
-    holding = " and ".join(filter(None, ["joints" if readings.q is not None else "", ", ".join(readings.points)]))
-    info(f"{output}: {len(readings)} poses with {holding or 'nothing'}")
+    result = {
+        "file": output,
+        "robot": of.name,
+        "rows": len(readings),
+        "joints": readings.q is not None,
+        "targets": list(readings.points),
+        "notes": list(readings.notes),
+    }
+    holding = " and ".join(filter(None, ["joints" if result["joints"] else "", ", ".join(readings.points)]))
+    out.give(result, lambda: info(f"{output}: {len(readings)} poses with {holding or 'nothing'}"))

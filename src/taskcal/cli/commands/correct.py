@@ -1,14 +1,15 @@
 """``taskcal correct``: a robot program and a calibration in, a corrected program out."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from robot_programs.core.files import is_backup
-from taskcal.cli.options.common import argument, check_above_zero, look_at_calibration, option
+from taskcal.cli.command import argument, option
+from taskcal.cli.options.common import above_zero, look_at_calibration, metres
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import info, keep_note, read_note, show, show_facts, tell
 from taskcal.cli.progress import bar_over
@@ -34,19 +35,15 @@ class DestinationOptions:
         typer.BadParameter: neither a place nor a dry run.
     """
 
-    output: Annotated[
-        Path | None,
-        option(
-            "--output -o",
-            "OUT",
-            "File to write, or folder, where the files keep their names. A file of another language (.mod, .src, .csv) becomes a "
-            "new program.",
-        ),
-    ] = None
-    dry_run: Annotated[bool, option("--dry-run", help="Show the table without writing a program.")] = False
-    accept_uncertain: Annotated[
-        bool, option("--accept-uncertain", help="Write the program even if the uncertainty exceeds the correction.")
-    ] = False
+    output: Path | None = option(
+        None,
+        "OUT",
+        "File to write, or folder, where the files keep their names. A file of another language (.mod, .src, .csv) becomes a "
+        "new program.",
+        also="-o",
+    )
+    dry_run: bool = option(False, help="Show the table without writing a program.")
+    accept_uncertain: bool = option(False, help="Write the program even if the uncertainty exceeds the correction.")
 
     def __post_init__(self) -> None:
         if self.output is None and not self.dry_run:
@@ -74,16 +71,11 @@ class CellOptions:
         typer.BadParameter: a name of the cell file, without the file.
     """
 
-    cell: Annotated[
-        Path | None,
-        option("--cell", "CELL.toml", "Measured frames of tools and parts; by default those of the controller."),
-    ] = None
-    tool: Annotated[
-        str | None, option("--tool", "NAME", "Tool of the cell file, for APT and CSV, which name none.")
-    ] = None
-    part: Annotated[
-        str | None, option("--part", "NAME", "Part of the cell file, for APT and CSV, which name none.")
-    ] = None
+    cell: Path | None = option(
+        None, "CELL.toml", "Measured frames of tools and parts; by default those of the controller."
+    )
+    tool: str | None = option(None, "NAME", "Tool of the cell file, for APT and CSV, which name none.")
+    part: str | None = option(None, "NAME", "Part of the cell file, for APT and CSV, which name none.")
 
     def __post_init__(self) -> None:
         for name, given in ((self.tool, "--tool"), (self.part, "--part")):
@@ -93,33 +85,23 @@ class CellOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class BoundsOptions:
-    """Limits of the correction.
+    """Limits of the correction."""
 
-    Raises:
-        typer.BadParameter: a bound is not above zero.
-    """
-
-    tolerance_mm: Annotated[
-        float | None,
-        option(
-            "--tolerance-mm",
-            "MM",
-            "Maximum deviation from lines and arcs; by default 0.02, or a fifth of the uncertainty if larger, up to all of it if "
-            "the program would grow by more than half.",
-            show_default=False,
-        ),
-    ] = None
-    max_shift_mm: Annotated[
-        float, option("--max-shift-mm", "MM", "Maximum shift of a target; larger corrections are rejected.")
-    ] = 5.0
-    max_turn_deg: Annotated[
-        float, option("--max-turn-deg", "DEG", "Maximum rotation of a target; larger corrections are rejected.")
-    ] = 1.0
-    max_joint_deg: Annotated[float, option("--max-joint-deg", "DEG", "Maximum joint change at a target.")] = 5.0
-
-    def __post_init__(self) -> None:
-        for bound in fields(self):
-            check_above_zero(getattr(self, bound.name), f"--{bound.name.replace('_', '-')}")
+    tolerance_mm: float | None = option(
+        None,
+        "MM",
+        "Maximum deviation from lines and arcs; by default 0.02, or a fifth of the uncertainty if larger, up to all of it if "
+        "the program would grow by more than half.",
+        show_default=False,
+        callback=above_zero,
+    )
+    max_shift_mm: float = option(
+        5.0, "MM", "Maximum shift of a target; larger corrections are rejected.", callback=above_zero
+    )
+    max_turn_deg: float = option(
+        1.0, "DEG", "Maximum rotation of a target; larger corrections are rejected.", callback=above_zero
+    )
+    max_joint_deg: float = option(5.0, "DEG", "Maximum joint change at a target.", callback=above_zero)
 
     def bounds(self) -> "Bounds":
         """In metres and radians."""
@@ -128,7 +110,7 @@ class BoundsOptions:
         from taskcal.correction.correction import Bounds
 
         return Bounds(
-            tolerance=None if self.tolerance_mm is None else self.tolerance_mm * 1e-3,
+            tolerance=metres(self.tolerance_mm),
             shift=self.max_shift_mm * 1e-3,
             turn=radians(self.max_turn_deg),
             joint=radians(self.max_joint_deg),
@@ -136,27 +118,20 @@ class BoundsOptions:
 
 
 def command(
-    programs: Annotated[
-        list[Path],
-        argument(
-            "PROGRAM [MORE …]",
-            "Its files (RAPID, KRL, TP, APT or CSV), or a folder or zip file of them, such as a backup.",
-        ),
-    ],
-    calibration: Annotated[
-        Path,
-        option(
-            "--calibration -c", "CAL.json", "Calibration written by taskcal identify.", callback=look_at_calibration
-        ),
-    ],
+    *,
+    programs: list[Path] = argument(
+        ...,
+        "PROGRAM [MORE …]",
+        "Its files (RAPID, KRL, TP, APT or CSV), or a folder or zip file of them, such as a backup.",
+    ),
+    calibration: Path = option(
+        ..., "CAL.json", "Calibration written by taskcal identify.", also="-c", callback=look_at_calibration
+    ),
     destination: DestinationOptions,
     around: CellOptions,
     limits: BoundsOptions,
-    keep_joints: Annotated[
-        bool, option("--keep-joints", help="Leave motions to joint positions unchanged, such as to a home position.")
-    ] = False,
-    again: Annotated[bool, option("--again", help="Correct a program that taskcal correct wrote.")] = False,
-    *,
+    keep_joints: bool = option(False, help="Leave motions to joint positions unchanged, such as to a home position."),
+    again: bool = option(False, help="Correct a program that taskcal correct wrote."),
     page: PageOptions,
 ) -> None:
     """Correct a robot program with the calibrated model.

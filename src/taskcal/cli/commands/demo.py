@@ -2,9 +2,10 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from taskcal.cli.options.common import OutputOptions, SeedOption, option
+from taskcal.cli.command import option
+from taskcal.cli.options.common import OutputOptions, SeedOption
 from taskcal.cli.output import Outputs, say, show, started_as, tell, write_json
 from taskcal.cli.progress import bar_over
 
@@ -22,20 +23,15 @@ ROBOTS = "robots"
 
 
 def command(
-    output: Annotated[Path, option("--output -o", "FOLDER", "Folder of the results; made if absent.")] = Path(
-        "taskcal-demo"
-    ),
-    count: Annotated[int, option("--count -n", help="Measured poses of each campaign.", min=10)] = 60,
-    seed: SeedOption = 0,
-    full: Annotated[
-        bool,
-        option(
-            "--full",
-            help="Continue to a corrected milling program: measure, identify and correct virtual robots (half a minute each).",
-        ),
-    ] = False,
-    robots: Annotated[int, option("--robots", "N", "Virtual robots of the closed loop, with --full.", min=1)] = 20,
     *,
+    output: Path = option(Path("taskcal-demo"), "FOLDER", "Folder of the results; made if absent.", also="-o"),
+    count: int = option(60, also="-n", help="Measured poses of each campaign.", min=10),
+    seed: SeedOption = 0,
+    full: bool = option(
+        False,
+        help="Continue to a corrected milling program: measure, identify and correct virtual robots (half a minute each).",
+    ),
+    robots: int = option(20, "N", "Virtual robots of the closed loop, with --full.", min=1),
     out: OutputOptions,
 ) -> None:
     """Run the published procedure on a virtual robot.

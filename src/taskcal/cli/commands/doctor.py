@@ -2,18 +2,20 @@
 
 import os
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from taskcal.cli.options.common import OutputOptions, argument, option
-from taskcal.cli.output import info, show_table, tell
+from taskcal.cli.command import argument, option
+from taskcal.cli.options.common import OutputOptions
+from taskcal.cli.output import info, show, tell
 from taskcal.cli.progress import bar_by_parts
 from taskcal.errors import TaskcalError, UnitError
+from taskcal.report.content import Column, Table, millimetres
 
 if TYPE_CHECKING:
     from taskcal.diagnosis.diagnose import Diagnosis
@@ -21,12 +23,10 @@ if TYPE_CHECKING:
 
 
 def command(
-    campaign: Annotated[Path | None, argument("[CAMPAIGN.csv]", "Measurements to diagnose.")] = None,
-    robot: Annotated[
-        str | None, option("--robot -r", "ROBOT", "The campaign's robot: catalogue name, or file.")
-    ] = None,
-    fix: Annotated[Path | None, option("--fix", "OUT.csv", "Output CSV: the campaign with the mistakes fixed.")] = None,
     *,
+    campaign: Path | None = argument(None, "[CAMPAIGN.csv]", "Measurements to diagnose."),
+    robot: str | None = option(None, "ROBOT", "The campaign's robot: catalogue name, or file.", also="-r"),
+    fix: Path | None = option(None, "OUT.csv", "Output CSV: the campaign with the mistakes fixed."),
     out: OutputOptions,
 ) -> None:
     """Diagnose a campaign, or (without arguments) check the installation.
@@ -57,6 +57,19 @@ def command(
 
 
 MAX_SUBJECTS = 6
+
+
+def _subjects(subject: Sequence[str]) -> str:
+    return ", ".join(subject[:MAX_SUBJECTS]) + (", …" if len(subject) > MAX_SUBJECTS else "")
+
+
+FINDINGS = (
+    Column("finding", "id"),
+    Column("of", lambda finding: _subjects(finding.subject)),
+    millimetres("error, mm", "error_before", ".2f"),
+    millimetres("error if fixed, mm", "error_after", ".2f"),
+    Column("confidence", "confidence", ".0%"),
+)
 MAX_USEFUL_RATIO = 0.99
 """Ratio of the error if fixed to the error, up to which a finding is a hint: one that changes nothing is not the cause."""
 
@@ -65,23 +78,9 @@ def _show(diagnosis: "Diagnosis", campaign: Path) -> None:
     if not diagnosis.findings:
         tell(f"{campaign}: no mistake found")
         return
-    rows = [
-        (
-            finding.id,
-            ", ".join(finding.subject[:MAX_SUBJECTS]) + (", …" if len(finding.subject) > MAX_SUBJECTS else ""),
-            _millimetres(finding.error_before),
-            _millimetres(finding.error_after),
-            f"{finding.confidence:.0%}",
-        )
-        for finding in diagnosis.findings
-    ]
-    show_table("", ("finding", "of", "error, mm", "error if fixed, mm", "confidence"), rows, left=range(2))
+    show(Table.of("", FINDINGS, diagnosis.findings))
     for finding in diagnosis.findings:
         tell(f"{finding.id}: {finding.fix}")
-
-
-def _millimetres(error: float | None) -> str:
-    return "–" if error is None else f"{error * 1e3:.2f}"
 
 
 def diagnose_file(path: Path, robot: "Robot") -> "Diagnosis":
@@ -94,10 +93,10 @@ def diagnose_file(path: Path, robot: "Robot") -> "Diagnosis":
     from taskcal.reading.reader import read_campaign
 
     campaign = read_campaign(path, open_limits(robot))
-    with bar_by_parts("testing the usual mistakes") as show:
+    with bar_by_parts("testing the usual mistakes") as progress:
         from taskcal.diagnosis.diagnose import diagnose  # only for what could be read: it takes a second to import
 
-        return diagnose(campaign, robot, progress=show)
+        return diagnose(campaign, robot, progress=progress)
 
 
 def with_first_finding(refusal: TaskcalError, path: Path, robot: "Robot") -> str:
@@ -126,8 +125,12 @@ def with_first_finding(refusal: TaskcalError, path: Path, robot: "Robot") -> str
 def _check_installation(out: OutputOptions) -> None:
     checks = [{"name": name, **_check(look)} for name, look in _LOOKS.items()]
     healthy = all(check["ok"] for check in checks)
-    rows = [(str(check["name"]), "ok" if check["ok"] else "BROKEN", str(check["found"])) for check in checks]
-    out.give({"ok": healthy, "checks": checks}, lambda: show_table("", ("", "", "found"), rows, left=range(3)))
+    columns = (
+        Column("", "name"),
+        Column("", lambda check: "ok" if check["ok"] else "BROKEN"),
+        Column("found", "found"),
+    )
+    out.give({"ok": healthy, "checks": checks}, lambda: show(Table.of("", columns, checks)))
     if not healthy:
         raise typer.Exit(1)
 

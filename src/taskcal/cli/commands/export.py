@@ -2,22 +2,22 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
+from taskcal.cli.command import option
 from taskcal.cli.options.common import (
     REACHING,
-    TASK,
     CalibrationArgument,
     CountOption,
     OutputOptions,
     SeedOption,
-    option,
     read_and_reach,
 )
-from taskcal.cli.output import files_of_task, info, plain, show_facts, show_table, tell
+from taskcal.cli.output import files_of_task, info, plain, show, show_facts, tell
 from taskcal.cli.progress import bar_over
+from taskcal.report.content import Column, Table
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,27 +32,21 @@ OFFSETS = "offsets"
 
 
 def command(
+    *,
     calibration: CalibrationArgument,
-    form: Annotated[
-        str,
-        option(
-            "--form",
-            "urdf|ur-yaml|dh|mdh|offsets|…",
-            "urdf: links and joints; ur-yaml: kinematics of Universal Robots' driver; dh, mdh: a table; offsets: joint zeros, tool "
-            "and base alone, with the remaining error; or a form of an installed package.",
-        ),
-    ],
-    output: Annotated[Path | None, option("--output -o", "FILE", "File to write; optional for offsets.")] = None,
-    task: Annotated[
-        Path | None,
-        option(*TASK, "Fit offsets and measure losses over this task; by default over the joint ranges."),
-    ] = None,
+    form: str = option(
+        ...,
+        "urdf|ur-yaml|dh|mdh|offsets|…",
+        "urdf: links and joints; ur-yaml: kinematics of Universal Robots' driver; dh, mdh: a table; offsets: joint zeros, tool "
+        "and base alone, with the remaining error; or a form of an installed package.",
+    ),
+    output: Path | None = option(None, "FILE", "File to write; optional for offsets.", also="-o"),
+    task: Path | None = option(
+        None, "TASK.toml", "Fit offsets and measure losses over this task; by default over the joint ranges.", also="-t"
+    ),
     count: CountOption = 200,
     seed: SeedOption = 0,
-    accept_loss: Annotated[
-        bool, option("--accept-loss", help="Write the file even if its form cannot hold the whole calibration.")
-    ] = False,
-    *,
+    accept_loss: bool = option(False, help="Write the file even if its form cannot hold the whole calibration."),
     out: OutputOptions,
 ) -> None:
     """Export a calibrated robot, or fit the offsets of a controller."""
@@ -125,14 +119,17 @@ def _show_offsets(robot: str, offsets: "ControllerOffsets", task: Path | None) -
     facts += [("tool in the flange", _place(offsets.tool_in_flange)), ("base", _place(offsets.base))]
     tell(f"{robot}: offsets for its controller; add each joint's offset to its reading")
     show_facts(facts)
-    rows = [
-        (label, *(f"{result[key][column]:.3f}" for column in ("left_rms_mm", "left_max_mm", "expected_rms_mm")))
-        for label, key in (
-            ("tool and base", "tool_and_base"),
-            ("joint zeros, tool and base", "zeros_tool_and_base"),
-            ("whole model, programs corrected", "program_correction"),
-        )
-    ]
+    settings = {
+        "tool and base": "tool_and_base",
+        "joint zeros, tool and base": "zeros_tool_and_base",
+        "whole model, programs corrected": "program_correction",
+    }
+    columns = (
+        Column("set in the controller", "label"),
+        Column("remaining rms mm", "left_rms_mm", ".3f"),
+        Column("remaining max mm", "left_max_mm", ".3f"),
+        Column("rms with uncertainty mm", "expected_rms_mm", ".3f"),
+    )
     over = "the joint ranges" if task is None else str(task)
-    header = ("set in the controller", "remaining rms mm", "remaining max mm", "rms with uncertainty mm")
-    show_table(f"3D error of the TCP over {over} ({offsets.poses} poses)", header, rows)
+    title = f"3D error of the TCP over {over} ({offsets.poses} poses)"
+    show(Table.of(title, columns, [{"label": label, **result[key]} for label, key in settings.items()]))

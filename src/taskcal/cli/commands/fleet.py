@@ -3,11 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from taskcal.cli.options.common import EngineOptions, OutputOptions, argument, check_above_zero, option
+from taskcal.cli.command import argument, option
+from taskcal.cli.options.common import EngineOptions, OutputOptions, above_zero
 from taskcal.cli.output import count_as_written, info, show, show_facts, tell
 from taskcal.cli.progress import bar_by_parts
 
@@ -26,14 +27,11 @@ class IdentifyOptions:
         typer.BadParameter: one option without the other.
     """
 
-    identify: Annotated[
-        bool,
-        option("--identify", help="Identify campaigns without a calibration: march.csv gives march.json beside it."),
-    ] = False
-    robot: Annotated[
-        str | None, option("--robot -r", "ROBOT", "With --identify: the nominal robot of these campaigns.")
-    ] = None
-    folds: Annotated[int, option("--folds", "K", "With --identify: parts held out in turn, and predicted.", min=2)] = 5
+    identify: bool = option(
+        False, help="Identify campaigns without a calibration: march.csv gives march.json beside it."
+    )
+    robot: str | None = option(None, "ROBOT", "With --identify: the nominal robot of these campaigns.", also="-r")
+    folds: int = option(5, "K", "With --identify: parts held out in turn, and predicted.", min=2)
 
     def __post_init__(self) -> None:
         if self.identify and self.robot is None:
@@ -45,19 +43,18 @@ class IdentifyOptions:
 
 
 def command(
-    robots: Annotated[
-        Path,
-        argument("ROBOTS/", "Folder with one folder (or file) per robot, which has its calibrations and campaigns."),
-    ],
-    identifying: IdentifyOptions,
-    accuracy_mm: Annotated[
-        float | None,
-        option(
-            "--accuracy-mm", "MM", "Required accuracy: exit status 1 if a robot's latest held-out error exceeds it."
-        ),
-    ] = None,
-    output: Annotated[Path | None, option("--output -o", "TABLE.csv", "Output CSV: a row per calibration.")] = None,
     *,
+    robots: Path = argument(
+        ..., "ROBOTS/", "Folder with one folder (or file) per robot, which has its calibrations and campaigns."
+    ),
+    identifying: IdentifyOptions,
+    accuracy_mm: float | None = option(
+        None,
+        "MM",
+        "Required accuracy: exit status 1 if a robot's latest held-out error exceeds it.",
+        callback=above_zero,
+    ),
+    output: Path | None = option(None, "TABLE.csv", "Output CSV: a row per calibration.", also="-o"),
     running: EngineOptions,
     out: OutputOptions,
 ) -> None:
@@ -65,7 +62,6 @@ def command(
 
     Unreadable files are listed and left out; the exit status is 1 then.
     """
-    check_above_zero(accuracy_mm, "--accuracy-mm")
     outputs = out.begin("fleet", [("--output", output)], [robots])
     refused = _identify(robots, identifying, running) if identifying.identify else []
     from taskcal.planning.fleet import review_fleet

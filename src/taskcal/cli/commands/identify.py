@@ -7,22 +7,24 @@ from collections.abc import Collection, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
+from taskcal.cli.command import option
 from taskcal.cli.options.campaign import CampaignOptions
-from taskcal.cli.options.common import CampaignArgument, OutputOptions, RobotOption, option, read_effects
+from taskcal.cli.options.common import CampaignArgument, OutputOptions, RobotOption, read_effects
 from taskcal.cli.options.fit import FitCommandOptions, HoldoutOptions
-from taskcal.cli.output import info, placement, say, show, show_facts, show_table, started_as, tell
+from taskcal.cli.output import info, placement, say, show, show_facts, started_as, tell
 from taskcal.cli.progress import bar_by_parts, bar_over
 from taskcal.errors import CampaignError, FileError, FitError, TaskcalError
+from taskcal.report.content import Column, Table, millimetres
 
 if TYPE_CHECKING:
     from taskcal.campaigns.campaign import Campaign
     from taskcal.identification.calibration import Calibration
     from taskcal.identification.chunked_fit import ChunkedFit, ErrorsOfMany
-    from taskcal.identification.effects import Explanation, Stage
+    from taskcal.identification.effects import Explanation
     from taskcal.observations.base import TrackerNoise
     from taskcal.robot.effects import Effect
     from taskcal.robot.error_model import ErrorModel
@@ -33,18 +35,13 @@ if TYPE_CHECKING:
 class SearchOptions:
     """Additions to the geometry."""
 
-    effects: Annotated[
-        str,
-        option(
-            "--effects",
-            "auto|none|LIST",
-            "Non-geometric effects: 'auto' estimates all of them with their variances; a list adds the named effects without a "
-            "significance test. None by default.",
-        ),
-    ] = "none"
-    field: Annotated[
-        bool, option("--field", help="Try a smooth function of all joints at each joint, which 'auto' includes.")
-    ] = False
+    effects: str = option(
+        "none",
+        "auto|none|LIST",
+        "Non-geometric effects: 'auto' estimates all of them with their variances; a list adds the named effects without a "
+        "significance test. None by default.",
+    )
+    field: bool = option(False, help="Try a smooth function of all joints at each joint, which 'auto' includes.")
 
     @property
     def searching(self) -> bool:
@@ -56,13 +53,14 @@ class SearchOptions:
 class ShownOptions(OutputOptions):
     """How the result is given, and how much of it."""
 
-    parameters: Annotated[bool, option("--parameters", help="List the identified parameters.")] = False
+    parameters: bool = option(False, help="List the identified parameters.")
 
 
 def command(
+    *,
     campaign: CampaignArgument,
     robot: RobotOption,
-    output: Annotated[Path, option("--output -o", "CAL.json", "Output: the calibration.")],
+    output: Path = option(..., "CAL.json", "Output: the calibration.", also="-o"),
     holdout: HoldoutOptions,
     search: SearchOptions,
     fitting: FitCommandOptions,
@@ -283,9 +281,7 @@ def show_report(
     in_space = all(kind.width - kind.angles == 3 for kind in calibration.layout.observed)
     say(tables.verdict(result["robot"], before, after, held_out and held_out["n"], in_space=in_space))
     tell()
-    title = "Position error (base-frame components: maximum; 3D: max, mean, rms, p95), mm"
-    title = title if "max_x_mm" in result["fitted"] else "Error: measured less predicted"
-    show(tables.tabulate_errors(title, summaries))
+    show(tables.tabulate_errors(summaries))
     steps = next_steps(calibration, result, tracker_mm)
     show_facts([("next" if number == 0 else "", step) for number, step in enumerate(steps)])
     tell()
@@ -442,13 +438,13 @@ MAX_NAMED_COLLINEAR = 4
 
 def show_explanation(explanation: "Explanation") -> None:
     """Print the comparison of the models, and the contribution of each effect among all others."""
-    header = ("added to the rows above", "parameters", "error mm", "SE mm", "used", "reason")
     title = "Model comparison: mean 3D error, cross-validated, with the standard error (SE) of its change"
-    show_table(title, header, [_row(stage, stage.cross_validated) for stage in explanation.steps], left=(0, 4, 5))
+    columns = _of_stages("added to the rows above", millimetres("error mm", "cross_validated", ".4f"), "used")
+    show(Table.of(title, columns, explanation.steps))
     if explanation.worths:
-        header = ("effect", "parameters", "increase mm", "SE mm", "supported", "reason")
         title = "Effect contributions: increase of the error when the effect is removed"
-        show_table(title, header, [_row(stage, stage.worth or 0.0) for stage in explanation.worths], left=(0, 4, 5))
+        columns = _of_stages("effect", millimetres("increase mm", "worth", ".4f"), "supported")
+        show(Table.of(title, columns, explanation.worths))
     facts = [("summary", _sentence(explanation))]
     if explanation.collinearities:
         named = [
@@ -468,14 +464,14 @@ def show_explanation(explanation: "Explanation") -> None:
     show_facts(facts)
 
 
-def _row(stage: "Stage", metres: float) -> tuple[str, ...]:
+def _of_stages(label: str, size: Column, accepted: str) -> tuple[Column, ...]:
     return (
-        stage.name,
-        str(stage.parameters),
-        f"{metres * 1e3:.4f}",
-        f"{stage.standard_error * 1e3:.4f}",
-        "yes" if stage.accepted else "no",
-        stage.reason,
+        Column(label, "name"),
+        Column("parameters", "parameters", "d"),
+        size,
+        millimetres("SE mm", "standard_error", ".4f"),
+        Column(accepted, lambda stage: "yes" if stage.accepted else "no"),
+        Column("reason", "reason"),
     )
 
 
@@ -522,9 +518,13 @@ def show_harmonics(parameters: Sequence[Mapping[str, Any]]) -> None:
     harmonics = strongest_harmonics(parameters)
     if harmonics:
         more = f", the {MAX_HARMONICS} strongest of {len(harmonics)}" if len(harmonics) > MAX_HARMONICS else ""
-        rows = [(j, str(order), f"{size:.4f}", f"{u:.4f}") for j, order, size, u in harmonics[:MAX_HARMONICS]]
-        header = ("joint", "periods per turn", "amplitude mrad", "1σ mrad")
-        show_table(f"Harmonics of the joint angles{more}", header, rows)
+        columns = (
+            Column("joint", lambda row: row[0]),
+            Column("periods per turn", lambda row: row[1], "g"),
+            Column("amplitude mrad", lambda row: row[2], ".4f"),
+            Column("1σ mrad", lambda row: row[3], ".4f"),
+        )
+        show(Table.of(f"Harmonics of the joint angles{more}", columns, harmonics[:MAX_HARMONICS]))
 
 
 # A Parquet file with more rows than are held at once.

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from taskcal.cli.options.common import argument, option, split_names
+from taskcal.cli.command import argument, option
+from taskcal.cli.options.common import split_names
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import info, show
 
@@ -18,21 +19,15 @@ POSE_CYCLES, PATH_CYCLES = 30, 10
 
 
 def command(
-    measured: Annotated[Path, argument("MEASURED.csv", "Measured cycles, with their commands.")],
-    path: Annotated[
-        bool, option("--path", help="The rows are passes along a path: 'section' in place of 'pose'.")
-    ] = False,
-    commanded: Annotated[
-        Path | None,
-        option("--command", "PATH.csv", "Separate file with the commanded path; passes may be sampled anywhere."),
-    ] = None,
-    distance: Annotated[
-        list[str] | None,
-        option(
-            "--distance", "POSE,POSE", "Two poses whose distance is evaluated; repeatable; by default consecutive ones."
-        ),
-    ] = None,
     *,
+    measured: Path = argument(..., "MEASURED.csv", "Measured cycles, with their commands."),
+    path: bool = option(False, help="The rows are passes along a path: 'section' in place of 'pose'."),
+    commanded: Path | None = option(
+        None, "PATH.csv", "Separate file with the commanded path; passes may be sampled anywhere.", named="--command"
+    ),
+    distance: list[str] | None = option(
+        None, "POSE,POSE", "Two poses whose distance is evaluated; repeatable; by default consecutive ones."
+    ),
     page: PageOptions,
 ) -> None:
     """Evaluate accuracy and repeatability of poses or paths (ISO 9283)."""

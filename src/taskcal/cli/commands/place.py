@@ -3,11 +3,12 @@
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from taskcal.cli.options.common import RobotOptions, argument, option
+from taskcal.cli.command import argument, option
+from taskcal.cli.options.common import RobotOptions
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import files_of_task, info, show, show_facts, tell
 from taskcal.cli.progress import bar_over
@@ -30,17 +31,14 @@ def _range(text: str, option: str, unit: str) -> tuple[float, float]:
 class RegionOptions:
     """Where the part may be put."""
 
-    region: Annotated[
-        str,
-        option(
-            "--region", "X:X,Y:Y,Z:Z", "Range of shifts of the part in the base frame, mm: -300:300,-200:200,0:100."
-        ),
-    ]
-    turn_deg: Annotated[
-        str, option("--turn", "DEG:DEG", "Range of rotations about the vertical through the middle of the targets.")
-    ] = "0"
-    steps: Annotated[int, option("--steps", "N", "Placements along each axis with a range.", min=1)] = 5
-    turns: Annotated[int, option("--turns", "N", "Rotations, where there is a range.", min=1)] = 3
+    region: str = option(
+        ..., "X:X,Y:Y,Z:Z", "Range of shifts of the part in the base frame, mm: -300:300,-200:200,0:100."
+    )
+    turn_deg: str = option(
+        "0", "DEG:DEG", "Range of rotations about the vertical through the middle of the targets.", named="--turn"
+    )
+    steps: int = option(5, "N", "Placements along each axis with a range.", min=1)
+    turns: int = option(3, "N", "Rotations, where there is a range.", min=1)
 
     def grid(self) -> "Region":
         """In metres and radians.
@@ -65,21 +63,16 @@ class RegionOptions:
 
 
 def command(
-    what: Annotated[list[Path], argument("PROGRAM|TASK.toml [MORE …]", "The files of a program, or a task.")],
+    *,
+    what: list[Path] = argument(..., "PROGRAM|TASK.toml [MORE …]", "The files of a program, or a task."),
     of: RobotOptions,
     where: RegionOptions,
-    cell: Annotated[
-        Path | None, option("--cell", "CELL.toml", "Measured frames of the program's tools and parts.")
-    ] = None,
-    touched_off: Annotated[
-        bool,
-        option("--touched-off", help="The part is touched off in place: an error common to all targets is removed."),
-    ] = False,
-    force_n: Annotated[
-        str | None, option("--force-n", "X,Y,Z", "Process force on the tool, newtons, in the base frame.")
-    ] = None,
-    output: Annotated[Path | None, option("--output -o", "MAP.csv", "Output CSV: all placements.")] = None,
-    *,
+    cell: Path | None = option(None, "CELL.toml", "Measured frames of the program's tools and parts."),
+    touched_off: bool = option(
+        False, help="The part is touched off in place: an error common to all targets is removed."
+    ),
+    force_n: str | None = option(None, "X,Y,Z", "Process force on the tool, newtons, in the base frame."),
+    output: Path | None = option(None, "MAP.csv", "Output CSV: all placements.", also="-o"),
     page: PageOptions,
 ) -> None:
     """Compare placements of a part by the expected error.

@@ -3,19 +3,19 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import typer
 
+from taskcal.cli.command import option
 from taskcal.cli.options.campaign import MeasuredOptions
 from taskcal.cli.options.common import (
     ModelErrorOption,
     ModelOptions,
     SeedOption,
     TaskOption,
-    check_model_error,
     check_one_model_error,
-    option,
+    metres,
 )
 from taskcal.cli.options.observing import ObservingOptions, describe_fixtures, tell_how_to_measure
 from taskcal.cli.options.page import PageOptions
@@ -61,19 +61,14 @@ class Stop(NamedTuple):
 class MeasuringOptions:
     """Programs that drive the robot through the poses to measure, and how they drive it."""
 
-    program: Annotated[
-        list[Path] | None,
-        option(
-            "--program",
-            "MEASURE.mod",
-            "Write a robot program that stops in every pose: RAPID .mod, KRL .src, TP .ls or .csv; repeatable.",
-        ),
-    ] = None
-    wait_s: Annotated[float, option("--wait-s", "S", "Waiting time in each pose.", min=0.0, max=600.0)] = 3.0
-    speed_mm_s: Annotated[float, option("--speed-mm-s", "MM/S", "TCP speed, in RAPID.", min=0.1, max=10_000.0)] = 250.0
-    speed_percent: Annotated[
-        float, option("--speed-percent", "P", "Joint speed override, in KRL.", min=0.1, max=100.0)
-    ] = 10.0
+    program: list[Path] | None = option(
+        None,
+        "MEASURE.mod",
+        "Write a robot program that stops in every pose: RAPID .mod, KRL .src, TP .ls or .csv; repeatable.",
+    )
+    wait_s: float = option(3.0, "S", "Waiting time in each pose.", min=0.0, max=600.0)
+    speed_mm_s: float = option(250.0, "MM/S", "TCP speed, in RAPID.", min=0.1, max=10_000.0)
+    speed_percent: float = option(10.0, "P", "Joint speed override, in KRL.", min=0.1, max=100.0)
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -170,32 +165,21 @@ class ExtendedOptions(MeasuredOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class PlanOptions:
-    """How the poses are chosen.
+    """How the poses are chosen."""
 
-    Raises:
-        typer.BadParameter: the model error is negative or not finite.
-    """
-
-    count: Annotated[int, option("--count -n", "N", "Poses to measure.", min=1)] = 60
+    count: int = option(60, "N", "Poses to measure.", also="-n", min=1)
     seed: SeedOption = 0
-    station: Annotated[
-        Path | None,
-        option(
-            "--station",
-            "STATION.toml",
-            "Tracker, reflectors and obstacles; by default one reflector at the TCP, always visible. With --observe only its "
-            "obstacles count.",
-        ),
-    ] = None
-    criterion: Annotated[
-        Literal["task", "D", "A", "E", "O1", "O2", "O3", "O4", "O5"],
-        option("--criterion", help="Expected error over the task, or a classical criterion."),
-    ] = "task"
-    candidates: Annotated[int, option("--candidates", "N", "Candidate poses.", min=1)] = 10_000
+    station: Path | None = option(
+        None,
+        "STATION.toml",
+        "Tracker, reflectors and obstacles; by default one reflector at the TCP, always visible. With --observe only its "
+        "obstacles count.",
+    )
+    criterion: Literal["task", "D", "A", "E", "O1", "O2", "O3", "O4", "O5"] = option(
+        "task", help="Expected error over the task, or a classical criterion."
+    )
+    candidates: int = option(10_000, "N", "Candidate poses.", min=1)
     model_error_mm: ModelErrorOption = None
-
-    def __post_init__(self) -> None:
-        check_model_error(self.model_error_mm)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -219,8 +203,9 @@ class Setting:
 
 
 def command(
+    *,
     task: TaskOption,
-    output: Annotated[Path, option("--output -o", "PLAN.csv", "Output CSV: planned joint values.")],
+    output: Path = option(..., "PLAN.csv", "Output CSV: planned joint values.", also="-o"),
     of: ModelOptions,
     choice: PlanOptions,
     programs: MeasuringOptions,
@@ -355,7 +340,7 @@ def _plan(setting: Setting, choice: PlanOptions, source: Path | None, progress: 
             campaign=setting.campaign,
             calibration=setting.calibration,
             candidates=choice.candidates,
-            model_error=check_model_error(choice.model_error_mm),
+            model_error=metres(choice.model_error_mm),
             progress=progress,
             observe=setting.instrument,
         )

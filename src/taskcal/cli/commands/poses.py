@@ -1,20 +1,20 @@
 """``taskcal poses``: tool poses at joint positions, and joint positions for tool poses."""
 
-import csv
-import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from taskcal.cli.options.common import OutputOptions, RobotOptions, argument, option
-from taskcal.cli.output import info, show_table, tell
+from taskcal.cli.command import argument, option
+from taskcal.cli.options.common import OutputOptions, RobotOptions
+from taskcal.cli.output import info, show, tell
 from taskcal.errors import ReachError
+from taskcal.report.content import Column, Table
 
 if TYPE_CHECKING:
     import numpy as np
 
     from taskcal.identification.calibration import Calibration
     from taskcal.robot.error_model import ErrorModel
-    from taskcal.tables.table import Table
+    from taskcal.tables.table import Table as Read
 
 MAX_SHOWN_ROWS = 30
 """Rows that a terminal shows; a file holds all."""
@@ -28,23 +28,17 @@ Angles = Literal["quaternion", "rpy", "abc", "wpr"]
 
 
 def command(
-    table: Annotated[
-        Path,
-        argument(
-            "TABLE.csv",
-            "Joints (J1_deg …), or tool poses in the base: x_mm y_mm z_mm with qx qy qz qw, roll_deg pitch_deg yaw_deg, a_deg "
-            "b_deg c_deg (KUKA), w_deg p_deg r_deg (FANUC) or a direction i j k.",
-        ),
-    ],
-    of: RobotOptions,
-    reverse: Annotated[
-        bool, option("--reverse", help="Compute joints although the table has some: they select the configuration.")
-    ] = False,
-    angles: Annotated[
-        Angles, option("--angles", help="Form of the orientations.", case_sensitive=False)
-    ] = "quaternion",
-    output: Annotated[Path | None, option("--output -o", "OUT.csv", "Output CSV: all rows.")] = None,
     *,
+    table: Path = argument(
+        ...,
+        "TABLE.csv",
+        "Joints (J1_deg …), or tool poses in the base: x_mm y_mm z_mm with qx qy qz qw, roll_deg pitch_deg yaw_deg, a_deg "
+        "b_deg c_deg (KUKA), w_deg p_deg r_deg (FANUC) or a direction i j k.",
+    ),
+    of: RobotOptions,
+    reverse: bool = option(False, help="Compute joints although the table has some: they select the configuration."),
+    angles: Angles = option("quaternion", help="Form of the orientations.", case_sensitive=False),
+    output: Path | None = option(None, "OUT.csv", "Output CSV: all rows.", also="-o"),
     out: OutputOptions,
 ) -> None:
     """Compute tool poses from joint values, or joint values from tool poses."""
@@ -72,18 +66,20 @@ def command(
 
 
 def _csv(ids: list[str], header: list[str], rows: list[list[float]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["id", *header])
-    for name, row in zip(ids, rows, strict=True):
-        writer.writerow([name, *(f"{value:.9f}" if value == value else "" for value in row)])
-    return text.getvalue()
+    import pandas as pd
+
+    frame = pd.DataFrame(rows, columns=header)
+    frame.insert(0, "id", ids)
+    return frame.to_csv(index=False, float_format="%.9f", lineterminator="\n")
 
 
 def _show(robot: str, ids: list[str], header: list[str], rows: list[list[float]]) -> None:
     kept = [k for k in range(len(header)) if len(header) <= MAX_COLUMNS or header[k] in IN_A_TERMINAL]
-    shown = [(name, *(f"{row[k]:.4f}" for k in kept)) for name, row in zip(ids[:MAX_SHOWN_ROWS], rows, strict=False)]
-    show_table(f"{robot}, tool in the base", ("id", *(header[k] for k in kept)), shown)
+    columns = (
+        Column("id", ids.__getitem__),
+        *(Column(header[k], lambda number, k=k: rows[number][k], ".4f") for k in kept),
+    )
+    show(Table.of(f"{robot}, tool in the base", columns, range(min(len(rows), MAX_SHOWN_ROWS))))
     if len(kept) < len(header):
         info("nominal poses and orientations are in the file (--output) and in --json")
     if len(rows) > MAX_SHOWN_ROWS:
@@ -91,7 +87,7 @@ def _show(robot: str, ids: list[str], header: list[str], rows: list[list[float]]
 
 
 def _poses_at(
-    columns: "Table", q: "np.ndarray", model: "ErrorModel", calibration: "Calibration | None", angles: Angles
+    columns: "Read", q: "np.ndarray", model: "ErrorModel", calibration: "Calibration | None", angles: Angles
 ) -> tuple[list[str], list[list[float]]]:
     """Poses at joints, and with a calibration how they differ."""
     import numpy as np
@@ -134,7 +130,7 @@ def _pose_cells(prefix: str, T: "np.ndarray", angles: Angles) -> tuple[list[str]
 
 
 def _joints_for(
-    columns: "Table", seed: "np.ndarray | None", model: "ErrorModel", calibration: "Calibration | None"
+    columns: "Read", seed: "np.ndarray | None", model: "ErrorModel", calibration: "Calibration | None"
 ) -> tuple[list[str], list[list[float]]]:
     """Joints for poses: nominal, and with a calibration those of the calibrated robot."""
     import numpy as np

@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
+from taskcal.cli.command import option
 from taskcal.cli.options.campaign import CampaignOptions
-from taskcal.cli.options.common import CampaignArgument, OutputOptions, RobotOption, option
+from taskcal.cli.options.common import CampaignArgument, OutputOptions, RobotOption
 from taskcal.cli.options.fit import Method, register_by
-from taskcal.cli.output import placement, show_facts, show_table
+from taskcal.cli.output import placement, show, show_facts
+from taskcal.report.content import Column, Table
 
 if TYPE_CHECKING:
     from taskcal.campaigns.campaign import Campaign
@@ -18,17 +20,28 @@ if TYPE_CHECKING:
 MAX_WORST = 5
 """Rows with the largest residuals that are shown."""
 
+CIRCLES = (
+    Column("axis", "axis"),
+    Column("target", "target"),
+    Column("rows", "rows", "d"),
+    Column("arc °", "arc_deg", ".1f"),
+    Column("radius mm", "radius_mm", ".2f"),
+    Column("rms residual mm", "residual_mm", ".3f"),
+)
+
+FRAMES = (
+    Column("", "name"),
+    *(Column(f"{axis} mm", lambda frame, k=k: frame["position_mm"][k], ".3f") for k, axis in enumerate("xyz")),
+    *(Column(f"q{axis}", lambda frame, k=k: frame["quaternion"][k], ".6f") for k, axis in enumerate("xyzw")),
+)
+
 
 def command(
+    *,
     campaign: CampaignArgument,
     robot: RobotOption,
-    method: Annotated[
-        Method, option("--method", help="All poses, or the circles of axes that turn alone (two or more).")
-    ] = "poses",
-    output: Annotated[
-        Path | None, option("--output -o", "REG.json", "Output: the registration, for identify --registration.")
-    ] = None,
-    *,
+    method: Method = option("poses", help="All poses, or the circles of axes that turn alone (two or more)."),
+    output: Path | None = option(None, "REG.json", "Output: the registration, for identify --registration.", also="-o"),
     reading: CampaignOptions,
     out: OutputOptions,
 ) -> None:
@@ -100,30 +113,11 @@ def _circle(circle: "AxisCircle", model: "ErrorModel", campaign: "Campaign") -> 
 def _show(result: Mapping[str, Any]) -> None:
     """Print it for people."""
     if result["circles"]:
-        header = ("axis", "target", "rows", "arc °", "radius mm", "rms residual mm")
-        cells = [
-            (
-                c["axis"],
-                c["target"],
-                str(c["rows"]),
-                f"{c['arc_deg']:.1f}",
-                f"{c['radius_mm']:.2f}",
-                f"{c['residual_mm']:.3f}",
-            )
-            for c in result["circles"]
-        ]
-        show_table("Circles in the tracker frame", header, cells, left=(0, 1))
-    frames = {"robot base, in the tracker frame": result["tracker_frame"]} | {
-        f"target {name}, in the tool frame": target for name, target in result["targets"].items()
-    }
-    show_table(
-        f"Registration of {result['robot']} from {result['method']}, {result['rows']} rows",
-        ("", "x mm", "y mm", "z mm", "qx", "qy", "qz", "qw"),
-        [
-            (name, *(f"{v:.3f}" for v in frame["position_mm"]), *(f"{v:.6f}" for v in frame["quaternion"]))
-            for name, frame in frames.items()
-        ],
-    )
+        show(Table.of("Circles in the tracker frame", CIRCLES, result["circles"]))
+    frames = [{"name": "robot base, in the tracker frame", **result["tracker_frame"]}]
+    frames += [{"name": f"target {name}, in the tool frame", **target} for name, target in result["targets"].items()]
+    title = f"Registration of {result['robot']} from {result['method']}, {result['rows']} rows"
+    show(Table.of(title, FRAMES, frames))
     worst = sorted(result["residuals"], key=_largest, reverse=True)[:MAX_WORST]
     show_facts([
         (

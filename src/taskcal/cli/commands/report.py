@@ -3,13 +3,15 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
+from taskcal.cli.command import option
 from taskcal.cli.options.campaign import MeasuredOptions
-from taskcal.cli.options.common import TASK, CalibrationArgument, ForceOption, JsonOption, SeedOption, option
+from taskcal.cli.options.common import CalibrationArgument, ForceOption, JsonOption, SeedOption
 from taskcal.cli.options.page import BesidePageOptions
-from taskcal.cli.output import files_of_task, show_table, tell
+from taskcal.cli.output import files_of_task, show, tell
 from taskcal.cli.progress import bar_over
+from taskcal.report.content import Column, Table
 
 if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
@@ -30,7 +32,7 @@ MAX_P_VALUE = 0.05
 class ReportOptions(BesidePageOptions):
     """The page and how the result is given."""
 
-    output: Annotated[Path, option("--output -o", "REPORT.html", "Output: the page.")] = Path("report.html")
+    output: Path = option(Path("report.html"), "REPORT.html", "Output: the page.", also="-o")
     seed: SeedOption = 0
     force: ForceOption = False
     as_json: JsonOption = False
@@ -42,9 +44,9 @@ class ReportOptions(BesidePageOptions):
 
 
 def command(
-    calibration: CalibrationArgument,
-    task: Annotated[Path | None, option(*TASK, "Show the TCP uncertainty over this task.")] = None,
     *,
+    calibration: CalibrationArgument,
+    task: Path | None = option(None, "TASK.toml", "Show the TCP uncertainty over this task.", also="-t"),
     measured: MeasuredOptions,
     out: ReportOptions,
 ) -> None:
@@ -78,7 +80,7 @@ def command(
         begin(WRITING)
         outputs.write(files)
 
-    def show() -> None:
+    def show_all() -> None:
         if uncertainty is not None:
             tell(
                 f"over '{uncertainty.task}', 3D rms standard uncertainty: target {uncertainty.target * 1e3:.3f} mm; TCP "
@@ -88,7 +90,7 @@ def command(
             show_remainder(remainder)
         tell(f"wrote {out.in_words(files)}")
 
-    out.give(_result(out.output, calibrated, uncertainty, remainder), show)
+    out.give(_result(out.output, calibrated, uncertainty, remainder), show_all)
 
 
 def _result(
@@ -112,17 +114,21 @@ def _result(
     return result
 
 
+EXPLAINED = (
+    Column("quantity", lambda e: e.regressor.name),
+    Column("moves", lambda e: e.regressor.moves),
+    Column("share % of variance", lambda e: 100 * e.share, ".1f"),
+    Column("p", "p_value", ".2g"),
+)
+
+
 def show_remainder(remainder: "ResidualAnalysis") -> None:
     """Print the quantities that the residuals depend on significantly."""
-    rows = [
-        (e.regressor.name, e.regressor.moves, f"{100 * e.share:.1f}", f"{e.p_value:.2g}")
-        for e in remainder.explained
-        if e.p_value is not None and e.p_value <= MAX_P_VALUE
-    ]
+    rows = [e for e in remainder.explained if e.p_value is not None and e.p_value <= MAX_P_VALUE]
     size = f"3D rms {remainder.rms * 1e3:.3f} mm, tracker noise {remainder.tracker * 1e3:.3f} mm"
     title = f"Residual variance explained, by quantity ({size})"
     if rows:
-        show_table(title, ("quantity", "moves", "share % of variance", "p"), rows, left=(0, 1))
+        show(Table.of(title, EXPLAINED, rows))
     else:
         tell(f"{title}: not significant for any quantity")
 

@@ -1,19 +1,20 @@
 """``taskcal robots``: the catalogue, one robot, and robots from files of other programs."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import typer
 from typer.core import TyperGroup
 
 from taskcal.analysis.identifiability import describe_combination
-from taskcal.cli.command import Command, laid_out
-from taskcal.cli.options.common import ROBOT, JsonOption, OutputOptions, argument, option
-from taskcal.cli.output import info, placement, show_facts, show_table, tell, write_json
+from taskcal.cli.command import Command, argument, laid_out, option
+from taskcal.cli.options.common import ROBOT, JsonOption, OutputOptions
+from taskcal.cli.output import info, placement, show, show_facts, tell, write_json
 from taskcal.geometry import se3
+from taskcal.report.content import Column, Table
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.mechanism import analyse_mechanism
 from taskcal.robot.robot import Part, Robot
@@ -40,6 +41,7 @@ app = typer.Typer(
 
 
 @app.callback()
+@laid_out
 def catalogue(context: typer.Context, as_json: JsonOption = False) -> None:
     """List the catalogue, show a robot, or import one from a table or URDF.
 
@@ -60,14 +62,19 @@ def catalogue(context: typer.Context, as_json: JsonOption = False) -> None:
     if as_json:
         write_json(result)
         return
-    rows = [(r["name"], r["title"], str(r["joints"]), "; ".join(r["notes"])) for r in result["robots"]]
-    show_table("Robots in the catalogue", ("name", "robot", "joints", "notes"), rows, left=(0, 1, 3))
+    columns = (
+        Column("name", "name"),
+        Column("robot", "title"),
+        Column("joints", "joints", "d"),
+        Column("notes", lambda robot: "; ".join(robot["notes"])),
+    )
+    show(Table.of("Robots in the catalogue", columns, result["robots"]))
 
 
 @app.command("show", cls=Command)
 @laid_out
-def show(
-    context: typer.Context, robot: Annotated[str, argument("NAME_OR_FILE", ROBOT)], as_json: JsonOption = False
+def show_robot(
+    *, context: typer.Context, robot: str = argument(..., "NAME_OR_FILE", ROBOT), as_json: JsonOption = False
 ) -> None:
     """Show one robot (the word 'show' may be omitted)."""
     from taskcal.robot.catalogue import load_robot
@@ -83,42 +90,31 @@ def show(
 class DescriptionOptions:
     """How another program's file is read."""
 
-    convention: Annotated[
-        Literal["dh", "mdh"] | None,
-        option(
-            "--convention",
-            help="Of a table. dh: Rz(θ)·Tz(d)·Tx(a)·Rx(α); mdh: Rx(α)·Tx(a)·Rz(θ)·Tz(d).",
-            case_sensitive=False,
-        ),
-    ] = None
-    tip: Annotated[
-        str | None, option("--tip", "LINK", "Of a URDF: the tool's link; by default the end of its longest chain.")
-    ] = None
-    base: Annotated[str | None, option("--base", "LINK", "Of a URDF: the base link; by default its root.")] = None
-    units: Annotated[
-        str | None,
-        option("--units", "UNITS", "Of a table without units in its header: mm,deg or m,rad; inferred by default."),
-    ] = None
-    nominal: Annotated[
-        str | None, option("--nominal", "ROBOT", "Of a UR's calibration.conf: the robot of its type, such as ur5e.")
-    ] = None
-    name: Annotated[str | None, option("--name", help="Name of the robot; by default the file's.")] = None
+    convention: Literal["dh", "mdh"] | None = option(
+        None, help="Of a table. dh: Rz(θ)·Tz(d)·Tx(a)·Rx(α); mdh: Rx(α)·Tx(a)·Rz(θ)·Tz(d).", case_sensitive=False
+    )
+    tip: str | None = option(None, "LINK", "Of a URDF: the tool's link; by default the end of its longest chain.")
+    base: str | None = option(None, "LINK", "Of a URDF: the base link; by default its root.")
+    units: str | None = option(
+        None, "UNITS", "Of a table without units in its header: mm,deg or m,rad; inferred by default."
+    )
+    nominal: str | None = option(None, "ROBOT", "Of a UR's calibration.conf: the robot of its type, such as ur5e.")
+    name: str | None = option(None, help="Name of the robot; by default the file's.")
 
 
 @app.command("import", cls=Command)
 @laid_out
 def import_robot(
+    *,
     context: typer.Context,
-    source: Annotated[
-        Path,
-        argument(
-            "FILE",
-            "URDF (.urdf), xacro (.xacro), UR's kinematics (.yaml) or calibration.conf, or a table (.csv) with the columns joint, "
-            "alpha_deg, a_mm, d_mm, theta_offset_deg; optionally theta_from_controller such as -(J2+J3), type, lower_deg and "
-            "upper_deg.",
-        ),
-    ],
-    output: Annotated[Path, option("--output -o", "ROBOT.toml", "Output: the robot file.")],
+    source: Path = argument(
+        ...,
+        "FILE",
+        "URDF (.urdf), xacro (.xacro), UR's kinematics (.yaml) or calibration.conf, or a table (.csv) with the columns joint, "
+        "alpha_deg, a_mm, d_mm, theta_offset_deg; optionally theta_from_controller such as -(J2+J3), type, lower_deg and "
+        "upper_deg.",
+    ),
+    output: Path = option(..., "ROBOT.toml", "Output: the robot file.", also="-o"),
     reading: DescriptionOptions,
     out: OutputOptions,
 ) -> None:
@@ -317,35 +313,37 @@ def show_sheet(sheet: Mapping[str, Any]) -> None:
         facts.append(("published", f"{sheet['published']['source']} ({dropped} dropped, marked –)"))
     facts += [("source", text) for text in sheet["source"]]
     show_facts(facts)
-    rows = [
-        (j["name"], j["kind"], _limits(j), j["coordinate"], ", ".join(j["before"]), ", ".join(j["after"]))
-        for j in sheet["joint_table"]
-    ]
-    header = ("joint", "kind", "limits", "coordinate", "parts before", "parts after")
-    show_table("Joints", header, rows, left=(0, 1, 3, 4, 5))
-    _show_drives(statics["drives"])
+    show(Table.of("Joints", JOINTS, sheet["joint_table"]))
+    shown = Table.of("Weights and drives", DRIVES, statics["drives"])
+    if len(shown.header) > 1:
+        show(shown)
     _show_parameters(sheet)
-
-
-def _show_drives(drives: Sequence[Mapping[str, Any]]) -> None:
-    """Masses, stiffness and gear ratios, if any are stated."""
-    rows = [
-        (
-            d["name"],
-            "" if d["mass_kg"] is None else f"{d['mass_kg']:g}",
-            "" if d["centre_mm"] is None else " ".join(f"{value:g}" for value in d["centre_mm"]),
-            "" if d["stiffness"] is None else f"{d['stiffness']:g} {d['stiffness_unit']}",
-            "" if d["gear_ratio"] is None else f"{d['gear_ratio']:g}",
-        )
-        for d in drives
-    ]
-    if any(any(cells[1:]) for cells in rows):
-        show_table("Weights and drives", ("joint", "mass kg", "centre mm", "stiffness", "gear ratio"), rows, left=(0,))
 
 
 def _limits(joint: Mapping[str, Any]) -> str:
     (low, high), unit = (joint["limits_mm"], " mm") if "limits_mm" in joint else (joint["limits_deg"], "°")
     return f"{low:g} … {high:g}{unit}" if np.isfinite(low) else "none stated"
+
+
+JOINTS = (
+    Column("joint", "name"),
+    Column("kind", "kind"),
+    Column("limits", _limits, "s"),
+    Column("coordinate", "coordinate"),
+    Column("parts before", lambda joint: ", ".join(joint["before"])),
+    Column("parts after", lambda joint: ", ".join(joint["after"])),
+)
+
+DRIVES = (
+    Column("joint", "name"),
+    Column("mass kg", "mass_kg", "g", optional=True),
+    Column(
+        "centre mm", lambda d: d["centre_mm"] and " ".join(f"{value:g}" for value in d["centre_mm"]), "s", optional=True
+    ),
+    Column("stiffness", lambda d: d["stiffness"] and f"{d['stiffness']:g} {d['stiffness_unit']}", "s", optional=True),
+    Column("gear ratio", "gear_ratio", "g", optional=True),
+)
+"""Masses, stiffness and gear ratios, each if any is stated."""
 
 
 def _show_parameters(sheet: Mapping[str, Any]) -> None:
@@ -358,9 +356,10 @@ def _show_parameters(sheet: Mapping[str, Any]) -> None:
         symbol = f" {p['symbol']}" if p["symbol"] else ""
         frames.setdefault(frame, []).append(f"{'–' if p['name'] in dropped else ''}{component}{symbol}")
         tolerances.setdefault(frame, {})[f"{p['tolerance']:g} {p['unit']}"] = None
-    width = max(len(cells) for cells in frames.values())
-    rows = [
-        (frame, *cells, *[""] * (width - len(cells)), ", ".join(tolerances[frame])) for frame, cells in frames.items()
-    ]
-    header = ("frame", *[""] * width, "tolerance (1σ)")
-    show_table("Parameters", header, rows, left=range(width + 2))
+    width = max(map(len, frames.values()))
+    columns = (
+        Column("frame", lambda frame: frame),
+        *(Column("", lambda frame, k=k: frames[frame][k] if k < len(frames[frame]) else "") for k in range(width)),
+        Column("tolerance (1σ)", lambda frame: ", ".join(tolerances[frame])),
+    )
+    show(Table.of("Parameters", columns, list(frames)))

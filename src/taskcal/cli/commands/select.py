@@ -1,17 +1,18 @@
 """``taskcal select``: the parameters to fit for a task."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
+from taskcal.cli.command import option
 from taskcal.cli.options.campaign import MeasuredOptions
 from taskcal.cli.options.common import (
     ModelErrorOption,
     ModelOptions,
     SeedOption,
     TaskOption,
-    check_above_zero,
+    above_zero,
     check_one_model_error,
-    option,
+    metres,
 )
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import files_of_task, info, show, show_facts
@@ -29,15 +30,15 @@ MAPPING, PAGE = "maps over the task", "page"
 
 
 def command(
+    *,
     task: TaskOption,
     of: ModelOptions,
     measured: MeasuredOptions,
-    accuracy_mm: Annotated[
-        float | None, option("--accuracy-mm", "MM", "Allowed 3D rms error: select the smallest model that meets it.")
-    ] = None,
+    accuracy_mm: float | None = option(
+        None, "MM", "Allowed 3D rms error: select the smallest model that meets it.", callback=above_zero
+    ),
     model_error_mm: ModelErrorOption = None,
     seed: SeedOption = 0,
-    *,
     page: PageOptions,
 ) -> None:
     """Select the smallest set of parameters that meets a task's accuracy.
@@ -46,7 +47,6 @@ def command(
 
     With --calibration, its effects compete too, with its model error and prior scale.
     """
-    check_above_zero(accuracy_mm, "--accuracy-mm")
     stated = check_one_model_error(model_error_mm, measured.campaign, of.calibration)
     outputs = page.begin("select", [], [of.robot, of.calibration, *files_of_task(task), *measured.inputs])
     from taskcal.planning.expected_error import known_hyperparameters, parameter_groups
@@ -59,7 +59,7 @@ def command(
     campaign = None if measured.campaign is None else measured.read(measured.campaign, model.robot).campaign
     if campaign is not None:
         info(f"cross-validating {len(parameter_groups(model)) + 1} model sizes on {len(campaign)} rows")
-    accuracy = None if accuracy_mm is None else accuracy_mm * 1e-3
+    accuracy = metres(accuracy_mm)
     options = SelectionOptions(seed=seed, hyperparameters=known, model_error=stated)
     with bar_over([*selection_steps(campaign), *([MAPPING, PAGE] if page.asked else [])]) as begin:
         selection = select(model, described, campaign, accuracy, options=options, progress=begin)

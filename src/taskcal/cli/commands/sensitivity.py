@@ -2,21 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
+from taskcal.cli.command import option
 from taskcal.cli.options.campaign import MeasuredOptions
-from taskcal.cli.options.common import (
-    REACHING,
-    TASK,
-    ModelErrorOption,
-    RobotOption,
-    SpreadOptions,
-    check_model_error,
-    option,
-    read_and_reach,
-)
+from taskcal.cli.options.common import REACHING, ModelErrorOption, RobotOption, SpreadOptions, metres, read_and_reach
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import files_of_task, show, show_facts, tell
 from taskcal.cli.progress import bar_over
@@ -36,23 +28,21 @@ TELLING, MAPPING, PAGE = "identifiability", "maps over the task", "page"
 
 
 def command(
-    robot: RobotOption,
-    task: Annotated[Path | None, option(*TASK, "Poses of a task.")] = None,
     *,
+    robot: RobotOption,
+    task: Path | None = option(None, "TASK.toml", "Poses of a task.", also="-t"),
     measured: MeasuredOptions,
     spread: SpreadOptions,
-    sort: Annotated[
-        Literal["model", "influence"],
-        option("--sort", help="List parameters in the model's order, or by influence at their tolerance."),
-    ] = "model",
-    output: Annotated[Path | None, option("--output -o", "FILE.csv", "Output CSV: the table.")] = None,
+    sort: Literal["model", "influence"] = option(
+        "model", help="List parameters in the model's order, or by influence at their tolerance."
+    ),
+    output: Path | None = option(None, "FILE.csv", "Output CSV: the table.", also="-o"),
     model_error_mm: ModelErrorOption = None,
     page: PageOptions,
 ) -> None:
     """Report parameter sensitivity and identifiability."""
     if (task is None) == (measured.campaign is None):
         raise typer.BadParameter("give exactly one of them, which has the poses", param_hint="--task / --campaign")
-    stated = check_model_error(model_error_mm)
     outputs = page.begin("sensitivity", [("--output", output)], [robot, *files_of_task(task), *measured.inputs])
     from taskcal.analysis.identifiability import tabulate_elimination
     from taskcal.analysis.sensitivity import measuring_noise, sensitivity
@@ -65,7 +55,7 @@ def command(
         begin(TELLING)
         influence, elimination = sensitivity(model, q), tabulate_elimination(model, {"poses": q})
         result = _result(influence, elimination, unreachable)
-        noise = measuring_noise(model, q, campaign, stated)
+        noise = measuring_noise(model, q, campaign, metres(model_error_mm))
         told_apart = elimination.eliminations["poses"].distinguishable(noise=noise.total)
         result["told_apart"] = {**told_apart.summary(), **noise.summary()}
         if sort == "influence":

@@ -4,20 +4,20 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import typer
 from jaxtyping import Float
 
+from taskcal.cli.command import option
 from taskcal.cli.options.common import (
     REACHING,
     OutputOptions,
     RobotOption,
     SpreadOptions,
     TaskOption,
-    check_model_error,
-    option,
+    not_negative,
     read_and_reach,
 )
 from taskcal.cli.options.observing import check_instruments
@@ -40,15 +40,10 @@ MEASURING = "measuring"
 class TruthOptions:
     """Where the virtual robot's truth goes, or comes from."""
 
-    truth: Annotated[
-        Path | None, option("--truth", "TRUTH.json", "Write the true defects, tracker frame and targets here.")
-    ] = None
-    truth_from: Annotated[
-        Path | None,
-        option(
-            "--truth-from", "TRUTH.json", "Measure the robot of this truth again; another --seed gives other noise."
-        ),
-    ] = None
+    truth: Path | None = option(None, "TRUTH.json", "Write the true defects, tracker frame and targets here.")
+    truth_from: Path | None = option(
+        None, "TRUTH.json", "Measure the robot of this truth again; another --seed gives other noise."
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +54,8 @@ class ReflectorOptions:
         typer.BadParameter: a number of reflectors that is not offered, or several where poses are measured.
     """
 
-    targets: Annotated[int | None, option("--targets", "1|3", "Reflectors on the tool; 1 by default.")] = None
-    pose: Annotated[bool, option("--pose", help="Measure poses instead of points.")] = False
+    targets: int | None = option(None, "1|3", "Reflectors on the tool; 1 by default.")
+    pose: bool = option(False, help="Measure poses instead of points.")
 
     def __post_init__(self) -> None:
         if self.targets not in (None, 1, 3):
@@ -78,35 +73,22 @@ class ObserveOptions:
     """How the robot is measured, and what the fit will not know.
 
     Raises:
-        typer.BadParameter: an error that is negative, or distances without sockets.
+        typer.BadParameter: distances without sockets, or places for a tracker.
     """
 
-    observe: Annotated[
-        str,
-        option(
-            "--observe",
-            "INSTRUMENT",
-            f"Instrument: {', '.join(instrument_classes())}; several: socket+wire.",
-        ),
-    ] = "tracker"
-    places: Annotated[
-        int | None,
-        option(
-            "--places", "N", "Blocks of sockets, anchors, planes (default 3), landmarks, boards or cubes (1).", min=1
-        ),
-    ] = None
-    distances: Annotated[
-        Path | None, option("--distances", "DISTANCES.csv", "Write the stated distances of sockets here.")
-    ] = None
-    model_error_mm: Annotated[float, option("--model-error-mm", "MM", "Model error, 1σ per axis.")] = 0.0
-    joint_error_deg: Annotated[
-        float, option("--joint-error-deg", "DEG", "Difference of true and controller joint values, 1σ.")
-    ] = 0.0
+    observe: str = option(
+        "tracker", "INSTRUMENT", f"Instrument: {', '.join(instrument_classes())}; several: socket+wire."
+    )
+    places: int | None = option(
+        None, "N", "Blocks of sockets, anchors, planes (default 3), landmarks, boards or cubes (1).", min=1
+    )
+    distances: Path | None = option(None, "DISTANCES.csv", "Write the stated distances of sockets here.")
+    model_error_mm: float = option(0.0, "MM", "Model error, 1σ per axis.", callback=not_negative)
+    joint_error_deg: float = option(
+        0.0, "DEG", "Difference of true and controller joint values, 1σ.", callback=not_negative
+    )
 
     def __post_init__(self) -> None:
-        check_model_error(self.model_error_mm)
-        if not 0.0 <= self.joint_error_deg < float("inf"):
-            raise typer.BadParameter(f"{self.joint_error_deg:g} is not zero or above", param_hint="--joint-error-deg")
         check_instruments(self.observe)
         if self.distances is not None and not self.lengths:
             raise typer.BadParameter(
@@ -141,9 +123,10 @@ def _check(truth: TruthOptions, reflectors: ReflectorOptions, how: ObserveOption
 
 
 def command(
+    *,
     robot: RobotOption,
     task: TaskOption,
-    output: Annotated[Path, option("--output -o", "CAMPAIGN.csv", "Output CSV: the campaign.")],
+    output: Path = option(..., "CAMPAIGN.csv", "Output CSV: the campaign.", also="-o"),
     spread: SpreadOptions,
     truth: TruthOptions,
     reflectors: ReflectorOptions,

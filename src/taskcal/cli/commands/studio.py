@@ -1,9 +1,8 @@
 """``taskcal studio``: the browser interface on a project's folder."""
 
 from pathlib import Path
-from typing import Annotated
 
-from taskcal.cli.options.common import argument, option
+from taskcal.cli.command import argument, option
 from taskcal.cli.output import info, tell
 from taskcal.errors import FileError, TaskcalError
 
@@ -11,15 +10,12 @@ MISSING = "the studio needs NiceGUI, which is not installed; install Taskcal wit
 
 
 def command(
-    folder: Annotated[Path, argument("[FOLDER]", "The project's folder; made if absent.")] = Path("taskcal-project"),
-    example: Annotated[
-        bool, option("--example", help="Begin with a virtual IRB 6660, its campaign, its task and a program.")
-    ] = False,
-    host: Annotated[
-        str, option("--host", "ADDRESS", "Address to listen on; others than this machine's own require a token.")
-    ] = "127.0.0.1",
-    port: Annotated[int, option("--port", "N", "Port to listen on; 0 for a free one.", min=0, max=65535)] = 8421,
-    browser: Annotated[bool, option("--browser/--no-browser", help="Open the browser, too.")] = True,
+    *,
+    folder: Path = argument(Path("taskcal-project"), "[FOLDER]", "The project's folder; made if absent."),
+    example: bool = option(False, help="Begin with a virtual IRB 6660, its campaign, its task and a program."),
+    host: str = option("127.0.0.1", "ADDRESS", "Address to listen on; others than this machine's own require a token."),
+    port: int = option(8421, "N", "Port to listen on; 0 for a free one.", min=0, max=65535),
+    browser: bool = option(True, named="--browser/--no-browser", help="Open the browser, too."),
 ) -> None:
     """Open the browser interface on a project folder.
 

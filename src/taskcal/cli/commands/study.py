@@ -3,19 +3,19 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
+from taskcal.cli.command import option
 from taskcal.cli.options.common import (
     EngineOptions,
     ModelErrorOption,
     ModelOptions,
     SeedOption,
     TaskOption,
-    check_model_error,
     choose_names,
-    option,
+    metres,
     split_names,
 )
 from taskcal.cli.options.observing import TRACKER, check_instruments
@@ -37,35 +37,26 @@ class StudyOptions:
     """What is compared, on how many robots.
 
     Raises:
-        typer.BadParameter: a list has something else than numbers or names of plans, or the model error is negative.
+        typer.BadParameter: a list has something else than numbers or names of plans.
     """
 
-    robots: Annotated[int, option("--robots", "N", "Virtual robots to draw.", min=1)] = 200
-    counts: Annotated[str, option("--counts", "N,…", "Numbers of measured poses.")] = "30,60"
-    plans: Annotated[
-        str | None,
-        option(
-            "--plans",
-            "PLAN,…",
-            "Selection of the poses: planned, random, grid; by default planned and random, or random with --observe.",
-        ),
-    ] = None
-    observe: Annotated[
-        str,
-        option(
-            "--observe",
-            "INSTRUMENT,…",
-            f"Instruments: {', '.join(instrument_classes())}, or several at once, as socket+wire.",
-        ),
-    ] = "tracker"
-    models: Annotated[
-        str,
-        option(
-            "--models",
-            "MODEL,…",
-            "Identified models: all, selected, published, published-damped, geometry (no effects), or auto (significant effects).",
-        ),
-    ] = "all"
+    robots: int = option(200, "N", "Virtual robots to draw.", min=1)
+    counts: str = option("30,60", "N,…", "Numbers of measured poses.")
+    plans: str | None = option(
+        None,
+        "PLAN,…",
+        "Selection of the poses: planned, random, grid; by default planned and random, or random with --observe.",
+    )
+    observe: str = option(
+        "tracker",
+        "INSTRUMENT,…",
+        f"Instruments: {', '.join(instrument_classes())}, or several at once, as socket+wire.",
+    )
+    models: str = option(
+        "all",
+        "MODEL,…",
+        "Identified models: all, selected, published, published-damped, geometry (no effects), or auto (significant effects).",
+    )
     model_error_mm: ModelErrorOption = None
     seed: SeedOption = 0
 
@@ -81,26 +72,24 @@ class StudyOptions:
 
     def __post_init__(self) -> None:
         _numbers(self.counts)
-        check_model_error(self.model_error_mm)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions(EngineOptions):
     """How the study is run."""
 
-    resume: Annotated[
-        Path | None,
-        option("--resume", "FILE.json", "Save progress to this file, and resume from it after an interruption."),
-    ] = None
+    resume: Path | None = option(
+        None, "FILE.json", "Save progress to this file, and resume from it after an interruption."
+    )
 
 
 def command(
+    *,
     of: ModelOptions,
     task: TaskOption,
     choice: StudyOptions,
     running: RunOptions,
-    output: Annotated[Path | None, option("--output -o", "ROWS.csv", "Output CSV: every single result.")] = None,
-    *,
+    output: Path | None = option(None, "ROWS.csv", "Output CSV: every single result.", also="-o"),
     page: PageOptions,
 ) -> None:
     """Predict the task error after calibration, by simulating many robots.
@@ -161,7 +150,7 @@ def _run(
             models=models,
             observe=instruments,
             seed=choice.seed,
-            model_error=check_model_error(choice.model_error_mm),
+            model_error=metres(choice.model_error_mm),
             engine=running.engine_name,
             workers=running.max_workers,
             resume=running.resume,

@@ -1,12 +1,13 @@
 """``taskcal validate``: how well a calibration predicts another campaign."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
+from taskcal.cli.command import option
 from taskcal.cli.options.campaign import CampaignOptions
-from taskcal.cli.options.common import CalibrationArgument, CampaignArgument, JsonOption, check_above_zero, option
+from taskcal.cli.options.common import CalibrationArgument, CampaignArgument, JsonOption, above_zero
 from taskcal.cli.output import info, show, show_facts, write_json
 
 if TYPE_CHECKING:
@@ -20,24 +21,15 @@ MAX_WORST = 10
 
 @dataclass(frozen=True, kw_only=True)
 class AcceptanceOptions:
-    """Whether and how a decision is made.
+    """Whether and how a decision is made."""
 
-    Raises:
-        typer.BadParameter: the limit is not above zero.
-    """
-
-    accept: Annotated[
-        float | None,
-        option(
-            "--accept", "LIMIT", "Pass or fail by this limit, mm, with a guard band (JCGM 106); exit status 1 for fail."
-        ),
-    ] = None
-    accept_of: Annotated[
-        Literal["max", "p95", "rms", "mean"], option("--accept-of", help="Error statistic compared with the limit.")
-    ] = "max"
-
-    def __post_init__(self) -> None:
-        check_above_zero(self.accept, "--accept")
+    accept: float | None = option(
+        None,
+        "LIMIT",
+        "Pass or fail by this limit, mm, with a guard band (JCGM 106); exit status 1 for fail.",
+        callback=above_zero,
+    )
+    accept_of: Literal["max", "p95", "rms", "mean"] = option("max", help="Error statistic compared with the limit.")
 
     def decide(self, examination: "Examination") -> "Acceptance | None":
         """The decision; None where no limit was given."""
@@ -47,16 +39,13 @@ class AcceptanceOptions:
 
 
 def command(
+    *,
     calibration: CalibrationArgument,
     campaign: CampaignArgument,
-    reregister: Annotated[
-        bool,
-        option(
-            "--reregister", help="Refit tracker frame and targets to this campaign, with the robot's geometry fixed."
-        ),
-    ] = False,
-    all_rows: Annotated[bool, option("--all-rows", help="List every point, not only the largest errors.")] = False,
-    *,
+    reregister: bool = option(
+        False, help="Refit tracker frame and targets to this campaign, with the robot's geometry fixed."
+    ),
+    all_rows: bool = option(False, help="List every point, not only the largest errors."),
     acceptance: AcceptanceOptions,
     reading: CampaignOptions,
     as_json: JsonOption = False,
@@ -97,7 +86,7 @@ def _show(title: str, examination: "Examination", decision: "Acceptance | None",
         tabulate_points,
     )
 
-    show(tabulate_errors(title, {"predicted": examination.validation.summary()}))
+    show(tabulate_errors({"predicted": examination.validation.summary()}, title))
     show(tabulate_points(examination, worst))
     if examination.outliers:
         show(tabulate_examined_outliers(examination, worst))

@@ -4,11 +4,12 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import typer
 
-from taskcal.cli.options.common import option, split_names
+from taskcal.cli.command import option
+from taskcal.cli.options.common import split_names
 from taskcal.cli.output import info
 from taskcal.errors import CampaignError, FileError, shown
 from taskcal.io.text_file import read_text
@@ -41,35 +42,23 @@ Angles = Literal[
 class TableOptions:
     """How a table of measurements is read, where its file leaves it open."""
 
-    columns: Annotated[
-        str | None,
-        option("--columns", "'NAME …'", "Names of the columns, separated by spaces; - for a column to skip."),
-    ] = None
-    decimal: Annotated[
-        Literal["point", "comma"] | None,
-        option("--decimal", help="Decimal mark, where the numbers alone are ambiguous."),
-    ] = None
-    sheet: Annotated[str | None, option("--sheet", "NAME", "Sheet to read from a workbook.")] = None
-    angles: Annotated[
-        Angles | None,
-        option("--angles", help="Convention of a pose's three angles, where the column names do not state it."),
-    ] = None
-    points: Annotated[
-        Path | None,
-        option("--points", "FILE", "Separate file with the measured points, if the campaign holds joints only."),
-    ] = None
-    distances: Annotated[
-        Path | None,
-        option(
-            "--distances",
-            "FILE",
-            "Stated distances of sockets: columns socket_a, socket_b, distance_mm, and u_mm where known.",
-        ),
-    ] = None
-    wire_scale: Annotated[
-        bool,
-        option("--wire-scale", help="Fit the scale of measured lengths (d_mm) too; the robot's size is then nominal."),
-    ] = False
+    columns: str | None = option(None, "'NAME …'", "Names of the columns, separated by spaces; - for a column to skip.")
+    decimal: Literal["point", "comma"] | None = option(
+        None, help="Decimal mark, where the numbers alone are ambiguous."
+    )
+    sheet: str | None = option(None, "NAME", "Sheet to read from a workbook.")
+    angles: Angles | None = option(
+        None, help="Convention of a pose's three angles, where the column names do not state it."
+    )
+    points: Path | None = option(
+        None, "FILE", "Separate file with the measured points, if the campaign holds joints only."
+    )
+    distances: Path | None = option(
+        None, "FILE", "Stated distances of sockets: columns socket_a, socket_b, distance_mm, and u_mm where known."
+    )
+    wire_scale: bool = option(
+        False, help="Fit the scale of measured lengths (d_mm) too; the robot's size is then nominal."
+    )
 
     @property
     def read_options(self) -> "ReadOptions":
@@ -125,28 +114,17 @@ class CampaignOptions(TableOptions):
         typer.BadParameter: a list has an empty name, or one that is listed twice.
     """
 
-    rows: Annotated[
-        str | None,
-        option("--rows", "A:B|FILE", "Rows to use, counted from 0: A:B without B, or a file with one number per line."),
-    ] = None
-    targets: Annotated[
-        str | None, option("--targets", "NAME,…", "Targets to use; by default all that are not reference points.")
-    ] = None
-    reference_points: Annotated[
-        str | None,
-        option(
-            "--reference-points --nests",
-            "NAME,…",
-            "Fixed points beside the robot; by default those whose names begin with 'base'.",
-        ),
-    ] = None
-    drift: Annotated[
-        Literal["follow", "ignore"],
-        option(
-            "--drift",
-            help="Compensate drift by the reference points if they moved by more than their noise, or ignore them.",
-        ),
-    ] = "follow"
+    rows: str | None = option(
+        None, "A:B|FILE", "Rows to use, counted from 0: A:B without B, or a file with one number per line."
+    )
+    targets: str | None = option(None, "NAME,…", "Targets to use; by default all that are not reference points.")
+    reference_points: str | None = option(
+        None, "NAME,…", "Fixed points beside the robot; by default those whose names begin with 'base'.", also="--nests"
+    )
+    drift: Literal["follow", "ignore"] = option(
+        "follow",
+        help="Compensate drift by the reference points if they moved by more than their noise, or ignore them.",
+    )
 
     def __post_init__(self) -> None:
         split_names(self.targets, "--targets")
@@ -199,7 +177,7 @@ class MeasuredOptions(CampaignOptions):
     of_others: ClassVar[tuple[str, ...]] = ()
     """Options that have another meaning too, where a command has it."""
 
-    campaign: Annotated[Path | None, option("--campaign", "CAMPAIGN.csv", "Measurements to use.")] = None
+    campaign: Path | None = option(None, "CAMPAIGN.csv", "Measurements to use.")
 
     def __post_init__(self) -> None:
         super().__post_init__()

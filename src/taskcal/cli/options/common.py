@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskcal.cli.command import Declared, option
 from taskcal.cli.output import Outputs, check_outputs, info, write_json
 from taskcal.errors import FileError
 
@@ -18,26 +19,6 @@ if TYPE_CHECKING:
     from taskcal.robot.effects import Effect
     from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import TaskPoses
-
-
-# Declarations.
-
-
-def option(names: str, metavar: str | None = None, help: str = "", **more: Any) -> Any:
-    """Declare an option.
-
-    Args:
-        names: with spaces between, such as ``--output -o``.
-        metavar: how help shows its value; None for a flag or a choice.
-        help: what it is.
-        more: as Typer has it. A file is looked at by its reader alone, which reports what is wrong with it.
-    """
-    return typer.Option(*names.split(), metavar=metavar, readable=False, help=help, **more)
-
-
-def argument(metavar: str, help: str, **more: Any) -> Any:
-    """Declare an argument, like `option`."""
-    return typer.Argument(metavar=metavar, readable=False, help=help, **more)
 
 
 # A first look at files that a command is to read, before the libraries that read them are imported: wrong ones end
@@ -84,57 +65,101 @@ def look_at_calibration(path: Path) -> Path:
 # Options of one value.
 
 ROBOT = "Catalogue name, or file: .toml, .urdf (or .urdf#TIP), .xacro."
-TASK = ("--task -t", "TASK.toml")
 
-RobotOption = Annotated[str, option("--robot -r", "ROBOT", ROBOT)]
-TaskOption = Annotated[Path, option(*TASK, "Task file.", callback=look_at)]
+
+RobotOption = Annotated[str, Declared(metavar="ROBOT", help=ROBOT, also="-r")]
+TaskOption = Annotated[Path, Declared(metavar="TASK.toml", help="Task file.", also="-t", more={"callback": look_at})]
 CampaignArgument = Annotated[
-    Path, argument("CAMPAIGN.csv", "Measurements: joint values and measured points or poses.", callback=look_at)
+    Path,
+    Declared(
+        kind=typer.Argument,
+        metavar="CAMPAIGN.csv",
+        help="Measurements: joint values and measured points or poses.",
+        more={"callback": look_at},
+    ),
 ]
 CalibrationArgument = Annotated[
-    Path, argument("CAL.json", "Calibration written by taskcal identify.", callback=look_at_calibration)
+    Path,
+    Declared(
+        kind=typer.Argument,
+        metavar="CAL.json",
+        help="Calibration written by taskcal identify.",
+        more={"callback": look_at_calibration},
+    ),
 ]
 CountOption = Annotated[
-    int, option("--count -n", "N", "Number of poses, distributed over the task's workspace.", min=1)
+    int,
+    Declared(metavar="N", help="Number of poses, distributed over the task's workspace.", also="-n", more={"min": 1}),
 ]
-SeedOption = Annotated[int, option("--seed", "N", "Seed of the random number generator.", min=0)]
-JsonOption = Annotated[bool, option("--json", help="Print the result as JSON, alone on standard output.")]
+SeedOption = Annotated[int, Declared(metavar="N", help="Seed of the random number generator.", more={"min": 0})]
+JsonOption = Annotated[bool, Declared(help="Print the result as JSON, alone on standard output.", named="--json")]
 ForceOption = Annotated[
-    bool, option("--force", help="Replace files that this command did not write, or that were edited since.")
-]
-ModelErrorOption = Annotated[
-    float | None,
-    option("--model-error-mm", "MM", "Model error, 1σ per axis; by default the robot file's, or a typical robot's."),
+    bool, Declared(help="Replace files that this command did not write, or that were edited since.")
 ]
 
 
-# What is checked of them.
+# What is checked of numbers as they are read, and lengths in metres.
 
 
-def check_model_error(millimetres: float | None) -> float | None:
-    """The model error that was stated, metres.
+def above_zero(value: float | None) -> float | None:
+    """A number that was given and is finite and above zero.
 
     Raises:
-        typer.BadParameter: it is negative or not finite.
+        typer.BadParameter: it is not.
     """
-    if millimetres is None:
-        return None
-    if not 0 <= millimetres < float("inf"):
-        raise typer.BadParameter(f"{millimetres:g} is not zero or above", param_hint="--model-error-mm")
-    return millimetres * 1e-3
+    if value is not None and not 0 < value < float("inf"):
+        raise typer.BadParameter(f"{value:g} is not above zero")
+    return value
+
+
+def not_negative(value: float | None) -> float | None:
+    """A number that was given and is finite, and zero or above.
+
+    Raises:
+        typer.BadParameter: it is not.
+    """
+    if value is not None and not 0 <= value < float("inf"):
+        raise typer.BadParameter(f"{value:g} is not zero or above")
+    return value
+
+
+def within(least: float, most: float) -> Callable[[float | None], float | None]:
+    """A check that a number that was given is within its bounds; it raises `typer.BadParameter` where it is not, or not finite."""
+
+    def check(value: float | None) -> float | None:
+        if value is not None and not least <= value <= most:
+            raise typer.BadParameter(f"{value:g} is not between {least:g} and {most:g}")
+        return value
+
+    return check
+
+
+def metres(millimetres: float | None) -> float | None:
+    """A length that was stated, or None."""
+    return None if millimetres is None else millimetres * 1e-3
+
+
+ModelErrorOption = Annotated[
+    float | None,
+    Declared(
+        metavar="MM",
+        help="Model error, 1σ per axis; by default the robot file's, or a typical robot's.",
+        more={"callback": not_negative},
+    ),
+]
 
 
 def check_one_model_error(millimetres: float | None, campaign: Path | None, calibration: Path | None) -> float | None:
     """The model error that was stated, metres, where neither campaign nor calibration determines it.
 
     Raises:
-        typer.BadParameter: it is negative or not finite, or one of them does.
+        typer.BadParameter: one of them does.
     """
     for source, name in ((campaign, "campaign"), (calibration, "calibration")):
         if source is not None and millimetres is not None:
             message = f"--model-error-mm conflicts with --{name}, which already provides it; omit one"
             raise typer.BadParameter(message, param_hint=f"--{name} / --model-error-mm")
-    return check_model_error(millimetres)
+    return metres(millimetres)
 
 
 def split_names(text: str | None, option: str) -> list[str] | None:
@@ -169,26 +194,6 @@ def choose_names(text: str, option: str, offered: "Iterable[str]") -> list[str]:
         if name not in known:
             raise typer.BadParameter(str(UnknownName(option.strip("-").rstrip("s"), name, known)), param_hint=option)
     return names
-
-
-def check_above_zero(value: float | None, option: str) -> None:
-    """Check that a number that was given is above zero.
-
-    Raises:
-        typer.BadParameter: it is not, or not finite.
-    """
-    if value is not None and not 0 < value < float("inf"):
-        raise typer.BadParameter(f"{value:g} is not above zero", param_hint=option)
-
-
-def check_within(value: float | None, least: float, most: float, option: str) -> None:
-    """Check that a number that was given is within its bounds.
-
-    Raises:
-        typer.BadParameter: it is not, or not finite.
-    """
-    if value is not None and not least <= value <= most:
-        raise typer.BadParameter(f"{value:g} is not between {least:g} and {most:g}", param_hint=option)
 
 
 # Groups of options.
@@ -242,11 +247,10 @@ class RobotOptions:
         typer.BadParameter: neither, or both.
     """
 
-    robot: Annotated[str | None, option("--robot -r", "ROBOT", ROBOT)] = None
-    calibration: Annotated[
-        Path | None,
-        option("--calibration -c", "CAL.json", "Use this calibration, with its effects, instead of --robot."),
-    ] = None
+    robot: str | None = option(None, "ROBOT", ROBOT, also="-r")
+    calibration: Path | None = option(
+        None, "CAL.json", "Use this calibration, with its effects, instead of --robot.", also="-c"
+    )
 
     def __post_init__(self) -> None:
         if (self.robot is None) == (self.calibration is None):
@@ -278,9 +282,7 @@ class ModelOptions(RobotOptions):
         typer.BadParameter: neither robot nor calibration, both, or effects beside a calibration.
     """
 
-    effects: Annotated[
-        str | None, option("--effects", "LIST", "Non-geometric effects, those listed below; a calibration has its own.")
-    ] = None
+    effects: str | None = option(None, "LIST", "Non-geometric effects, those listed below; a calibration has its own.")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -363,18 +365,13 @@ class EngineOptions:
         typer.BadParameter: there is no such engine, or a scheduler is lacking or has no use.
     """
 
-    engine: Annotated[
-        str,
-        option(
-            "--engine",
-            "ENGINE",
-            "loky (processes on this machine), threading, sequential, or dask (a cluster, see --scheduler).",
-        ),
-    ] = "loky"
-    scheduler: Annotated[
-        str | None, option("--scheduler", "ADDRESS", "Scheduler of the Dask cluster, such as tcp://HOST:8786.")
-    ] = None
-    workers: Annotated[int | None, option("--workers", "N", "Parallel workers; by default one per core.", min=1)] = None
+    engine: str = option(
+        "loky",
+        "ENGINE",
+        "loky (processes on this machine), threading, sequential, or dask (a cluster, see --scheduler).",
+    )
+    scheduler: str | None = option(None, "ADDRESS", "Scheduler of the Dask cluster, such as tcp://HOST:8786.")
+    workers: int | None = option(None, "N", "Parallel workers; by default one per core.", min=1)
 
     @property
     def engine_name(self) -> str:

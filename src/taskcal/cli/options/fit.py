@@ -3,12 +3,13 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
+from taskcal.cli.command import option
 from taskcal.cli.options.campaign import CampaignRead
-from taskcal.cli.options.common import SeedOption, check_within, option, split_names
+from taskcal.cli.options.common import SeedOption, split_names, within
 
 if TYPE_CHECKING:
     from taskcal.campaigns.campaign import Campaign
@@ -45,63 +46,43 @@ class FitCommandOptions:
     """How a robot is fitted.
 
     Raises:
-        typer.BadParameter: a number out of its bounds, or two options that contradict one another.
+        typer.BadParameter: two options that contradict one another.
     """
 
-    keep: Annotated[
-        str | None,
-        option(
-            "--keep",
-            "NAME,…",
-            "Parameters to fit: names, symbols or frames (J2, tool); 'published', or 'none' for the frames alone.",
-        ),
-    ] = None
-    lengths_only: Annotated[
-        bool, option("--lengths-only", help="Fit only the nominal lengths of the robot file, such as d2 and RL4.")
-    ] = False
-    prior: Annotated[Literal["tolerances", "none"], option("--prior", help="Prior of the parameters.")] = "tolerances"
-    loss: Annotated[
-        Literal["squared", "huber", "cauchy"], option("--loss", help="Loss; robust ones give outliers less weight.")
-    ] = "squared"
-    frames: Annotated[
-        Literal["fit", "fixed"], option("--frames", help="Fit tracker frame and targets, or hold them as registered.")
-    ] = "fit"
-    registration: Annotated[
-        str,
-        option(
-            "--registration",
-            "poses|circles|REG.json",
-            "Start values of tracker frame and targets: all poses, axis circles, or a file of taskcal register.",
-        ),
-    ] = "poses"
-    model_error_mm: Annotated[
-        float | None, option("--model-error-mm", "MM", "Model error, 1σ per axis; estimated by default.")
-    ] = None
-    gross_errors: Annotated[
-        Literal["leave out", "keep"],
-        option("--gross-errors", help="Reject gross errors (at most 10 % of the rows) and list them, or keep them."),
-    ] = "leave out"
-    target_within_mm: Annotated[
-        float, option("--target-within-mm", "MM", "Maximum distance of a target from the TCP.", min=0.0, max=1e5)
-    ] = 1000.0
-    prior_scale: Annotated[
-        float | None, option("--prior-scale", "FACTOR", "Factor of the tolerances; estimated by default.")
-    ] = None
-    mpe_to_sigma: Annotated[
-        float | None,
-        option(
-            "--mpe-to-sigma",
-            "FACTOR",
-            "Tracker 1σ per maximum permissible error; 0.5 by default, 0.577 if rectangular.",
-        ),
-    ] = None
+    keep: str | None = option(
+        None,
+        "NAME,…",
+        "Parameters to fit: names, symbols or frames (J2, tool); 'published', or 'none' for the frames alone.",
+    )
+    lengths_only: bool = option(False, help="Fit only the nominal lengths of the robot file, such as d2 and RL4.")
+    prior: Literal["tolerances", "none"] = option("tolerances", help="Prior of the parameters.")
+    loss: Literal["squared", "huber", "cauchy"] = option("squared", help="Loss; robust ones give outliers less weight.")
+    frames: Literal["fit", "fixed"] = option("fit", help="Fit tracker frame and targets, or hold them as registered.")
+    registration: str = option(
+        "poses",
+        "poses|circles|REG.json",
+        "Start values of tracker frame and targets: all poses, axis circles, or a file of taskcal register.",
+    )
+    model_error_mm: float | None = option(
+        None, "MM", "Model error, 1σ per axis; estimated by default.", callback=within(1e-6, 1e3)
+    )
+    gross_errors: Literal["leave out", "keep"] = option(
+        "leave out", help="Reject gross errors (at most 10 % of the rows) and list them, or keep them."
+    )
+    target_within_mm: float = option(1000.0, "MM", "Maximum distance of a target from the TCP.", min=0.0, max=1e5)
+    prior_scale: float | None = option(
+        None, "FACTOR", "Factor of the tolerances; estimated by default.", callback=within(1e-6, 1e6)
+    )
+    mpe_to_sigma: float | None = option(
+        None,
+        "FACTOR",
+        "Tracker 1σ per maximum permissible error; 0.5 by default, 0.577 if rectangular.",
+        callback=within(1e-3, 1e3),
+    )
 
     def __post_init__(self) -> None:
         if self.prior == "none" and self.prior_scale is not None:
             raise typer.BadParameter("without a prior there is nothing to scale", param_hint="--prior-scale / --prior")
-        check_within(self.model_error_mm, 1e-6, 1e3, "--model-error-mm")
-        check_within(self.prior_scale, 1e-6, 1e6, "--prior-scale")
-        check_within(self.mpe_to_sigma, 1e-3, 1e3, "--mpe-to-sigma")
         names = self._names
         if self.lengths_only and names == ["published"]:
             raise typer.BadParameter(
@@ -180,21 +161,13 @@ class HoldoutOptions:
         typer.BadParameter: the share is not between 0 and 1, or there are both a share and folds.
     """
 
-    holdout: Annotated[
-        float | None, option("--holdout", "SHARE", "Hold out about this share of the rows, and predict it.")
-    ] = None
-    folds: Annotated[
-        int | None,
-        option("--folds", "K", "Hold out each of K parts in turn, and predict it; then fit all rows.", min=2),
-    ] = None
-    holdout_by: Annotated[
-        Literal["neighbours", "blocks", "rows"],
-        option(
-            "--holdout-by",
-            help="Hold out groups of neighbouring poses, blocks of consecutive rows, or single rows at random (optimistic for "
-            "clustered poses).",
-        ),
-    ] = "neighbours"
+    holdout: float | None = option(None, "SHARE", "Hold out about this share of the rows, and predict it.")
+    folds: int | None = option(None, "K", "Hold out each of K parts in turn, and predict it; then fit all rows.", min=2)
+    holdout_by: Literal["neighbours", "blocks", "rows"] = option(
+        "neighbours",
+        help="Hold out groups of neighbouring poses, blocks of consecutive rows, or single rows at random (optimistic for "
+        "clustered poses).",
+    )
     seed: SeedOption = 0
 
     def __post_init__(self) -> None:

@@ -2,13 +2,14 @@
 
 from dataclasses import dataclass, make_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from taskcal.cli.options.common import check_above_zero
-from taskcal.cli.output import info, show_table
+from taskcal.cli.command import option
+from taskcal.cli.output import info, show
 from taskcal.observations import Fixtures, Instrument, Setting, instrument_classes, load_fixtures
+from taskcal.report.content import Column, Table
 
 if TYPE_CHECKING:
     import numpy as np
@@ -48,38 +49,27 @@ class _Observing:
         typer.BadParameter: an option of another instrument, or numbers that cannot be.
     """
 
-    observe: Annotated[
-        str,
-        typer.Option("--observe", metavar="INSTRUMENT", help=f"What measures: {', '.join(instrument_classes())}."),
-    ] = TRACKER
-    mounted_mm: Annotated[
-        str | None,
-        typer.Option(
-            "--mounted-mm",
-            metavar="X,Y,Z",
-            help="Where the tool carries ball, wire's end or sensor, roughly, in its frame; by default the tool point, or 100 mm "
-            "before the flange of a robot without a tool.",
-        ),
-    ] = None
-    mounted_axis: Annotated[
-        str | None,
-        typer.Option(
-            "--mounted-axis",
-            metavar="I,J,K",
-            help="Where the stem or the camera points, in the tool's frame; its z axis by default.",
-        ),
-    ] = None
+    observe: str = option(TRACKER, "INSTRUMENT", f"What measures: {', '.join(instrument_classes())}.")
+    mounted_mm: str | None = option(
+        None,
+        "X,Y,Z",
+        "Where the tool carries ball, wire's end or sensor, roughly, in its frame; by default the tool point, or 100 mm "
+        "before the flange of a robot without a tool.",
+    )
+    mounted_axis: str | None = option(
+        None, "I,J,K", "Where the stem or the camera points, in the tool's frame; its z axis by default."
+    )
 
     def __post_init__(self) -> None:
         check_instruments(self.observe, several=False)
-        for option in ("mounted_mm", "mounted_axis"):
-            if getattr(self, option) is not None and not self.fixed:
-                raise typer.BadParameter(f"this is not of --observe {TRACKER}", param_hint=_name(option))
-        for option, by_instrument in SETTINGS.items():
-            text = getattr(self, _field(option))
+        for name in ("mounted_mm", "mounted_axis"):
+            if getattr(self, name) is not None and not self.fixed:
+                raise typer.BadParameter(f"this is not of --observe {TRACKER}", param_hint=_name(name))
+        for name, by_instrument in SETTINGS.items():
+            text = getattr(self, _field(name))
             if text is not None and self.observe not in by_instrument:
                 raise typer.BadParameter(
-                    f"this is of --observe {' or '.join(by_instrument)}; name that, or leave it out", param_hint=option
+                    f"this is of --observe {' or '.join(by_instrument)}; name that, or leave it out", param_hint=name
                 )
             if text is not None:
                 _values(by_instrument[self.observe], text)
@@ -136,11 +126,11 @@ class _Observing:
             typer.BadParameter: it is not.
         """
         for name, instrument in instrument_classes().items():
-            for option in instrument.shares:
-                if getattr(also, option) and option not in self.instrument.shares:
+            for shared in instrument.shares:
+                if getattr(also, shared) and shared not in self.instrument.shares:
                     raise typer.BadParameter(
                         f"without a campaign this is of --observe {name}; name that, or leave it out",
-                        param_hint=_name(option),
+                        param_hint=_name(shared),
                     )
 
     def load(
@@ -174,18 +164,14 @@ def _field(option: str) -> str:
     return option.removeprefix("--").replace("-", "_")
 
 
-def _option(option: str, by_instrument: dict[str, Setting]) -> tuple[str, Any, None]:
-    """Name, annotation and default of an option that one or several instruments have."""
+def _option(name: str, by_instrument: dict[str, Setting]) -> tuple[str, Any, Any]:
+    """Name, type and declaration of an option that one or several instruments have."""
     first = next(iter(by_instrument.values()))
     texts = dict.fromkeys(setting.help for setting in by_instrument.values())
     told = "; ".join(texts)
     kind: Any = Path if first.fields == ("fixtures",) else str if len(first.fields) > 1 else float
     help_ = told if told.endswith(".") else f"{told[0].upper()}{told[1:]}."
-    return (
-        _field(option),
-        Annotated[kind | None, typer.Option(option, metavar=first.metavar, readable=False, help=help_)],
-        None,
-    )
+    return _field(name), kind | None, option(None, first.metavar, help_)
 
 
 if TYPE_CHECKING:
@@ -193,7 +179,7 @@ if TYPE_CHECKING:
 else:
     ObservingOptions = make_dataclass(
         "ObservingOptions",
-        [_option(option, by_instrument) for option, by_instrument in SETTINGS.items()],
+        [_option(name, by_instrument) for name, by_instrument in SETTINGS.items()],
         bases=(_Observing,),
         frozen=True,
         kw_only=True,
@@ -209,9 +195,9 @@ def _values(setting: Setting, text: Any) -> dict[str, Any]:
     if isinstance(text, Path):
         return {setting.fields[0]: text}
     if len(setting.fields) == 1:
-        check_above_zero(text, setting.option)
-        if text >= setting.below:
-            raise typer.BadParameter(f"{text:g} is not below {setting.below:g}", param_hint=setting.option)
+        if not 0.0 < text < setting.below:
+            bounds = "above zero" if setting.below == float("inf") else f"between 0 and {setting.below:g}"
+            raise typer.BadParameter(f"{text:g} is not {bounds}", param_hint=setting.option)
         return {setting.fields[0]: text * setting.factor}
     low, high = _numbers(text, 2, setting.option)
     if not 0.0 <= low < high:
@@ -293,19 +279,16 @@ def tell_how_to_measure(plan: "Plan", robot: "Robot", *, stated: bool) -> None:
 
 
 def _show_fixtures(plan: "Plan", whose: str) -> None:
-    import numpy as np
-
     instrument, fixtures = plan.instrument, plan.instrument.fixtures
     turned = instrument.directed
-    rows: list[tuple[str, ...]] = []
-    for name, position, direction in zip(fixtures.names, fixtures.position, fixtures.direction, strict=True):
-        facing = [f"{value + 0.0:.2f}" for value in np.round(direction, 2)] if turned else []
-        rows.append((name, *(f"{value * 1e3:.0f}" for value in position), *facing, str(plan.names.count(name))))
-    show_table(
-        f"Where every {instrument.label} stands in the base, {whose}: mm{', and its direction' if turned else ''}",
-        (instrument.label, "x_mm", "y_mm", "z_mm", *(("i", "j", "k") if turned else ()), "poses"),
-        rows,
+    columns = (
+        Column(instrument.label, fixtures.names.__getitem__),
+        *(Column(f"{axis}_mm", lambda k, i=i: fixtures.position[k, i], ".0f", 1e3) for i, axis in enumerate("xyz")),
+        *(Column(axis, lambda k, i=i: fixtures.direction[k, i], ".2f") for i, axis in enumerate("ijk") if turned),
+        Column("poses", lambda k: plan.names.count(fixtures.names[k]), "d"),
     )
+    title = f"Where every {instrument.label} stands in the base, {whose}: mm{', and its direction' if turned else ''}"
+    show(Table.of(title, columns, range(len(fixtures.names))))
 
 
 def _some(poses: list[int]) -> str:

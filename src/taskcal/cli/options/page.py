@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from pydantic import Field
 
-from taskcal.cli.options.common import ForceOption, Giving, JsonOption, option
+from taskcal.cli.command import option
+from taskcal.cli.options.common import ForceOption, Giving, JsonOption
 from taskcal.cli.output import Outputs
 from taskcal.errors import FileError
 from taskcal.io.toml_file import Finite, Section, read_toml
@@ -23,23 +24,14 @@ if TYPE_CHECKING:
 class BesidePageOptions(Giving):
     """Head of the page, and the same content in other forms."""
 
-    header: Annotated[
-        Path | None,
-        option(
-            "--header",
-            "HEADER.toml",
-            "Head of the page: customer, order, serial_number, place, date, operator, instrument, temperature_C, remark.",
-        ),
-    ] = None
-    markdown: Annotated[
-        Path | None, option("--markdown", "SUMMARY.md", "Write the page's text and tables here too.")
-    ] = None
-    figures: Annotated[
-        Path | None, option("--figures", "DIR", "Write all figures here too; needs Chromium, Chrome or Edge.")
-    ] = None
-    figure_format: Annotated[Literal["png", "svg", "pdf"], option("--figure-format", help="Format of these files.")] = (
-        "png"
+    header: Path | None = option(
+        None,
+        "HEADER.toml",
+        "Head of the page: customer, order, serial_number, place, date, operator, instrument, temperature_C, remark.",
     )
+    markdown: Path | None = option(None, "SUMMARY.md", "Write the page's text and tables here too.")
+    figures: Path | None = option(None, "DIR", "Write all figures here too; needs Chromium, Chrome or Edge.")
+    figure_format: Literal["png", "svg", "pdf"] = option("png", help="Format of these files.")
 
     @property
     def page(self) -> tuple[str, Path | None]:
@@ -119,7 +111,7 @@ class PageOptions(BesidePageOptions):
         typer.BadParameter: there is a head, and no page for it.
     """
 
-    report: Annotated[Path | None, option("--report", "REPORT.html", "Write a page with figures here.")] = None
+    report: Path | None = option(None, "REPORT.html", "Write a page with figures here.")
     force: ForceOption = False
     as_json: JsonOption = False
 

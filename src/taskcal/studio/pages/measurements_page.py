@@ -20,7 +20,7 @@ from taskcal.reading.writer import campaign_text
 from taskcal.report.content import Column, Table
 from taskcal.report.theme import BLUE, SERIES, add_series, styled
 from taskcal.robot.robot import Robot
-from taskcal.studio.controls import button, choice, drop_zone, facts, line_of_text, message, table, tabulated, text
+from taskcal.studio.controls import button, choice, drop_zone, facts, line_of_text, message, tabulated, text
 from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT, free_name
 from taskcal.studio.runs import Status, Studio
 from taskcal.studio.steps import begin, choose_file, is_running, link, robot_of, show_error, show_run
@@ -140,7 +140,7 @@ def _understood(campaign: Campaign, robot: Robot, texts: Texts) -> None:
         return
     first = campaign.take(slice(MAX_FIRST_ROWS))
     header, *rows = csv.reader(campaign_text(first, robot).splitlines())
-    table(texts("measurements.first_rows", count=len(rows)), header, rows)
+    tabulated(Table.of_rows(texts("measurements.first_rows", count=len(rows)), tuple(header), map(tuple, rows)))
 
 
 class _Correction:
@@ -169,7 +169,7 @@ class _Correction:
     def _write(self) -> None:
         project = self._studio.project
         options = [f"--{name}={value}" for name, value in self._stated.items() if value]
-        begin_rewriting(self._studio, "convert", "plain", [*options, f"--robot={project.choices.robot}"])
+        begin_rewriting(self._studio, "convert", "plain", [*options, f"--robot={project.choices.robot}", "--json"])
 
 
 def begin_rewriting(studio: Studio, command: str, ending: str, options: list[str]) -> None:
@@ -240,8 +240,8 @@ def _list_concerned(concerned: Mapping[int, str], campaign: Campaign, robot: Rob
         (texts.named("doctor", concerned[number]), campaign.row(number), *row[1:])
         for number, row in zip(listed, rows, strict=True)
     ]
-    names = [texts("measurements.finding"), texts("measurements.row"), *header[1:]]
-    table(texts("measurements.concerned", count=len(concerned)), names, told, words=(0, 1))
+    names = (texts("measurements.finding"), texts("measurements.row"), *header[1:])
+    tabulated(Table.of_rows(texts("measurements.concerned", count=len(concerned)), names, told, text_columns=(0, 1)))
 
 
 def _in_space(campaign: Campaign, concerned: Mapping[int, str], texts: Texts) -> None:

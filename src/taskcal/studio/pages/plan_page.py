@@ -11,12 +11,12 @@ import plotly.graph_objects as go
 from jaxtyping import Float
 from nicegui import ui
 
-from taskcal.errors import TaskcalError
 from taskcal.observations.point import Station
+from taskcal.report.content import Column, Table
 from taskcal.report.plan import MAX_OVER_BEFORE
 from taskcal.report.theme import BLUE, GREEN, ORANGE, add_series, styled, with_decades
 from taskcal.robot.robot import Robot
-from taskcal.studio.controls import button, facts, message, number, table, text
+from taskcal.studio.controls import button, facts, message, number, tabulated, text
 from taskcal.studio.editors import StationEditor
 from taskcal.studio.project import LAYOUT, Choices, Project
 from taskcal.studio.runs import Studio
@@ -28,7 +28,6 @@ from taskcal.studio.steps import (
     read_result,
     result_of,
     robot_of,
-    show_error,
     show_run,
 )
 from taskcal.studio.texts import Texts
@@ -60,11 +59,7 @@ async def build(studio: Studio, texts: Texts) -> None:
     facts([(texts("robot.title"), choices.robot), (texts("task.title"), choices.task)])
     label = texts("plan.count")
     number(label, choices.poses, lambda value: project.choose(poses=int(value)), 1, 2000, step="1")
-    try:
-        robot = await asyncio.to_thread(robot_of, project)
-    except TaskcalError as error:
-        show_error(project, error)
-        return
+    robot = await asyncio.to_thread(robot_of, project)
     editor = StationEditor(project, robot, texts)
     text("h2", texts("plan.poses_chosen"))
     if not is_running(show_run(studio, "plan", texts)):
@@ -146,11 +141,7 @@ async def _poses(
     planned_for = result.get("station", "")
     if planned_for != project.choices.station:
         message(texts("plan.other_station", station=planned_for or texts("station.none")))
-    try:
-        q, ids = await asyncio.to_thread(read_plan, project.path(str(result["plan"])), robot)
-    except TaskcalError as error:
-        show_error(project, error)
-        return
+    q, ids = await asyncio.to_thread(read_plan, project.path(str(result["plan"])), robot)
     known = of_poses(result, len(q))
     told = [
         ". ".join(
@@ -163,11 +154,14 @@ async def _poses(
     if known:
         with ui.element("details"):
             text("summary", texts("plan.each_pose"))
-            header = ["id", *(texts(f"plan.{key}") for key in known)]
-            rows = [(name, *(values[i] for values in known.values())) for i, name in enumerate(ids)]
-            table(
-                texts("plan.poses"), header, rows, words=(0, *(i for i, key in enumerate(known, 1) if key == "visible"))
+            columns = (
+                Column("id", ids.__getitem__),
+                *(
+                    Column(texts(f"plan.{key}"), values.__getitem__, "" if key == "visible" else "s")
+                    for key, values in known.items()
+                ),
             )
+            tabulated(Table.of(texts("plan.poses"), columns, range(len(ids))))
 
 
 def of_poses(result: Mapping[str, Any], count: int) -> Mapping[str, Sequence[str]]:

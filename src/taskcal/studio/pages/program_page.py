@@ -12,6 +12,7 @@ from nicegui import ui
 
 from robot_programs.reading import read_program
 from taskcal.errors import TaskcalError
+from taskcal.report.content import Table
 from taskcal.studio.controls import (
     button,
     drop_zone,
@@ -19,7 +20,7 @@ from taskcal.studio.controls import (
     line_of_text,
     message,
     set_attribute,
-    table,
+    tabulated,
     text,
     tick,
 )
@@ -130,7 +131,8 @@ async def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> No
     for key in ("refused", "remarks"):
         rows = [(f"{item['file']}:{item['line']}", item.get("reason") or item.get("text", "")) for item in result[key]]
         if rows:
-            table(texts(f"program.{key}"), [texts("program.place"), texts("program.why")], rows, words=(0, 1))
+            header = (texts("program.place"), texts("program.why"))
+            tabulated(Table.of_rows(texts(f"program.{key}"), header, rows, text_columns=(0, 1)))
     if not result["written"]:
         message(texts("program.withheld"))
         return

@@ -52,11 +52,7 @@ async def build(studio: Studio, texts: Texts) -> None:
     choices = project.choices
     if not choose_calibration(project, texts):
         return
-    try:
-        calibration = await asyncio.to_thread(load_calibration, project.path(choices.calibration))
-    except TaskcalError as error:
-        show_error(project, error)
-        return
+    calibration = await asyncio.to_thread(load_calibration, project.path(choices.calibration))
     result = result_of_fit(project, choices.calibration)
     if result is None:
         message(texts("result.no_errors"), fine=True)
@@ -86,7 +82,7 @@ def _errors(result: Mapping[str, Any], calibration: Calibration, texts: Texts) -
     if result["held_out"] is not None:
         summaries[texts("result.unseen")] = result["held_out"]
     text("h2", texts("result.errors"))
-    tabulated(tabulate_errors(texts("result.errors_of"), summaries, of=texts("result.of")))
+    tabulated(tabulate_errors(summaries, of=texts("result.of")))
     if calibration.held_out is not None:
         text("p", describe_held_out(calibration.held_out)).classes("quiet")
 

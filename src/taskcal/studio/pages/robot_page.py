@@ -17,7 +17,7 @@ from taskcal.report.content import Column, Table
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot, RobotJoint
-from taskcal.studio.controls import ValueInput, button, choice, drop_zone, facts, message, tabulated, text
+from taskcal.studio.controls import Dial, button, choice, drop_zone, facts, message, tabulated, text
 from taskcal.studio.files import ROBOT_DROPS
 from taskcal.studio.project import LAYOUT, ROBOT_ENDINGS, TABLE_ENDINGS, Project, free_name
 from taskcal.studio.robot_meshes import RobotMeshes, meshes_of
@@ -73,18 +73,8 @@ class RobotTable:
             stem = re.sub(r"[^\w-]+", "-", Path(self._table).stem)
             made = f"{LAYOUT.robots}/{free_name(f'{stem}.toml', taken)}"
             units = ["--units", self._units] if self._units else []
-            arguments = [
-                "robots",
-                "import",
-                self._table,
-                "--convention",
-                self._convention,
-                *units,
-                "--output",
-                made,
-                "--json",
-            ]
-            begin(self._studio, "robot", arguments, chosen={"robot": made})
+            options = ["--convention", self._convention, *units, "--output", made, "--json"]
+            begin(self._studio, "robot", ["robots", "import", self._table, *options], chosen={"robot": made})
 
 
 UPDATES_S = 0.04
@@ -119,12 +109,8 @@ async def build(studio: Studio, texts: Texts) -> None:
     if named.endswith(TABLE_ENDINGS) and named in own:
         RobotTable(studio, named, texts)
         return
-    try:
-        robot = await asyncio.to_thread(robot_of, project)
-        model = await asyncio.to_thread(ErrorModel, robot)
-    except TaskcalError as error:
-        message(str(error))
-        return
+    robot = await asyncio.to_thread(robot_of, project)
+    model = await asyncio.to_thread(ErrorModel, robot)
     meshes = None
     try:
         meshes = await asyncio.to_thread(meshes_of, project, named)
@@ -180,23 +166,16 @@ class _Jog:
         self._robot, self._model, self._view, self._texts = robot, model, view, texts
         self._q = q.copy()
         self._scale = np.where(robot.prismatic, 1e3, 180.0 / np.pi)
-        self._controls: list[tuple[ValueInput, ValueInput]] = []
-        ranges = slider_ranges(robot) * self._scale[:, None]
-        for i, name in enumerate(robot.joint_names):
-            low, high = ranges[i]
-            with ui.element("div").classes("joint"):
-                text("span", name)
-                slider = ValueInput("range", name, "", min=f"{low:.6g}", max=f"{high:.6g}", step="any")
-                slider.on_moved(lambda given, i=i: self._take(i, given), UPDATES_S)
-                number = ValueInput("number", f"{name} ({self._unit(i)})", "", step="any").classes("value")
-                number.on_left(lambda given, i=i: self._take(i, given))
-                self._controls.append((slider, number))
+        units = np.where(robot.prismatic, "mm", "°")
+        self._controls = [
+            Dial(name, name, unit, limits, lambda given, _, i=i: self._take(i, given), UPDATES_S)
+            for i, (name, unit, limits) in enumerate(
+                zip(robot.joint_names, units, slider_ranges(robot) * self._scale[:, None], strict=True)
+            )
+        ]
         button(texts("robot.home"), self._home, plain=True)
         self._where = ui.element("div").classes("stacked").props("role=status")
         self._show()
-
-    def _unit(self, i: int) -> str:
-        return "mm" if self._robot.prismatic[i] else "°"
 
     def _home(self) -> None:
         self._q[:] = np.clip(0.0, *slider_ranges(self._robot).T)
@@ -209,9 +188,8 @@ class _Jog:
         self._show()
 
     def _show(self) -> None:
-        for (slider, number), value in zip(self._controls, self._q * self._scale, strict=True):
-            slider.show(f"{value:.4f}")
-            number.show(f"{value:.4f}")
+        for control, value in zip(self._controls, self._q * self._scale, strict=True):
+            control.show(f"{value:.4f}")
         self._where.clear()
         with self._where:
             try:

@@ -43,18 +43,14 @@ async def build(studio: Studio, texts: Texts) -> None:
     if files:
         choose_file(project, texts, "task", files)
     drop_zone(texts, "task", texts("task.drop"), TASK_ENDINGS)
-    try:
-        robot = await asyncio.to_thread(robot_of, project)
-        model = ErrorModel(robot)
-        if not choices.task:
-            text("p", texts("task.none"))
-            button(texts("task.begin"), lambda: _begin(project, model))
-            _offer_programs(project, model, texts)
-            return
-        task = await asyncio.to_thread(load_task, project.path(choices.task))
-    except TaskcalError as error:
-        show_error(project, error)
+    robot = await asyncio.to_thread(robot_of, project)
+    model = ErrorModel(robot)
+    if not choices.task:
+        text("p", texts("task.none"))
+        button(texts("task.begin"), lambda: _begin(project, model))
+        _offer_programs(project, model, texts)
         return
+    task = await asyncio.to_thread(load_task, project.path(choices.task))
     tolerance = "–" if task.accuracy is None else f"{task.accuracy * 1e3:g} mm"
     facts([(texts("task.name"), task.name), (texts("task.tolerance"), tolerance)])
     box = box_of(task)

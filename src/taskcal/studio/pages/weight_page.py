@@ -11,12 +11,13 @@ from nicegui.elements.mixins.text_element import TextElement
 from taskcal.analysis.identifiability import identifiability
 from taskcal.analysis.sensitivity import sensitivity
 from taskcal.errors import TaskcalError
+from taskcal.report.content import Table
 from taskcal.robot.error_model import ErrorModel
-from taskcal.studio.controls import command_line, facts, message, table
+from taskcal.studio.controls import command_line, facts, message, tabulated
 from taskcal.studio.editors import BoxEditor
 from taskcal.studio.pages.task_page import posture
 from taskcal.studio.runs import Studio
-from taskcal.studio.steps import is_missing, robot_of, show_error
+from taskcal.studio.steps import is_missing, robot_of
 from taskcal.studio.task_box import TaskBox, box_of, save_box
 from taskcal.studio.texts import Texts
 from taskcal.task.task import Task, load_task, reach_task
@@ -53,15 +54,10 @@ def weigh(model: ErrorModel, task: Task) -> Weight:
     poses = reach_task(model, task, POSES)
     influence = sensitivity(model, poses.q)
     largest, rms = influence.maximum_in_space(scaled=True), influence.rms(scaled=True)
+    first = np.argsort(-np.round(largest, NANOMETRES), kind="stable")[:MAX_PARAMETERS]
     rows = tuple(
-        (
-            model.parameters[i].name,
-            model.parameters[i].symbol,
-            f"{model.parameters[i].tolerance * model.parameters[i].shown.factor:g} {model.parameters[i].shown.name}",
-            f"{largest[i] * 1e3:.4f}",
-            f"{rms[i] * 1e3:.4f}",
-        )
-        for i in np.argsort(-np.round(largest, NANOMETRES), kind="stable")[:MAX_PARAMETERS]
+        (p.name, p.symbol, p.stated_tolerance, f"{largest[i] * 1e3:.4f}", f"{rms[i] * 1e3:.4f}")
+        for i, p in ((i, model.parameters[i]) for i in first)
     )
     apart = identifiability(model, poses.q).rank
     return Weight(rows=rows, rank=apart, parameters=len(model), reached=1.0 - float(poses.unreachable.mean()))
@@ -73,12 +69,8 @@ async def build(studio: Studio, texts: Texts) -> None:
     choices = project.choices
     if is_missing(project, texts, task="task"):
         return
-    try:
-        robot = await asyncio.to_thread(robot_of, project)
-        task = await asyncio.to_thread(load_task, project.path(choices.task))
-    except TaskcalError as error:
-        show_error(project, error)
-        return
+    robot = await asyncio.to_thread(robot_of, project)
+    task = await asyncio.to_thread(load_task, project.path(choices.task))
     shown = _Shown(ErrorModel(robot), texts)
     box = box_of(task)
     if box is not None:
@@ -154,7 +146,8 @@ class _Shown:
         self._place.clear()
         with self._place:
             told = facts([(texts("weight.reached"), "–"), (texts("weight.apart"), "–")])
-            header = [texts(f"weight.{key}") for key in ("parameter", "symbol", "tolerance", "largest", "rms")]
-            rows = table(texts("weight.most", count=len(weight.rows)), header, weight.rows, words=(0, 1))
+            header = tuple(texts(f"weight.{key}") for key in ("parameter", "symbol", "tolerance", "largest", "rms"))
+            title = texts("weight.most", count=len(weight.rows))
+            rows = tabulated(Table.of_rows(title, header, weight.rows, text_columns=(0, 1)))
         within = [*told.descendants(), *rows.descendants()]
         self._cells = [e for e in within if isinstance(e, TextElement) and e.tag in ("dd", "td")]
