@@ -4,9 +4,11 @@ import os
 
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
     os.environ[_variable] = "1"  # for the libraries and processes that are yet to start
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # dozens of processes are started, each of which would compile the package
 
 import gc
 import shutil
+import sys
 import tempfile
 from collections import defaultdict
 from collections.abc import Generator
@@ -19,6 +21,8 @@ from hypothesis import HealthCheck, settings
 from threadpoolctl import threadpool_limits
 
 from tests.checked_calls import count_anew, install_checks
+
+sys.dont_write_bytecode = False  # for what this process is yet to import, and the workers to load
 
 os.environ["TASKCAL_STATE_DIR"] = tempfile.mkdtemp(prefix="taskcal-state-")  # not the user's own
 
