@@ -57,8 +57,8 @@ def install_checks(modules: Sequence[str]) -> None:
     jaxtyping.install_import_hook(modules, "beartype.beartype")
 
 
-def count_anew() -> None:
-    """Begin a test."""
+def begin_test() -> None:
+    """Count the calls of a test from its beginning."""
     global _test
     _test += 1
 

@@ -4,7 +4,9 @@ import os
 
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
     os.environ[_variable] = "1"  # for the libraries and processes that are yet to start
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # dozens of processes are started, each of which would compile the package
+os.environ.pop(
+    "PYTHONDONTWRITEBYTECODE", None
+)  # dozens of processes are started, each of which would compile the package
 
 import gc
 import shutil
@@ -20,7 +22,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from threadpoolctl import threadpool_limits
 
-from tests.checked_calls import count_anew, install_checks
+from tests.checked_calls import begin_test, install_checks
 
 sys.dont_write_bytecode = False  # for what this process is yet to import, and the workers to load
 
@@ -67,7 +69,7 @@ settings.register_profile(
     "ci",
     derandomize=True,
     deadline=None,
-    max_examples=40,
+    max_examples=25,
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.register_profile("quick", settings.get_profile("ci"), max_examples=5)
@@ -110,7 +112,7 @@ def _require_data() -> None:
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    count_anew()
+    begin_test()
     if item.get_closest_marker("realdata"):
         _require_data()
 

@@ -8,7 +8,7 @@ import pytest
 from jaxtyping import Float, TypeCheckError
 
 from taskcal.geometry import se3
-from tests.checked_calls import CALLS, check_first_calls, count_anew
+from tests.checked_calls import CALLS, begin_test, check_first_calls
 
 
 def called(times: int) -> tuple[list[bool], Callable[[int], int]]:
@@ -48,7 +48,7 @@ def test_nested_function_checks_are_counted_over_all_copies() -> None:
     again, inner = called(1)
     assert again == [False]
     assert check_first_calls(inner) is inner
-    count_anew()
+    begin_test()
     assert called(1)[0] == [True]
 
 

@@ -4,7 +4,6 @@ The change is against where this branch left the main one; on the main one itsel
 touched where it changed, or imports what changed, at once or through other modules and the settings of its folder.
 """
 
-import ast
 import re
 import subprocess
 from collections.abc import Iterable, Iterator, Mapping
@@ -14,6 +13,9 @@ ROOT = Path(__file__).parents[1]
 MAIN = ("origin/main", "origin/master", "main", "master")
 PREFIX = re.compile(r"(\w+\.)+")
 """A text to which the name of a module is added before it is loaded."""
+IMPORT = re.compile(r"^[ \t]*import (.+)", re.MULTILINE)
+FROM = re.compile(r"^[ \t]*from (\.*)([\w.]*) import (\([^)]*\)|.+)", re.MULTILINE)
+QUOTED = re.compile(r"""["']([\w.]+)(?=[:"'{])""")
 READ_PAGES = ("tests/examples", "tests/realdata")
 """Folders of tests that read pages of the documentation."""
 
@@ -72,25 +74,19 @@ def _modules() -> Iterator[tuple[str, Path]]:
 def _needed(path: Path, files: Mapping[str, Path]) -> set[str]:
     """Those that its imports and its texts name; a package whose names load late names them in its stub."""
     source = path.with_suffix(".pyi") if path.with_suffix(".pyi").is_file() else path
-    nodes = list(ast.walk(ast.parse(source.read_text(encoding="utf-8"))))
-    named = set[str]()
-    for node in nodes:
-        if isinstance(node, ast.Import):
-            named |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            module = node.module or ""
-            if node.level:
-                inside = path.relative_to(ROOT / "src" if path.is_relative_to(ROOT / "src") else ROOT).parts[
-                    : -node.level
-                ]
-                module = ".".join([*inside, *module.split(".")] if module else inside)
-            named |= {module, *(f"{module}.{alias.name}" for alias in node.names)}
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str):  # loaded by name, or started
-            text = node.value.partition(":")[0]
-            if text in files:
-                named.add(text)
-            elif PREFIX.fullmatch(text):
-                named |= {name for name in files if name.startswith(text)}
+    text = source.read_text(encoding="utf-8")
+    named = {name for names in IMPORT.findall(text) for name in re.findall(r"[\w.]+", names)}
+    for dots, module, names in FROM.findall(text):
+        above = path.relative_to(ROOT / "src" if path.is_relative_to(ROOT / "src") else ROOT).parts[
+            : -len(dots) or None
+        ]
+        whole = ".".join([*above, *module.split(".")] if dots and module else above if dots else [module])
+        named |= {whole, *(f"{whole}.{name}" for name in re.findall(r"\w+", names))}
+    for name in QUOTED.findall(text):  # loaded by name, or started
+        if name in files:
+            named.add(name)
+        elif PREFIX.fullmatch(name):
+            named |= {other for other in files if other.startswith(name)}
     if path.is_relative_to(ROOT / "src"):
         named -= {"taskcal"}  # inside the package nothing is imported from its root but the version
     needed = {str(files[name].relative_to(ROOT)) for name in named if name in files}

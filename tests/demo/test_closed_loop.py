@@ -39,7 +39,7 @@ def loop(robot):
 
 @pytest.fixture(scope="module")
 def runs(loop):
-    return [run_closed_loop(loop, seed, fit=named_effects) for seed in range(2)]
+    return [run_closed_loop(loop, seed, fit=named_effects) for seed in range(1)]
 
 
 def test_correction_halves_touch_off_error(runs):

@@ -19,7 +19,7 @@ from taskcal.task.task import reach_task
 
 GEOMETRY = ErrorModel(load_robot("abb-irb6660-205-1.9"))
 TASK = reference_task(np.radians(20.0))
-DRAWS = 4
+DRAWS = 2
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def test_what_geometry_leaves_is_found_and_predicted(trials):
 
 
 def test_predictions_with_effects_are_inside_their_intervals(trials):
-    """400 poses of four robots; the errors at the poses of one robot go together, hence the width of the bounds."""
+    """200 poses of two robots; the errors at the poses of one robot go together, hence the width of the bounds."""
     inside = np.mean([explained.inside for _, explained in trials])
     assert 0.90 < inside < 0.99
 

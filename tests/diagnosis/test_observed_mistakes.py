@@ -40,7 +40,7 @@ def test_only_sockets_are_quick_enough_to_try_all_mistakes():
 
 def test_tracker_beside_sockets_is_diagnosed_alone():
     """A left-handed frame of the tracker is found in its own rows, and the scope names the targets that were not examined."""
-    model, mixed, _ = observed_with_points("socket", 2, rows=60)
+    model, mixed, _ = observed_with_points("socket", 2, rows=40)
     sound = diagnose(mixed, model.robot)
     assert sound.findings == ()
     assert sound.campaign is mixed
@@ -72,13 +72,13 @@ def test_joint_mistake_shows_in_the_misses_of_sockets(sockets, name):
     np.testing.assert_allclose(found.campaign.q, sockets.q, atol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_mistakes_are_found_together(sockets):
     found = diagnose(replace(sockets, q=sockets.q[:, [0, 1, 3, 2, 4, 5]] * [1, -1, 1, 1, 1, 1]), ROBOT)
     assert {(f.id, f.subject) for f in found.findings[:2]} == {("joint-order", ("J3", "J4")), ("joint-sign", ("J2",))}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_sockets_of_other_rows_are_no_sound_campaign(sockets):
     shuffled = replace(sockets, q=np.random.default_rng(1).permutation(sockets.q))
     (only,) = diagnose(shuffled, ROBOT).findings
@@ -100,7 +100,7 @@ def test_the_length_of_a_wire_shows_the_sign_of_a_joint():
     assert first.error_after < 0.1 * first.error_before < ROBOT.reach
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_touches_show_the_sign_of_a_joint():
     model = ErrorModel(ROBOT)
     touches, _ = cube_campaign(np.random.default_rng(4), model, np.zeros(len(model)), 60, noise=2e-5)

@@ -27,6 +27,7 @@ def test_points_of_other_poses_are_not_paired():
     assert pair_rows(Case.of(load_robot("ur5"), replace(sound, points=other.points))) is None
 
 
+@pytest.mark.long
 def test_shuffled_rows_in_metres_are_told_and_mended_together():
     robot, sound = load_robot("ur5"), virtual("ur5", rows=30)
     wrong = rearranged(sound, np.random.default_rng(7).permutation(30))

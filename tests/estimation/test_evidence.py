@@ -81,7 +81,7 @@ class LinearModel:
         return np.exp(found.x[:-1]), np.exp(found.x[-1])
 
 
-@settings(max_examples=10)
+@settings(max_examples=4)
 @given(generators)
 @pytest.mark.parametrize("groups", [1, 2])
 def test_scoring_converges_to_maximum_marginal_likelihood(groups, rng):

@@ -52,7 +52,7 @@ def values(candidates: Candidates, subsets: np.ndarray, criterion: str) -> np.nd
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_the_choice_is_the_best_of_all_there_are(criterion):
     excess = []
-    for seed in range(16 if criterion in CLOSED else 4):
+    for seed in range(10 if criterion in CLOSED else 2):
         rng = np.random.default_rng(seed)
         candidates = random_candidates(rng, d=int(rng.choice([4, 8, 14])), known=int(rng.choice([0, 5])))
         found = choose(candidates, COUNT, criterion)
@@ -65,23 +65,23 @@ def test_the_choice_is_the_best_of_all_there_are(criterion):
 
 @pytest.mark.parametrize("criterion", CLOSED)
 @given(generators)
-@settings(max_examples=5)
+@settings(max_examples=3)
 def test_no_single_exchange_improves_the_choice(criterion, rng):
-    candidates = random_candidates(rng, n=40)
+    candidates = random_candidates(rng, n=30)
     found = choose(candidates, 8, criterion, sweeps=20)
     own = values(candidates, found.chosen[None], criterion)[0]
-    others = np.setdiff1d(np.arange(40), found.chosen)
+    others = np.setdiff1d(np.arange(30), found.chosen)
     exchanged = np.array([np.where(found.chosen == old, new, found.chosen) for old in found.chosen for new in others])
     assert values(candidates, exchanged, criterion).min() > own * (1 - 1e-3)
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)
 @given(generators, st.integers(1, 4), st.integers(1, 2))
-@settings(max_examples=3)
+@settings(max_examples=2)
 def test_the_value_is_that_of_matrices_inverted_afresh(criterion, rng, block, known):
     """Blocks of several targets, and of one row; after all the updates on the way."""
-    candidates = random_candidates(rng, n=20, d=6, block=block, known=known * 6)
-    found = choose(candidates, 9, criterion)
+    candidates = random_candidates(rng, n=15, d=6, block=block, known=known * 6)
+    found = choose(candidates, 7, criterion)
     own = values(candidates, found.chosen[None], criterion)[0]
     expected = {"task": own, "A": own, "D": 6 * np.log(own)}.get(criterion, -1 / own)
     # E breaks ties at zero by a millionth of the sum of the singular values
@@ -92,15 +92,15 @@ def test_the_value_is_that_of_matrices_inverted_afresh(criterion, rng, block, kn
 def test_shortlist_without_current_candidate_does_no_harm(criterion, monkeypatch):
     """An exchange that turns out worse is taken back, so that the value stays that of the choice."""
     monkeypatch.setattr(experiment_design, "SHORTLIST_SIZE", 2)
-    for seed in range(3):
-        candidates = random_candidates(np.random.default_rng(seed), n=20, d=6)
+    for seed in range(2):
+        candidates = random_candidates(np.random.default_rng(seed), n=15, d=6)
         found = choose(candidates, 7, criterion)
         own = values(candidates, found.chosen[None], criterion)[0]
         assert found.value == pytest.approx(-1 / own, rel=1e-5)
 
 
 @given(generators)
-@settings(max_examples=8)
+@settings(max_examples=5)
 def test_the_greedy_curve_falls_by_what_each_candidate_is_worth(rng):
     candidates = random_candidates(rng, n=25)
     found = choose(candidates, 10, sweeps=0)
@@ -120,7 +120,7 @@ def test_the_exchange_improves_on_the_greedy_start():
     assert min(gains) < 0.99
 
 
-@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("criterion", ["task", "E", "O2"])
 def test_the_same_candidates_give_the_same_choice(criterion):
     first, second = (choose(random_candidates(np.random.default_rng(7), n=20), 7, criterion) for _ in range(2))
     np.testing.assert_array_equal(first.chosen, second.chosen)
@@ -147,13 +147,13 @@ def test_what_is_known_already_is_not_measured_again():
     fresh = Candidates(rows=rows, prior=np.eye(2), task=np.eye(2), signal=none)
     known = np.diag([1e4, 0.0])
     extended = replace(fresh, prior=np.eye(2) + known, signal=known)
-    for criterion in ("task", "A", "D", "E", "O1", "O3", "O5"):
+    for criterion in ("task", "D", "E", "O3"):
         assert sorted(choose(extended, 4, criterion).chosen) == [16, 17, 18, 19]
         assert sorted(choose(fresh, 4, criterion).chosen) == [8, 9, 18, 19]
 
 
 @given(generators)
-@settings(max_examples=6)
+@settings(max_examples=4)
 def test_prior_information_equals_rows_it_came_from(rng):
     """Extending a measured set gives the error of measured and chosen rows together."""
     candidates = random_candidates(rng, n=30, known=0)

@@ -28,7 +28,7 @@ def race(tmp_path):
     return Race(benchmark=unused, baseline=baseline, clock=processor_time)
 
 
-@pytest.fixture(params=[0, 3])
+@pytest.fixture(params=[0, pytest.param(3, marks=pytest.mark.long)])
 def _other_work(request):
     """Processes that never rest, more than there may be cores to spare."""
     with ExitStack() as ended:

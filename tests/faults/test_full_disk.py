@@ -55,6 +55,7 @@ def test_a_robot_is_not_written_half_where_there_is_no_room(tmp_path):
     assert not list(tmp_path.glob("*.part"))
 
 
+@pytest.mark.long
 def test_bytecode_that_was_cut_off_is_named(tmp_path):
     """Python keeps what it could write of it, and an end of file too soon looks to Typer like a question without an answer."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}

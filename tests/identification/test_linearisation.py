@@ -54,11 +54,12 @@ def assert_same_equations(found, expected, tolerance):
 @settings(max_examples=4)
 @given(seeds)
 def test_rows_hold_the_derivative_of_the_prediction(kind, seed):
-    """By every entry of the estimate, of a tracker's points and poses and of every other kind."""
+    """Of a tracker's points and poses and of every other kind: by all entries of frames and kind, and by some parameters."""
     model, campaign = tracked(seed, kind) if kind in KINDS else observed(kind, seed, rows=ROWS.get(kind, 16))[:2]
     problem, z = problem_about(model, campaign, seed)
     at, h = problem.linearise(z), 1e-6
-    for i in range(len(z)):
+    parameters = np.random.default_rng(seed).choice(len(model), 8, replace=False)
+    for i in (*parameters, *range(len(model), len(z))):
         step = h * np.eye(len(z))[i]
         moved = (problem.linearise(z - step).residual - problem.linearise(z + step).residual) / (2 * h)
         np.testing.assert_allclose(at.by_entry[:, :, i], moved, rtol=1e-5, atol=2e-7, err_msg=problem.layout.names[i])

@@ -50,7 +50,9 @@ def test_a_tracker_beside_it_leaves_no_direction_less_certain(kind):
         assert eigh(whole, part, eigvals_only=True)[-1] < 1.01
 
 
-@pytest.mark.parametrize("kind", ["socket", "distance", "cube"])
+@pytest.mark.parametrize(
+    "kind", ["socket", *(pytest.param(kind, marks=pytest.mark.long) for kind in ("distance", "cube"))]
+)
 def test_a_tracker_beside_it_makes_neither_worse(kind):
     # which of two sound estimates of one robot is nearer is chance, so that several robots have to say it
     errors = []
@@ -64,7 +66,7 @@ def test_a_tracker_beside_it_makes_neither_worse(kind):
 
 @pytest.mark.parametrize("kind", KINDS_WITHOUT_TRACKER)
 def test_a_calibration_is_saved_and_loaded_with_what_stands(kind, tmp_path):
-    model, campaign, _ = observed_with_points(kind, 4)
+    model, campaign, _ = observed_with_points(kind, 4, rows=40)
     calibration = identify(model, campaign)
     calibration.save(tmp_path / "cal.json")
     loaded = load_calibration(tmp_path / "cal.json")

@@ -18,6 +18,7 @@ def test_poses_predict_positions_no_worse_than_their_points_do(name, kind):
     assert ratio.max() < 1.1
 
 
+@pytest.mark.long
 def test_auto_poses_beat_points_with_rotated_instrument():
     """With all effects and a rotated instrument, full poses predict better than points."""
     poses, points = virtual("abb-irb120", "turned instrument", 0).errors_mm(auto=True)

@@ -193,7 +193,7 @@ def other_zeros(some: Cell, q: np.ndarray) -> tuple[Cell, np.ndarray]:
 
 ELSEWHERE = [{"tx_mm": 140.0}, {"ry_deg": 40.0}, {"tz_mm": -60.0}, {"rx_deg": -75.0}]
 
-TOLD_ANEW: tuple[Callable[[Cell, np.ndarray], tuple[Cell, np.ndarray]], ...] = (
+EQUIVALENT: tuple[Callable[[Cell, np.ndarray], tuple[Cell, np.ndarray]], ...] = (
     rows_in_another_order,
     other_names,
     a_tracker_elsewhere,
@@ -203,7 +203,7 @@ TOLD_ANEW: tuple[Callable[[Cell, np.ndarray], tuple[Cell, np.ndarray]], ...] = (
     other_signs,
     other_zeros,
 )
-"""Ways to tell of the same cell; of unseen joints with it."""
+"""Equivalent descriptions of a cell, and of unseen joints with it."""
 
 
 def _with_steps(description: dict[str, Any], before: list[dict[str, Any]] | None = None) -> dict[str, Any]:

@@ -10,13 +10,22 @@ import numpy as np
 from taskcal.identification.identify import identify
 from taskcal.observations.instrument import find_measurable
 from taskcal.virtual.cell import draw_defects
-from tests.planning.without_tracker import COUNT, MODEL, TASK, WAYS, aligned_error, measure, plan_of, way_of
+from tests.planning.without_tracker import (
+    COUNT,
+    INSTRUMENTS,
+    MODEL,
+    TASK,
+    aligned_error,
+    instrument_of,
+    measure,
+    plan_of,
+)
 
 
 def main(robots: int) -> None:
     print(f"{COUNT} postures, {robots} robots: rms over the task, mm")
-    for name in WAYS:
-        way, made, rng = way_of(name), plan_of(name), np.random.default_rng(1)
+    for name in INSTRUMENTS:
+        way, made, rng = instrument_of(name), plan_of(name), np.random.default_rng(1)
         pool = find_measurable(MODEL.nominal, TASK, way, 300, 99)
         planned: list[float] = []
         chance: list[float] = []

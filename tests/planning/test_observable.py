@@ -7,7 +7,7 @@ from taskcal.observations import CameraInstrument
 from taskcal.observations.instrument import find_measurable
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from tests.planning.without_tracker import MODEL, TASK, TIP, WAYS, way_of
+from tests.planning.without_tracker import INSTRUMENTS, MODEL, TASK, TIP, instrument_of
 
 
 def test_joints_that_turn_more_than_once_are_not_wound_up():
@@ -24,15 +24,15 @@ def test_joints_that_turn_more_than_once_are_not_wound_up():
 
 def test_default_fixtures_are_above_base_and_apart():
     """Default fixed objects are above the base and apart from each other."""
-    for way in WAYS:
-        position = way_of(way).fixtures.position
+    for way in INSTRUMENTS:
+        position = instrument_of(way).fixtures.position
         assert position[:, 2].min() >= 0.0
         apart = np.linalg.norm(position[:, None] - position, axis=2)
         assert apart[np.triu_indices(len(position), 1)].min() > 0.09
 
 
 def test_postures_of_different_branches_are_found():
-    found = find_measurable(MODEL, TASK, way_of("camera"), 150, 0)
+    found = find_measurable(MODEL, TASK, instrument_of("camera"), 150, 0)
     # wrist flipped either way, and the camera turned all about its axis
     assert (found.q[:, 4] > 0.1).any()
     assert (found.q[:, 4] < -0.1).any()

@@ -16,16 +16,16 @@ from tests.planning.without_tracker import (
     CANDIDATES,
     COUNT,
     GOAL,
+    INSTRUMENTS,
     MODEL,
     TASK,
-    WAYS,
     aligned_error,
+    instrument_of,
     measure,
     plan_of,
-    way_of,
 )
 
-every_way = pytest.mark.parametrize("way", WAYS)
+every_way = pytest.mark.parametrize("way", INSTRUMENTS)
 
 
 @every_way
@@ -44,11 +44,11 @@ def test_plan_respects_limits_and_covers_every_fixture(way):
     """Every pose is inside the joint limits, and every fixed object gets its minimum number of poses."""
     made = plan_of(way)
     assert MODEL.robot.inside_limits(made.q).all()
-    assert np.bincount(made.of).min() >= way_of(way).rows_each
-    assert made.names == tuple(way_of(way).fixtures.names[k] for k in made.of)
-    assert made.summary()["poses_each"] == {name: made.names.count(name) for name in way_of(way).fixtures.names}
+    assert np.bincount(made.of).min() >= instrument_of(way).rows_each
+    assert made.names == tuple(instrument_of(way).fixtures.names[k] for k in made.of)
+    assert made.summary()["poses_each"] == {name: made.names.count(name) for name in instrument_of(way).fixtures.names}
     # what does not stand at the same time is measured one behind another
-    stage = way_of(way).stages[made.of]
+    stage = instrument_of(way).stages[made.of]
     assert np.count_nonzero(np.diff(stage)) == len(np.unique(stage)) - 1
 
 
@@ -58,14 +58,14 @@ def test_virtual_robots_become_as_accurate_as_expected(way):
     squares = []
     for _ in range(8):
         x = draw_defects(MODEL, rng)
-        calibration = identify(MODEL, measure(way_of(way), made.q, made.of, x, rng, made.model_error))
-        squares.append(aligned_error(calibration, x, way_of(way).T_tool_tip) ** 2)
+        calibration = identify(MODEL, measure(instrument_of(way), made.q, made.of, x, rng, made.model_error))
+        squares.append(aligned_error(calibration, x, instrument_of(way).T_tool_tip) ** 2)
     # of few robots; `python -m tests.planning.observed_accuracy` has many, of all kinds
     assert np.sqrt(np.mean(squares)) == pytest.approx(made.expected, rel=0.4)
 
 
 def test_the_same_seed_gives_the_same_plan():
-    again = plan(MODEL, TASK, COUNT, observe=way_of("wire"), candidates=CANDIDATES)
+    again = plan(MODEL, TASK, COUNT, observe=instrument_of("wire"), candidates=CANDIDATES)
     np.testing.assert_array_equal(again.q, plan_of("wire").q)
     assert again.names == plan_of("wire").names
 
@@ -79,7 +79,7 @@ def expected_in(way, made):
 
 def test_precise_socket_distance_lowers_expected_error():
     """A stated socket distance lowers the expected error; a coarse one hardly does."""
-    made, way = plan_of("socket"), way_of("socket")
+    made, way = plan_of("socket"), instrument_of("socket")
     coarse = tuple(replace(one, uncertainty=1e-2) for one in way.distances)
     fine, little, none = (expected_in(replace(way, distances=d), made) for d in (way.distances, coarse, ()))
     assert 1.01 * fine < none
@@ -89,13 +89,13 @@ def test_precise_socket_distance_lowers_expected_error():
 def test_board_informs_more_than_landmark_unknown_scale_less():
     """A board is more informative than a landmark, and an unknown scale less than a known one."""
     camera, wire = plan_of("camera"), plan_of("wire")
-    assert expected_in(way_of("board"), camera) < expected_in(way_of("camera"), camera)
-    assert expected_in(replace(way_of("wire"), wire_scale=True), wire) > expected_in(way_of("wire"), wire)
+    assert expected_in(instrument_of("board"), camera) < expected_in(instrument_of("camera"), camera)
+    assert expected_in(replace(instrument_of("wire"), wire_scale=True), wire) > expected_in(instrument_of("wire"), wire)
 
 
 def test_plan_rejects_too_few_poses_and_states_minimum():
     """Too few poses are rejected, and the number in the message is enough for a plan."""
-    way = way_of("camera")
+    way = instrument_of("camera")
     with pytest.raises(CampaignError, match="each of 3 landmarks needs 5; plan at least 15"):
         plan(MODEL, TASK, 14, observe=way, candidates=90)
     made = plan(MODEL, TASK, 15, observe=way, candidates=90)
@@ -106,11 +106,11 @@ def test_postures_that_are_too_few_are_said_of_what():
     with pytest.raises(
         ReachError, match=r"only \d+ postures were found in which anchor '.*' can be measured; it needs 12"
     ):
-        plan(MODEL, TASK, COUNT, observe=way_of("wire"), candidates=30)
+        plan(MODEL, TASK, COUNT, observe=instrument_of("wire"), candidates=30)
 
 
 def test_given_joints_or_measurements_do_not_go_with_it():
-    way = way_of("socket")
+    way = instrument_of("socket")
     with pytest.raises(CampaignError, match="are looked for where its fixtures are"):
         plan(MODEL, TASK, COUNT, observe=way, candidates=GOAL.q)
     made = plan_of("socket")

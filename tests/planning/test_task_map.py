@@ -145,19 +145,21 @@ def test_a_list_of_poses_has_no_slices(model):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("pose", "spread_deg"),
+    ("pose", "spread_deg", "robots"),
     [
-        (False, 0.0),
-        pytest.param(False, 20.0, marks=pytest.mark.long),
-        pytest.param(True, 20.0, marks=pytest.mark.long),
+        (False, 0.0, 80),
+        *(
+            pytest.param(pose, spread, 200, marks=pytest.mark.long)
+            for pose, spread in ((False, 0.0), (False, 20.0), (True, 20.0))
+        ),
     ],
 )
-def test_tool_interval_coverage_is_nominal(model, pose, spread_deg):
+def test_tool_interval_coverage_is_nominal(model, pose, spread_deg, robots):
     """Tool positions, and rotations where poses were measured, at task poses in the tracker frame: 95 % intervals."""
     q = reach_task(model, reference_task(np.radians(spread_deg)), 40).q
     task = reach_task(model, reference_task(np.radians(spread_deg)), 20, 5).q
     inside = []
-    for seed in range(200):
+    for seed in range(robots):
         campaign, truth = simulate(model, q, rng=np.random.default_rng(seed), pose=pose)
         calibration = identify(model, campaign, gross_errors="keep")
         found, true = calibration.predict_tool(task), truth.T_tracker_base @ model.poses(task, truth.x)

@@ -21,13 +21,13 @@ TIP = se3.translation(0.01, -0.02, 0.1)
 TASK = box_before_the_robot(
     "cell", [0.4, 0.0, 0.3], [0.25, 0.4, 0.2], Orientation(rotation=np.diag([1.0, -1.0, -1.0]), cone=0.3, spin=0.5)
 )
-WAYS = ("socket", "wire", "camera")
+INSTRUMENTS = ("socket", "wire", "camera")
 GOAL = reach_task(MODEL, TASK, 60, 1)
 COUNT, CANDIDATES = 36, 300
 
 
 @cache
-def way_of(way: str) -> Instrument:
+def instrument_of(way: str) -> Instrument:
     """By default of the task; sockets at two places."""
     made = instrument_class(way).set_up(MODEL, TASK, TIP)
     if not isinstance(made, SocketInstrument):
@@ -39,7 +39,7 @@ def way_of(way: str) -> Instrument:
 @cache
 def plan_of(way: str) -> Plan:
     """A small plan."""
-    return plan(MODEL, TASK, COUNT, observe=way_of(way), candidates=CANDIDATES)
+    return plan(MODEL, TASK, COUNT, observe=instrument_of(way), candidates=CANDIDATES)
 
 
 def measure(

@@ -2,6 +2,7 @@
 
 import ast
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 SOURCES = Path(__file__).resolve().parents[2] / "src"
@@ -53,6 +54,7 @@ ONE_IMPORTER = {
 """Modules that fewer than two others import and that have no public name, by the reason for which they are there."""
 
 
+@cache
 def imported(path: Path) -> set[str]:
     """Modules that a file imports, wherever it does so."""
     found: set[str] = set()

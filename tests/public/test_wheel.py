@@ -29,7 +29,7 @@ taskcal.ErrorModel(taskcal.load_robot("ur5"))
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_wheel_from_sdist_is_complete_and_importable(tmp_path: Path) -> None:
     """The wheel built from the source distribution is complete, and its public names load."""
     source, wheel = build(tmp_path)

@@ -117,7 +117,7 @@ TEN = (pytest.mark.long,)
         pytest.param("ur5", 60, 3, 0.073, id="ur5, 60 rows"),
         pytest.param("ur5", 60, 10, 0.071, id="ur5, 60 rows, ten splits", marks=TEN),
         pytest.param("ur5", 700, 1, 0.047, id="ur5, 700 rows", marks=TEN),
-        pytest.param("abb-irb120", 60, 2, 0.305, id="irb120, 60 rows"),
+        pytest.param("abb-irb120", 60, 2, 0.305, id="irb120, 60 rows", marks=TEN),
         pytest.param("abb-irb120", 60, 10, 0.29, id="irb120, 60 rows, ten splits", marks=TEN),
         pytest.param("abb-irb120", 430, 1, 0.26, id="irb120, 430 rows", marks=TEN),
         pytest.param("barrett-wam", 0.7, 3, 1.43, id="wam, 70 %", marks=TEN),

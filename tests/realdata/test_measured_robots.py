@@ -104,21 +104,19 @@ BOUNDS = {
 }
 
 
-@pytest.mark.parametrize("source", ["catalogue", "table"])
 @pytest.mark.parametrize("case", BOUNDS)
-def test_geometry_predicts_held_out_rows_within_bound(data_folder, case, source):
+def test_geometry_predicts_held_out_rows_within_bound(data_folder, case):
     """Held-out rows are predicted as accurately as a full geometric fit allows."""
     name, options, count, bound_mm = BOUNDS[case]
-    robot = robot_of(data_folder, name, source)
+    robot = robot_of(data_folder, name, "catalogue")
     campaign = campaign_of(data_folder, name, robot, **options)
     rows = count if isinstance(count, int) else round(count * len(campaign))
     assert held_out_mm(ErrorModel(robot), campaign, rows) <= bound_mm
 
 
-@pytest.mark.parametrize("source", ["catalogue", "table"])
-def test_geometry_predicts_each_fanuc_pose_leave_one_out(data_folder, source):
+def test_geometry_predicts_each_fanuc_pose_leave_one_out(data_folder):
     """Each pose of the robot with coupled axes is predicted from all other poses."""
-    robot = robot_of(data_folder, "fanuc-r2000ic-165f", source)
+    robot = robot_of(data_folder, "fanuc-r2000ic-165f", "catalogue")
     model, campaign = ErrorModel(robot), campaign_of(data_folder, "fanuc-r2000ic-165f", robot)
     errors = []
     for i in range(len(campaign)):
@@ -146,6 +144,7 @@ def test_identify_leaves_no_row_of_a_measured_robot_out(data_folder, name):
     assert identify(ErrorModel(robot), campaign_of(data_folder, name, robot)).left_out == ()
 
 
+@pytest.mark.long
 def test_rows_by_expected_error_beat_random_rows(data_folder):
     """60 of 700 rows of a real robot, whose model error is smooth over the joints; judged on the other 300."""
     model = ErrorModel(load_robot("ur5"))

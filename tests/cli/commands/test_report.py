@@ -179,8 +179,8 @@ def test_every_page_has_a_head_and_a_summary_if_asked_for(run: Run, path: Path, 
     (tmp_path / "head.toml").write_text('customer = "Example & Sons"\n')
     beside = ["--header", tmp_path / "head.toml"]
     most = {
-        "plan": ["-n", 30, "--candidates", 60, "-o", tmp_path / "p.csv"],
-        "study": ["--robots", 2, "--counts", 30, "--engine", "sequential"],
+        "plan": ["-n", 16, "--candidates", 40, "-o", tmp_path / "p.csv"],
+        "study": ["--robots", 1, "--counts", 16, "--engine", "sequential"],
     }
     given = [command, "--robot", IRB6660, "--task", path, *most.get(command, []), *beside]
     alone = run(*given)

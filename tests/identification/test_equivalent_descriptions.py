@@ -1,4 +1,4 @@
-"""What is identified does not depend on how a cell is told: order, names, frames, signs, zero positions, form of the robot file."""
+"""What is identified does not depend on how a cell is described: order, names, frames, signs, zero positions, form of the robot file."""
 
 from functools import cache
 
@@ -7,7 +7,7 @@ import pytest
 
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify
-from tests.laws.cells import STRUCTURES, TOLD_ANEW, cell, unseen
+from tests.laws.cells import EQUIVALENT, STRUCTURES, cell, unseen
 
 
 @cache
@@ -18,12 +18,12 @@ def identified(structure):
     return some, q, calibration.predict(q), calibration.predict_covariance(q)
 
 
-def assert_the_same(structure, *ways):
+def assert_the_same(structure, *changes):
     """To a two-hundredth of the noise: a target that few axes do not locate entirely stays at the tool point, which another
     tool frame has elsewhere."""
     some, q, points, covariance = identified(structure)
-    for way in ways:
-        some, q = way(some, q)
+    for change in changes:
+        some, q = change(some, q)
     again = identify(some.model, some.campaign)
     np.testing.assert_allclose(again.predict(q), se3.apply(some.T_moved, points), rtol=0.0, atol=1e-7)
     R = some.T_moved[:3, :3]
@@ -31,12 +31,12 @@ def assert_the_same(structure, *ways):
     np.testing.assert_allclose(again.predict_covariance(q), expected, rtol=0.0, atol=1e-3 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("way", TOLD_ANEW, ids=lambda way: way.__name__)
-def test_a_cell_told_in_another_way_is_predicted_the_same(way):
-    assert_the_same("coupled axes", way)
+@pytest.mark.parametrize("change", EQUIVALENT, ids=lambda change: change.__name__)
+def test_each_equivalent_description_is_predicted_the_same(change):
+    assert_the_same("coupled axes", change)
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_prediction_is_invariant_to_description_of_cell(structure):
     """A cell of any structure is predicted the same in every equivalent description."""
-    assert_the_same(structure, *TOLD_ANEW)
+    assert_the_same(structure, *EQUIVALENT)

@@ -6,14 +6,14 @@ import pytest
 from taskcal.errors import ReachError
 from taskcal.kinematics.clearance import place_links, segment_distance
 from taskcal.observations.instrument import find_measurable
-from tests.planning.without_tracker import MODEL, TASK, TIP, plan_of, way_of
+from tests.planning.without_tracker import MODEL, TASK, TIP, instrument_of, plan_of
 
-WAY = way_of("wire")
+INSTRUMENT = instrument_of("wire")
 
 
 def wires(q, of):
     tip = MODEL.poses(q) @ TIP
-    return tip, WAY.fixtures.position[of] - tip[:, :3, 3]
+    return tip, INSTRUMENT.fixtures.position[of] - tip[:, :3, 3]
 
 
 def test_wires_have_measurable_length_and_clear_tool():
@@ -21,8 +21,8 @@ def test_wires_have_measurable_length_and_clear_tool():
     made = plan_of("wire")
     tip, way = wires(made.q, made.of)
     length = np.linalg.norm(way, axis=1)
-    assert WAY.shortest <= length.min() <= length.max() <= WAY.longest
-    assert np.arccos((way * tip[:, :3, 2]).sum(axis=1) / length).max() <= WAY.angle + 1e-9
+    assert INSTRUMENT.shortest <= length.min() <= length.max() <= INSTRUMENT.longest
+    assert np.arccos((way * tip[:, :3, 2]).sum(axis=1) / length).max() <= INSTRUMENT.angle + 1e-9
 
 
 def test_no_wire_crosses_a_link():
@@ -40,9 +40,9 @@ def test_wire_out_of_range_everywhere_names_its_anchor():
     with pytest.raises(
         ReachError, match=r"anchor 'front' cannot be measured .* the wire too short or too long; move it"
     ):
-        find_measurable(MODEL, TASK, replace(WAY, longest=0.12), 60, 0)
+        find_measurable(MODEL, TASK, replace(INSTRUMENT, longest=0.12), 60, 0)
 
 
 def test_a_sensor_of_unknown_scale_tells_less():
-    assert replace(WAY, wire_scale=True).unknown.shape == (13,)
-    assert WAY.unknown.shape == (12,)
+    assert replace(INSTRUMENT, wire_scale=True).unknown.shape == (13,)
+    assert INSTRUMENT.unknown.shape == (12,)

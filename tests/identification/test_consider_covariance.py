@@ -1,4 +1,4 @@
-"""What is not estimated is considered, or has no say."""
+"""Parameters that are not estimated: their covariance is considered (Schmidt), or they change nothing."""
 
 import numpy as np
 import pytest
@@ -90,8 +90,9 @@ def test_dropping_dependent_parameter_keeps_predictions(seed):
     raise AssertionError("the arm has no four dependent parameters")
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("loss", [Squared(), Huber(0.7)], ids=lambda loss: type(loss).__name__)
+@pytest.mark.parametrize(
+    ("kind", "loss"), [*((kind, Huber(0.7)) for kind in KINDS), ("one target", Squared())], ids=str
+)
 def test_consider_covariance_equals_independent_calculation(kind, loss):
     """The covariance of an estimator x = G·y, whatever its gain, from the dense matrices of the whole problem.
 
