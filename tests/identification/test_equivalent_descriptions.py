@@ -1,4 +1,4 @@
-"""What is identified does not depend on how a cell is described: order, names, frames, signs, zero positions, form of the robot file."""
+"""What is identified does not depend on how a cell is described: order, names, frames, signs, zero positions, robot file."""
 
 from functools import cache
 
