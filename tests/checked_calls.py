@@ -1,24 +1,36 @@
-"""Shapes and types in annotations are checked at a function's first calls in every test, and not at all later ones.
+"""Shapes and types in annotations are checked at a function's first calls in every test, and where its arguments are new.
 
 A check takes longer than most functions do: an experiment over a hundred robots would spend three quarters of its time on
-checks that say no more than the first ones did. A function within another is new at every call of the outer one, and preparing
+checks that say no more than the first ones did. So a call whose arguments have the types and shapes of one that was right is not
+checked again, but for a few calls in every test, whose results may differ.
+
+A function within another is new at every call of the outer one, and preparing
 its check takes longer still; as it has the same code each time, its calls are counted together, and its check is prepared once.
 """
 
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, field, is_dataclass
 from functools import wraps
 from inspect import CO_NESTED, isclass, isgeneratorfunction
 from types import CodeType
 from typing import Any, ForwardRef, Literal, get_args, get_origin
 
 import jaxtyping
+import numpy as np
 from beartype import BeartypeConf, beartype
 
 CALLS = 50
-"""Of one function that are checked in one test; more than the examples that Hypothesis draws."""
+"""Of one function that are checked in one test at most; more than the examples that Hypothesis draws."""
+
+REPEATED_CALLS = 5
+"""Of one function that are checked in one test although calls of the same types and shapes were right."""
+
+MAX_TUPLE = 8
+"""Members of a tuple whose shapes are told apart: of a long one, such as names, the checks look at one member too."""
+
+Signature = tuple[Any, ...]
 
 _jaxtyped: Any = jaxtyping.jaxtyped
 _shapes: AbstractContextManager[None] = _jaxtyped("context")  # lengths that names in annotations stand for, of one call
@@ -36,6 +48,8 @@ class _Calls:
     test: int = 0
     number: int = 0
     """Of those in this test."""
+    right: set[Signature] = field(default_factory=set)
+    """Types and shapes of calls that were right, in any test."""
     checked: Callable[..., Any] | None = None
 
 
@@ -68,11 +82,42 @@ def _decorator(*, typechecker: Any) -> Callable[[Any], Any]:
     return check_first_calls
 
 
+def _signature(args: tuple[Any, ...], kwargs: dict[str, Any]) -> Signature:
+    """Types of arguments, and shapes and types of arrays, also of those in tuples."""
+    return (*map(_kind, args), *map(_kind, kwargs.values()), *kwargs)
+
+
+def _kind(argument: Any) -> Any:
+    cls = type(argument)
+    if cls is np.ndarray:
+        return argument.shape, argument.dtype
+    return tuple(map(_kind, argument)) if cls is tuple and len(argument) <= MAX_TUPLE else cls
+
+
+def _check_new_signatures(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Check every call whose arguments have other types or shapes than those of calls that were right."""
+    checked, right = _check_each_call(function), set[Signature]()
+    if checked is function:
+        return function
+
+    @wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        __tracebackhide__ = True
+        signature = _signature(args, kwargs)
+        if signature in right:
+            return function(*args, **kwargs)
+        result = checked(*args, **kwargs)
+        right.add(signature)
+        return result
+
+    return call
+
+
 def check_first_calls(function: Any) -> Any:
-    """Check the first calls of a function, or every construction of a dataclass."""
+    """Check calls of a function, or constructions of a dataclass, as far as they tell something new."""
     if isclass(function):
         if is_dataclass(function) and "__init__" in vars(function):
-            function.__init__ = _check_each_call(function.__init__)
+            function.__init__ = _check_new_signatures(function.__init__)
         return function
     calls = _calls.setdefault(function.__code__, _Calls())
     if calls.test == _test and calls.number >= CALLS:
@@ -86,16 +131,21 @@ def check_first_calls(function: Any) -> Any:
             calls.test, calls.number = _test, 0
         if calls.number >= CALLS:
             return function(*args, **kwargs)
+        signature = _signature(args, kwargs)
+        if calls.number >= REPEATED_CALLS and signature in calls.right:
+            return function(*args, **kwargs)
         calls.number += 1
         if calls.checked is None:  # not sooner, for most functions of the package are not called in a few tests
             calls.checked = _check_each_call(_innermost_running(function) if nested else function)
-        if not nested:
-            return calls.checked(*args, **kwargs)
-        _running.functions.append(function)
+        if nested:
+            _running.functions.append(function)
         try:
-            return calls.checked(*args, **kwargs)
+            result = calls.checked(*args, **kwargs)
         finally:
-            _running.functions.pop()
+            if nested:
+                _running.functions.pop()
+        calls.right.add(signature)
+        return result
 
     return call
 

@@ -28,7 +28,7 @@ def test_touched_part_is_right_where_touched(calibration, robot, measured, cutti
 @pytest.mark.parametrize(
     ("model_error", "repeats"),
     [
-        (0.0, 0.0),
+        pytest.param(0.0, 0.0, marks=pytest.mark.long),
         pytest.param(1e-4, 0.0, marks=pytest.mark.long),
         pytest.param(0.0, 5e-5, marks=pytest.mark.long),
         (1e-4, 5e-5),

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 
 from taskcal.kernels.chunks import CHUNK
 from taskcal.kernels.points import CAUCHY, HUBER, SQUARED, SeenPoints, normal_equations
@@ -26,6 +26,7 @@ def rho(loss: int, square: float, rows: int, threshold: float) -> tuple[float, f
 
 
 @pytest.mark.parametrize("loss", [SQUARED, HUBER, CAUCHY])
+@settings(max_examples=10)
 @given(measured(), generators)
 def test_streamed_normal_equations_equal_explicit_jacobian(loss, case, rng):
     """Streamed normal equations equal those of the explicit Jacobian."""

@@ -1,6 +1,5 @@
 import time
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -49,8 +48,8 @@ def test_the_time_to_read_grows_with_the_length(piece):
         parse("MODULE m PROC main() " + piece * count)
         return time.process_time() - begin
 
-    shortest = np.min([seconds(1000) for _ in range(2)])
-    assert np.min([seconds(8000) for _ in range(2)]) < 30 * max(shortest, 4e-3)
+    shortest = max(seconds(1000), 4e-3)
+    assert any(seconds(8000) < 30 * shortest for _ in range(2))
 
 
 # Statements as a tree.

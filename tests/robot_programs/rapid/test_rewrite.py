@@ -3,7 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 
 from robot_programs.core.program import Waypoint
 from robot_programs.core.source import Source
@@ -38,6 +38,7 @@ def test_a_program_is_read_as_it_is_meant(rng):
             np.testing.assert_allclose(move.end.T, meant.T, atol=1e-12)
 
 
+@settings(max_examples=12)
 @given(generators)
 def test_rewrite_is_read_back_and_keeps_the_rest(rng):
     """Motions that are rewritten are read again and the others stay."""
@@ -47,6 +48,7 @@ def test_rewrite_is_read_back_and_keeps_the_rest(rng):
     check_rewriting(program, waypoints, ROBOT)
 
 
+@settings(max_examples=12)
 @given(generators)
 def test_further_points_come_in_order_before_the_end(rng):
     made = generate(rng)
