@@ -223,6 +223,28 @@ for k, e in enumerate(step * np.eye(3)):
     run("-c", code)
 
 
+def test_model_error_reaches_plugin_angles(run: Run) -> None:
+    """What no parameter explains turns an inclinometer in the virtual cell, and adds to its noise in squares."""
+    code = """
+import numpy as np
+from taskcal.observations import TrackerNoise
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from taskcal.virtual.cell import simulate
+model, q = ErrorModel(load_robot('ur5')), np.random.default_rng(1).uniform(-0.4, 0.4, (300, 6))
+q += [0.0, -1.2, 1.4, -1.7, -1.57, 0.0]
+campaign, truth = simulate(model, q, rng=np.random.default_rng(3), observe='inclinometer', model_error=1e-3)
+(kind,), read = campaign.observations, campaign.read(0)
+unknown = np.array([truth.unknowns[name] for name in kind.unknowns])
+at = kind.differentiate(truth.poses(campaign.q)[:, 0], unknown, read)
+turned = at.by_target[:, :, 3:]
+covariance = kind.covariance(read, None, TrackerNoise()) + 1e-6 * turned @ np.swapaxes(turned, 1, 2)
+square = np.einsum('ni,nij,nj->', at.residual, np.linalg.inv(covariance), at.residual) / at.residual.size
+assert abs(square - 1.0) < 5.0 / np.sqrt(at.residual.size / 2.0), square
+"""
+    run("-c", code)
+
+
 def test_plugin_angles_alone_are_refused(run: Run) -> None:
     """Angles do not tell where the tool is: nothing is fitted, planned or studied by them alone."""
     cell = ("--robot", "arm.json", "--task", "task.toml", "--observe", "inclinometer")

@@ -3,14 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from taskcal.errors import CampaignError
-from taskcal.geometry import se3
-from taskcal.observations import Placed, Planes, Read, refer
-
-RESOLUTION = 1e-5
-"""1σ of a height where the campaign does not say, metres: that of a dial gauge."""
+from taskcal.observations import Planes, Read
 
 STROKE = 0.01
 """Heights in a virtual cell are up to this, metres."""
@@ -28,12 +23,8 @@ class Heights(Planes):
     touched = False
     needed = ("height",)
     label = "plate"
+    resolution = 1e-5  # of a dial gauge, metres
     columns = {"height": ("height", "gauge height"), "plate": ("plate",)}  # noqa: RUF012
-
-    @property
-    def unknowns(self):
-        """Normal and offset of every plate."""
-        return tuple(f"plate {name}.{c}" for name in self.planes for c in ("nx", "ny", "nz", "offset"))
 
     @property
     def tells_scale(self):
@@ -50,11 +41,6 @@ class Heights(Planes):
         touch = super().differentiate(target, unknown, measured)
         return touch._replace(residual=touch.residual + measured.points[:, :1])
 
-    def covariance(self, measured, uncertainty, tracker):
-        """Of the noise of each row."""
-        deviation = np.full(len(measured.points), RESOLUTION) if uncertainty is None else uncertainty
-        return deviation[:, None, None] ** 2
-
     def settle(self, target, measured, known):
         """Plates where the tip is known: linear in normal and offset. NaN for those that no row shows."""
         out = np.full((len(self.planes), 4), np.nan)
@@ -66,32 +52,13 @@ class Heights(Planes):
                 out[number] = found / np.linalg.norm(found[:3])
         return out.reshape(-1)
 
-    def place(self, tool, measured):
-        """Tip and plates from poses of the tool alone, in spite of a few heights that are wrong."""
-        seen, k = measured.valid, self.numbers
-        for number, name in enumerate(self.planes):
-            if 0 < (count := int((seen & (k == number)).sum())) < FEWEST:
+    def check(self, rows):
+        """See that there are heights enough over every plate."""
+        for name, count in zip(self.planes, rows.counts, strict=True):
+            if 0 < count < FEWEST:
                 raise CampaignError(
                     f"{count} heights over plate '{name}' do not tell where it is; read {FEWEST} or more"
                 )
-
-        def at(x):
-            return tool @ se3.pose(np.eye(3), x[:3])
-
-        def off(x):
-            return self.differentiate(at(x), x[3:], measured).residual[seen, 0]
-
-        def residual(x):
-            return np.concatenate([off(x), self.stated(x[3:]).residual])
-
-        start = np.nan_to_num(self.settle(tool, measured, np.full(4 * len(self.planes), np.nan)), nan=0.5)
-        found = least_squares(
-            residual, np.concatenate([np.zeros(3), start]), loss="soft_l1", f_scale=1e-3, x_scale="jac"
-        )
-        distance = np.zeros(len(tool))
-        distance[seen] = np.abs(off(found.x))
-        # planes in three directions and a tool that turns tell where the tip is; whoever has fewer is told by the fit
-        return Placed(se3.pose(np.eye(3), found.x[:3]), found.x[3:], distance, np.zeros((3, 3)))
 
     @classmethod
     def stage(cls, tool, places, rng):
@@ -116,8 +83,7 @@ class Heights(Planes):
         points[:, 0] = columns.lengths("height")
         there = ~np.isnan(points[:, 0])
         points[~there] = np.nan
-        columns.refuse_without("plate", there, "name the plate over which the height was read")
-        names, of = refer(tuple(text if here else "" for text, here in zip(columns.texts("plate"), there, strict=True)))
+        names, of = columns.named("plate", there, "name the plate over which the height was read")
         return Read("tip", cls(planes=names, of=of), points) if names else None
 
     def cells(self, measured):

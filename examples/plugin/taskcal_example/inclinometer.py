@@ -3,15 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
-from taskcal.observations import Differential, Placed, Read, Scene, Standalone, Stated
+from taskcal.observations import Differential, Read, Scene, Standalone, Stated
 from taskcal.robot.parameter import ShownUnit
-
-RESOLUTION = np.radians(0.003)
-"""1σ of an inclination where nothing else is stated, radians: that of a good two-axis inclinometer."""
 
 FEWEST = 8
 """Rows, to find how the inclinometer sits on the tool without a guess."""
@@ -41,6 +37,7 @@ class Inclinations(Standalone):
     width = 2
     angles = 2
     turned = True
+    turn_resolution = np.radians(0.003)  # of a good two-axis inclinometer
     needed = COLUMNS
     columns = {name: (name, f"inclination {name[-1]}") for name in COLUMNS}  # noqa: RUF012
     units = dict.fromkeys(("gx", "gy", "gz"), ShownUnit("", 1.0))
@@ -73,10 +70,6 @@ class Inclinations(Standalone):
         predicted = np.arctan2(u[:, :2], u[:, 2:])
         return Differential(measured.points[:, :2] - predicted, by_target, by_u @ back)
 
-    def covariance(self, measured, uncertainty, tracker):
-        """Noise of each row; a stated u_mm is of lengths, and does not count here."""
-        return np.tile(RESOLUTION**2 * np.eye(2), (len(measured.points), 1, 1))
-
     def stated(self, unknown):
         """The vertical has the length one."""
         length = np.linalg.norm(unknown)
@@ -88,34 +81,24 @@ class Inclinations(Standalone):
         mean = (target[seen, :3, :3] @ _vertical(measured.points[seen])[:, :, None]).mean(axis=0)[:, 0]
         return mean / np.linalg.norm(mean)
 
-    def place(self, tool, measured):
-        """From Q·u = Rᵀ·g, which is linear in the sensor's axes Q and in g, then by least squares in spite of a few wrong rows."""
-        seen = measured.valid
-        if seen.sum() < FEWEST:
+    def check(self, rows):
+        """See that there are inclinations enough."""
+        if len(rows.tool) < FEWEST:
             raise CampaignError(
-                f"{int(seen.sum())} inclinations do not tell how the inclinometer is turned; read {FEWEST} or more"
+                f"{len(rows.tool)} inclinations do not tell how the inclinometer is turned; read {FEWEST} or more"
             )
-        R, u = tool[seen, :3, :3], _vertical(measured.points[seen])
+
+    def starts(self, rows):
+        """From Q·u = Rᵀ·g, which is linear in the sensor's axes Q and in the vertical g; its place does not matter."""
+        R, u = rows.tool[:, :3, :3], _vertical(rows.measured.points)
         A = np.zeros((len(u), 3, 12))
         for axis in range(3):
             A[:, axis, 3 * axis : 3 * axis + 3] = u
         A[:, :, 9:] = -np.swapaxes(R, 1, 2)
         x = np.linalg.svd(A.reshape(-1, 12))[2][-1]
         x = x * np.sign(np.linalg.det(x[:9].reshape(3, 3)))
-        Q, g = se3.nearest_rotation(x[:9].reshape(3, 3)), x[9:] / np.linalg.norm(x[9:])
-
-        def target(turn):
-            return tool @ se3.pose(se3.exp(turn) @ Q, np.zeros(3))
-
-        def residual(x):
-            at = self.differentiate(target(x[:3]), x[3:], measured).residual[seen]
-            return np.concatenate([at.ravel(), self.stated(x[3:]).residual])
-
-        found = least_squares(residual, np.concatenate([np.zeros(3), g]), loss="soft_l1", f_scale=1e-2).x
-        distance = np.zeros(len(tool))
-        distance[seen] = np.linalg.norm(residual(found)[:-1].reshape(-1, 2), axis=1)
-        # where it sits on the tool does not matter, and is not told
-        return Placed(se3.pose(se3.exp(found[:3]) @ Q, np.zeros(3)), found[3:], distance, np.eye(3))
+        Q = se3.nearest_rotation(x[:9].reshape(3, 3))
+        yield rows.about(se3.pose(Q, np.zeros(3)), x[9:] / np.linalg.norm(x[9:]))
 
     @classmethod
     def stage(cls, tool, places, rng):

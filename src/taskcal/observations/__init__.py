@@ -12,7 +12,6 @@ from taskcal.observations.base import ObservedColumns as ObservedColumns
 from taskcal.observations.base import Placed as Placed
 from taskcal.observations.base import Read as Read
 from taskcal.observations.base import Scene as Scene
-from taskcal.observations.base import Standalone as Standalone
 from taskcal.observations.base import Stated as Stated
 from taskcal.observations.base import TrackerNoise as TrackerNoise
 from taskcal.observations.base import block_size as block_size
@@ -40,3 +39,4 @@ from taskcal.observations.point import Point as Point
 from taskcal.observations.pose import Pose as Pose
 from taskcal.observations.socket import SocketInstrument as SocketInstrument
 from taskcal.observations.socket import Sockets as Sockets
+from taskcal.observations.standalone import Standalone as Standalone

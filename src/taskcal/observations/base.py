@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, NamedTuple
@@ -94,6 +94,19 @@ class ObservedColumns:
         for row in np.flatnonzero(present):
             if not self.texts(column)[row]:
                 raise self.error(f"the cell is empty; {needs}", int(row), column)
+
+    def named(
+        self, column: str, there: Bool[np.ndarray, " n"], needs: str
+    ) -> tuple[tuple[str, ...], Int[np.ndarray, " n"]]:
+        """Names of what the rows that are there refer to, and which of them each does, as of `refer`; ``1`` without the column.
+
+        Raises:
+            FileError: a row that is there has no name; `needs` says what to write.
+        """
+        if column in self:
+            self.refuse_without(column, there, needs)
+        texts = self.texts(column) if column in self else ("1",) * len(self)
+        return refer(tuple(text if here else "" for text, here in zip(texts, there, strict=True)))
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "ObservedColumns":
         """Some of the rows."""
@@ -273,6 +286,12 @@ class Observation(ABC):
     """Those of them that a file must have."""
     things: ClassVar[str] = ""
     """The field that names what rows refer to; empty where they refer to nothing."""
+    word: ClassVar[str] = ""
+    """What one of them is called in the names of its unknowns; the label by default."""
+    each: ClassVar[tuple[str, ...]] = ()
+    """Last parts of the names of the unknowns that each of them has."""
+    parts: ClassVar[Mapping[str, type]] = MappingProxyType({})
+    """Fields that hold records, and the class of these."""
     label: ClassVar[str] = ""
     """The column that names what each row refers to: a file with a tracker's points has the kind only where this is there. Empty
     for a kind whose columns mean nothing else."""
@@ -306,8 +325,8 @@ class Observation(ABC):
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """Names of its own unknowns."""
-        return ()
+        """Names of its own unknowns: by default those of each thing, one thing after another."""
+        return tuple(f"{self.word or self.label} {name}.{last}" for name in self.named for last in self.each)
 
     @property
     def deviations(self) -> Float[np.ndarray, " u"]:
@@ -441,25 +460,15 @@ class Observation(ABC):
         return None
 
     def describe(self) -> dict[str, Any]:
-        """Describe it for a file, beside its key: all but the rows."""
-        return {}
+        """Describe it for a file, beside its key: all but the rows, where these refer to things."""
+        return {k: v for k, v in asdict(replace(self, of=None)).items() if k != "of"} if self.things else {}
 
     @classmethod
     def of_description(cls, content: Mapping[str, Any]) -> "Observation":
-        """Make it from what `describe` gave, without rows."""
-        return cls(**content)
-
-
-class Standalone(Observation):
-    """A kind that needs no tracker: it finds by itself where it is."""
-
-    @abstractmethod
-    def place(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Placed:
-        """Estimate target offset and unknowns from tool poses, robust to a few wrong rows.
-
-        Raises:
-            CampaignError: the rows do not tell.
-        """
+        """Make it from what `describe` gave, or a file has of it, without rows."""
+        records = {field: tuple(record(**one) for one in content[field]) for field, record in cls.parts.items()}
+        made: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
+        return cls(**(made | records))
 
 
 def kinds() -> tuple[type[Observation], ...]:
@@ -555,34 +564,6 @@ def refer(labels: tuple[str, ...]) -> tuple[tuple[str, ...], Int[np.ndarray, " n
     return names, np.array([number.get(label, -1) for label in labels], dtype=int)
 
 
-# Which directions of a target's place on the tool the rows do not tell.
-
-LOCATED_WITHIN = 0.02
-"""A direction is determined if its standard deviation is below this, metres."""
-
-LEAST_ERROR = 1e-3
-"""A residual under this, metres, is taken for it: a robot that happens to be exact has not more orientations for it."""
-
-
-def unlocated(
-    by_place: Float[np.ndarray, "m 3"], by_other: Float[np.ndarray, "m u"], rms: float
-) -> Float[np.ndarray, "3 3"]:
-    """Projector onto directions of the place that are not determined beside what else is unknown.
-
-    Args:
-        by_place: derivative of what is predicted, in metres, by the place.
-        by_other: the same by all other unknowns.
-        rms: of the residuals, metres.
-    """
-    scale = np.linalg.norm(by_other, axis=0)
-    q = np.linalg.svd(by_other[:, scale > 0] / scale[scale > 0], full_matrices=False)
-    basis = q[0][:, q[1] > 1e-7 * q[1].max(initial=0.0)]
-    left = by_place - basis @ (basis.T @ by_place)
-    values, vectors = np.linalg.eigh(left.T @ left)
-    weak = vectors[:, values < (max(rms, LEAST_ERROR) / LOCATED_WITHIN) ** 2]
-    return weak @ weak.T
-
-
 # Where things stand in a virtual cell: well inside of what the tool reaches, and far from each other.
 
 INNER = 0.5
@@ -601,3 +582,16 @@ def spots(position: Float[np.ndarray, "n 3"], count: int) -> Int[np.ndarray, " c
         near = np.linalg.norm(position[inner][:, None] - position[taken], axis=2).min(axis=1)
         taken.append(int(inner[np.argmax(near)]))
     return np.array(taken)
+
+
+def written(values: Float[np.ndarray, " n"], decimals: int = 6) -> list[str]:
+    """Numbers as cells of a file; empty ones for NaN."""
+    return ["" if np.isnan(value) else f"{value:.{decimals}f}" for value in values]
+
+
+def means(values: Float[np.ndarray, "n ..."], numbers: Int[np.ndarray, " n"], count: int) -> Float[np.ndarray, "k ..."]:
+    """Mean of the rows of each of so many things; NaN of those without rows."""
+    out = np.full((count, *values.shape[1:]), np.nan)
+    for number in np.unique(numbers):
+        out[number] = values[numbers == number].mean(axis=0)
+    return out

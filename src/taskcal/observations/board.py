@@ -6,28 +6,16 @@ from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from taskcal.geometry import se3
-from taskcal.observations.base import (
-    Differential,
-    Measured,
-    Observation,
-    ObservedColumns,
-    Placed,
-    Read,
-    Scene,
-    TrackerNoise,
-)
+from taskcal.observations.base import Differential, Measured, Observation, ObservedColumns, Read, Scene, written
 from taskcal.observations.landmark import CameraInstrument, Landmarks
 from taskcal.observations.pose import turn_by_rotation
 from taskcal.short_repr import short_repr
 from taskcal.task.orientation import towards
 
 QUATERNION = ("sqx", "sqy", "sqz", "sqw")
-
-TURN_RESOLUTION = 1e-3
-"""How well a camera sees a board's orientation, radians per axis: a tenth of a millimetre over a hand's breadth."""
 
 UNIT_LENGTH = 1e-2
 """By which the length of a quaternion may differ from 1."""
@@ -46,11 +34,9 @@ class Boards(Landmarks):
     angles: ClassVar[int] = 3
     oriented: ClassVar[bool] = True
     instrument: ClassVar[str] = "board"
-
-    @property
-    def unknowns(self) -> tuple[str, ...]:
-        """Place and rotation vector of every board."""
-        return tuple(f"board {name}.{c}" for name in self.landmarks for c in ("tx", "ty", "tz", "rx", "ry", "rz"))
+    turn_resolution: ClassVar[float] = 1e-3  # a tenth of a millimetre over a hand's breadth
+    word: ClassVar[str] = "board"
+    each: ClassVar[tuple[str, ...]] = ("tx", "ty", "tz", "rx", "ry", "rz")
 
     def differentiate(
         self, target: Float[np.ndarray, "n 4 4"], unknown: Float[np.ndarray, " u"], measured: Measured
@@ -73,17 +59,6 @@ class Boards(Landmarks):
         by_unknown[np.arange(n), 3:, k, 3:] = by_turn @ turning[k]
         return Differential(np.concatenate([at.residual, turned], axis=1), by_target, by_unknown.reshape(n, 6, -1))
 
-    def place(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Placed:
-        """Place the landmark by its position alone; the board is then turned as most rows say.
-
-        Raises:
-            CampaignError: too few rows.
-        """
-        placed = super().place(tool, measured)
-        turned = self._turned(tool @ placed.T_tool_target, measured)
-        unknown = np.concatenate([placed.unknown.reshape(-1, 3), turned], axis=1)
-        return placed._replace(unknown=unknown.reshape(-1))
-
     def settle(
         self, target: Float[np.ndarray, "n 4 4"], measured: Measured, known: Float[np.ndarray, " u"]
     ) -> Float[np.ndarray, " u"]:
@@ -100,15 +75,6 @@ class Boards(Landmarks):
             own = R[seen & (self.numbers == number)]
             middle = se3.nearest_rotation(np.median(own, axis=0))
             out[number] = se3.log(se3.exp(np.median(se3.log(own @ middle.T), axis=0)) @ middle)
-        return out
-
-    def covariance(
-        self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise
-    ) -> Float[np.ndarray, "n w w"]:
-        """Covariance of the noise of each row."""
-        out = np.zeros((len(measured.points), 6, 6))
-        out[:, :3, :3] = super().covariance(measured, uncertainty, tracker)
-        out[:, 3:, 3:] = TURN_RESOLUTION**2 * np.eye(3)
         return out
 
     @classmethod
@@ -148,10 +114,8 @@ class Boards(Landmarks):
         """Position, quaternion and board of every row."""
         assert measured.rotations is not None
         quaternion, seen = se3.to_quaternion(measured.rotations), measured.valid
-        turned = {
-            name: [f"{value:.10f}" if there else "" for value, there in zip(quaternion[:, k], seen, strict=True)]
-            for k, name in enumerate(QUATERNION)
-        }
+        quaternion[~seen] = np.nan
+        turned = {name: written(quaternion[:, k], 10) for k, name in enumerate(QUATERNION)}
         return {**(super().cells(measured) or {}), **turned}
 
 
@@ -164,10 +128,6 @@ class BoardInstrument(CameraInstrument):
     """Boards in place of landmarks; about their directions they may be turned anyhow."""
 
     kind: ClassVar[type[Observation]] = Boards
-
-    def observation(self, of: Int[np.ndarray, " n"]) -> Boards:
-        """Boards, with that of each row."""
-        return Boards(landmarks=self.fixtures.names, of=of)
 
     @property
     def unknown(self) -> Float[np.ndarray, " u"]:

@@ -1,10 +1,10 @@
 """A datum cube that stands: the tip of the tool touches faces of known distance and squareness."""
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -22,9 +22,10 @@ from taskcal.observations.base import (
     Scene,
     refer,
     spots,
-    unlocated,
+    written,
 )
-from taskcal.observations.plane import TOUCH, FittedPlanes, Touches, Touching
+from taskcal.observations.plane import FittedPlanes, Planes, Touching, fit_planes
+from taskcal.observations.standalone import Found, Search
 from taskcal.robot.parameter import ShownUnit
 
 # How a cube stands, by the planes of its faces.
@@ -172,11 +173,11 @@ leans to x, its z to x and its z to y."""
 TOLD_WITHIN = 0.2
 """Radians within which the touches must tell how a cube is turned, one standard deviation."""
 
+LARGEST_EDGE_ERROR = 1e-2
+"""Of an edge that the touches themselves tell, metres: as good as unknown."""
+
 NOTHING = 1e-12
 """Of the information of touches, m² or none, against which what they do not tell at all counts."""
-
-ROUNDS = 10
-"""Of Gauss–Newton, to settle a cube."""
 
 _FACE = re.compile(r"([+-])([xyz])")
 
@@ -204,6 +205,7 @@ class Cubes(Touching):
         dict.fromkeys(("rx", "ry", "rz", "xy", "xz", "yz"), ShownUnit.of("rad"))
     )
     things: ClassVar[str] = "faces"
+    parts: ClassVar[Mapping[str, type]] = MappingProxyType({"sizes": CubeSize})
     faces: tuple[str, ...]
     """Names: that of the cube, a stroke, and the face, such as ``a/+x``."""
     sizes: tuple[CubeSize, ...]
@@ -278,89 +280,62 @@ class Cubes(Touching):
         by_own[rows, cube, 9] = sign * inside[:, 1] * (axis == 2)
         return Differential(-off[:, None], by_target, by_own.reshape(n, 1, -1))
 
+    def starts(self, rows: Search) -> Iterable[Float[np.ndarray, " x"]]:
+        """The tip that leaves all touches nearest to planes, and the cubes whose faces these are.
+
+        Raises:
+            CampaignError: planes that are not the faces that they are called, or too few faces.
+        """
+        planes = Search.of(Planes(planes=self.faces, of=rows.numbers), rows.tool, rows.measured)
+        found = planes.find(planes.kind.starts(planes))
+        T = se3.translation(*found.x[:3])
+        x = (rows.tool @ T)[:, :3, 3]
+        yield rows.about(T, self._start(fit_planes(x, rows.numbers, len(self.faces), found.weight), None))
+
     def place(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Placed:
-        """By the tip that leaves all touches nearest to planes, and the cube whose faces these are.
+        """Place tip and cubes, these as large and square as they are stated: the fit says how far off that is.
 
         Raises:
-            CampaignError: too few touches of a face, too close together, or planes that are not the faces that they are called.
+            CampaignError: planes that are not the faces that they are called, too few faces, or touches that do not tell how a cube
+                is turned.
         """
-        seen = measured.valid
-        touches = Touches(tool[seen, :3, :3], tool[seen, :3, 3], self.numbers[seen], self.faces, self.label)
-        t, weight = touches.find_tip()
+        found = self.find(tool, measured)
+        self._refuse_narrow(found)
+        placed = found.placed
+        return placed._replace(unknown=(placed.unknown.reshape(-1, 10) * [*(6 * [1.0]), *(4 * [0.0])]).reshape(-1))
 
-        def settled(t: Float[np.ndarray, " 3"]) -> tuple[np.ndarray, np.ndarray]:
-            target = tool @ se3.pose(np.eye(3), t)
-            return target, self._settled(target, measured, self._start(touches.planes(t, weight), None), weight)
-
-        target, own = settled(t)
-        hidden = self._hidden(target, own, measured, weight)
-        if hidden.any():
-            t = t - hidden @ t
-            target, own = settled(t)
-        residual = np.abs(self.differentiate(target, own, measured).residual[:, 0])
-        # what is stated stays where it is stated: the fit says how far off it is
-        start = own.reshape(-1, 10) * [*(6 * [1.0]), *(4 * [0.0])]
-        return Placed(se3.pose(np.eye(3), t), start.reshape(-1), np.where(seen, residual, 0.0), hidden)
-
-    def _hidden(
-        self,
-        target: Float[np.ndarray, "n 4 4"],
-        own: Float[np.ndarray, " u"],
-        measured: Measured,
-        weight: Float[np.ndarray, " seen"],
-    ) -> Float[np.ndarray, "3 3"]:
-        """Projector onto directions of the tip that these rows do not tell beside where the cubes stand.
+    def _refuse_narrow(self, found: Found) -> None:
+        """See that the touches tell how every cube is turned, wherever the tip is.
 
         Raises:
-            CampaignError: they do not tell how a cube is turned, wherever the tip is.
+            CampaignError: they do not.
         """
-        seen, at = measured.valid, self.differentiate(target, own, measured)
-        root = np.sqrt(weight / weight.max())[:, None]
-        rms = float(np.sqrt(weight @ at.residual[seen, 0] ** 2 / weight.sum()))
-        by_tip = np.einsum("ni,nij->nj", at.by_target[seen, 0, :3], target[seen, :3, :3])
-        by_pose = at.by_unknown[seen, 0].reshape(len(root), -1, 10)[:, :, :6].reshape(len(root), -1)
-        weighted = root * by_pose
-        inverse = np.linalg.inv(weighted.T @ weighted + NOTHING * np.eye(weighted.shape[1]))
-        turned = max(rms, TOUCH) * np.sqrt(inverse.diagonal().reshape(-1, 6)[:, 3:].max(axis=1))
+        residual, by_x = found.rows.linearise(found.x)
+        rms = float(np.sqrt(found.weight @ residual[:, 0] ** 2 / found.weight.sum()))
+        by_pose = by_x[:, 0, 3:].reshape(len(by_x), -1, 10)[:, :, :6].reshape(len(by_x), -1)
+        information = (by_pose.T * found.weight) @ by_pose + NOTHING * np.eye(by_pose.shape[1])
+        variance = np.linalg.inv(information).diagonal().reshape(-1, 6)[:, 3:].max(axis=1)
+        turned = max(rms, self.resolution) * np.sqrt(variance)
         if turned.max() > TOLD_WITHIN:
             raise CampaignError(
                 f"the touches of cube '{self.sizes[int(turned.argmax())].name}' do not tell how it is turned; spread them over its "
                 "faces"
             )
-        return unlocated(root * by_tip, weighted, rms)
 
     def settle(
         self, target: Float[np.ndarray, "n 4 4"], measured: Measured, known: Float[np.ndarray, " u"]
     ) -> Float[np.ndarray, " u"]:
-        """Each cube as its own rows say, as far as they do.
+        """Each cube as its own rows say, as far as they do; edges where opposite faces were touched.
 
         Raises:
             CampaignError: they do not, and the cube is not known; or the touches are not of the faces that they are called.
         """
-        seen = measured.valid
-        x, weight = target[seen, :3, 3], np.ones(int(seen.sum()))
-        touches = Touches(target[seen, :3, :3], x, self.numbers[seen], self.faces, self.label)
-        start = self._start(touches.planes(np.zeros(3), weight), known)
-        return self._settled(target, measured, start, weight)
-
-    def _settled(
-        self,
-        target: Float[np.ndarray, "n 4 4"],
-        measured: Measured,
-        start: Float[np.ndarray, " u"],
-        weight: Float[np.ndarray, " seen"],
-    ) -> Float[np.ndarray, " u"]:
-        """Gauss–Newton from a start; edges are as the rows say where opposite faces were touched."""
-        seen, own = measured.valid, start.copy()
-        deviation = self.deviations.reshape(-1, 10).copy()
-        deviation[[self._opposite(size.name) for size in self.sizes], 6] = 1e-2
-        prior = TOUCH**2 / deviation.reshape(-1) ** 2
-        for _ in range(ROUNDS):
-            at = self.differentiate(target, own, measured)
-            A, r = at.by_unknown[seen, 0], at.residual[seen, 0]
-            weighted = A.T * (weight / weight.max())
-            own = own + np.linalg.solve(weighted @ A + np.diag(prior), weighted @ r - prior * (own - start))
-        return own
+        rows = Search.of(self, target, measured)
+        free = rows.deviations.reshape(-1, 10).copy()
+        free[[self._opposite(size.name) for size in self.sizes], 6] = LARGEST_EDGE_ERROR
+        planes = fit_planes(target[rows.seen, :3, 3], rows.numbers, len(self.faces), np.ones(len(rows.tool)))
+        start = rows.about(np.eye(4), self._start(planes, known))
+        return replace(rows, deviations=free.reshape(-1)).improve(start, scale=None, held=np.eye(3))[0][3:]
 
     def _start(self, fitted: FittedPlanes, known: Float[np.ndarray, " u"] | None) -> Float[np.ndarray, " u"]:
         """Start of each cube, from planes on three axes at least; else where it is known to be.
@@ -454,15 +429,6 @@ class Cubes(Touching):
         return {
             "cube": named,
             "face": [label.rpartition("/")[2] for label in labels],
-            "edge_mm": [f"{size[name].edge * 1e3:.6f}" if name else "" for name in named],
-            "tip_radius_mm": [f"{size[name].tip * 1e3:.6f}" if name else "" for name in named],
+            "edge_mm": written(np.array([size[name].edge * 1e3 if name else np.nan for name in named])),
+            "tip_radius_mm": written(np.array([size[name].tip * 1e3 if name else np.nan for name in named])),
         }
-
-    def describe(self) -> dict[str, Any]:
-        """Describe it for a file."""
-        return {"faces": list(self.faces), "sizes": [asdict(size) for size in self.sizes]}
-
-    @classmethod
-    def of_description(cls, content: Mapping[str, Any]) -> "Cubes":
-        """Make it from what `describe` gave, without rows."""
-        return cls(faces=tuple(content["faces"]), sizes=tuple(CubeSize(**size) for size in content["sizes"]))

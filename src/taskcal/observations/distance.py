@@ -1,9 +1,9 @@
 """A length from the tool to an anchor that stands: a draw wire, a telescoping ball bar, a laser's range."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -11,41 +11,18 @@ from jaxtyping import Bool, Float, Int
 from taskcal.errors import CampaignError, UnitError
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import Links
-from taskcal.observations.base import (
-    Differential,
-    Measured,
-    Observation,
-    ObservedColumns,
-    Placed,
-    Read,
-    Scene,
-    Standalone,
-    TrackerNoise,
-    refer,
-    unlocated,
-)
+from taskcal.observations.base import Differential, Measured, Observation, ObservedColumns, Placed, Read, Scene, written
 from taskcal.observations.instrument import Fixtures, Instrument, Setting, directions_across, on_the_floor
+from taskcal.observations.standalone import ROUGH_M, TIPS, Found, Search, Standalone
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.parameter import ShownUnit
 from taskcal.short_repr import short_repr
 
-RESOLUTION = 1e-4
-"""How well a length is measured where the campaign does not say, metres."""
-
-ROUGH = 1e-2
-"""Of a residual, metres, from which on it counts less in the search for the start: a nominal robot errs by less."""
-
 FEWEST = 12
 """Lengths to an anchor, to find it without a guess."""
 
-TIPS = 0.15 * np.array([[0, 0, 0], [0, 0, 1], [0, 0, -1], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]], dtype=float)
-"""Where the wire may be tied to the tool, to start a search from, metres from the tool point."""
-
 ANOTHER_UNIT = 0.01
 """Share of the robot's movement, below which the lengths must be in metres; beyond its inverse, in a smaller unit."""
-
-MOST_STEPS = 80
-"""Of a search from one start."""
 
 DRAWN = (1.0, 1.3)
 """Shortest and longest distance of a virtual anchor from the middle of what is measured, metres: wires of 2 m reach it."""
@@ -67,6 +44,8 @@ class Lengths(Standalone):
     key: ClassVar[str] = "distance"
     needed: ClassVar[tuple[str, ...]] = ("d",)
     label: ClassVar[str] = "anchor"
+    each: ClassVar[tuple[str, ...]] = ("tx", "ty", "tz", "offset")
+    rows_to_judge: ClassVar[int] = FEWEST
     instrument: ClassVar[str] = "wire"
     columns: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         {
@@ -85,8 +64,7 @@ class Lengths(Standalone):
     @property
     def unknowns(self) -> tuple[str, ...]:
         """Place and offset of every anchor, then the scale."""
-        own = (f"anchor {name}.{c}" for name in self.anchors for c in ("tx", "ty", "tz", "offset"))
-        return (*own, *(("distance.scale",) if self.scaled else ()))
+        return (*super().unknowns, *(("distance.scale",) if self.scaled else ()))
 
     def with_unknown_scale(self) -> "Lengths":
         """Scaled lengths."""
@@ -115,38 +93,57 @@ class Lengths(Standalone):
         residual = measured.points[:, 0] - scale * length - own[k, 3]
         return Differential(residual[:, None], by_target, np.concatenate(parts, axis=2))
 
-    def place(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Placed:
-        """By the linear equations of squared lengths, and from several places on the tool; the best of all.
+    def check(self, rows: Search) -> None:
+        """See that the lengths to every anchor suffice to find it, and are in the unit stated.
 
-        (d − c)² = |p + R·t − a|² is linear in t, a, c, the nine products of t and a, and one constant for each anchor.
+        Raises:
+            CampaignError: they are too few.
+            UnitError: they must be in another unit.
+        """
+        for name, count in zip(self.anchors, rows.counts, strict=True):
+            if 0 < count < FEWEST:
+                raise CampaignError(
+                    f"{count} lengths to anchor '{name}' do not tell where it is; measure {FEWEST} or more"
+                )
+        self._check_unit(rows.tool[:, :3, 3], rows.measured.points[:, 0], rows.numbers)
+
+    def starts(self, rows: Search) -> Iterable[Float[np.ndarray, " x"]]:
+        """Where equations of squared lengths have the tip, and several places on the tool; with the anchors that fit there.
+
+        (d − c)² = |p + R·t − a|² is linear in t, a, c, the nine products of t and a, and one constant for each anchor; in a, c and
+        the constant alone where t is known.
+        """
+        R, p, d, n = rows.tool[:, :3, :3], rows.tool[:, :3, 3], rows.measured.points[:, 0], len(rows.tool)
+        own = np.zeros((n, len(self.anchors), 14))
+        parts = [-2.0 * p, -2.0 * R.reshape(n, 9), 2.0 * d[:, None], np.ones((n, 1))]
+        own[np.arange(n), rows.numbers] = np.concatenate(parts, axis=1)
+        A = np.concatenate([2.0 * np.einsum("nij,ni->nj", R, p), own.reshape(n, -1)], axis=1)
+        lifted = np.linalg.lstsq(A, d**2 - (p**2).sum(axis=1), rcond=1e-9)[0][:3]
+        for t in (lifted, *TIPS):
+            yield rows.about(se3.translation(*t), self._anchors(p + R @ t, d, rows.numbers).reshape(-1))
+
+    def _anchors(
+        self, x: Float[np.ndarray, "n 3"], d: Float[np.ndarray, " n"], numbers: Int[np.ndarray, " n"]
+    ) -> Float[np.ndarray, "anchors 4"]:
+        """Anchors and offsets for places of the wire's end, by the equations that are linear in them; NaN without lengths."""
+        out = np.full((len(self.anchors), 4), np.nan)
+        for number in np.unique(numbers):
+            mine = numbers == number
+            A = np.concatenate([-2.0 * x[mine], 2.0 * d[mine, None], np.ones((int(mine.sum()), 1))], axis=1)
+            out[number] = np.linalg.lstsq(A, d[mine] ** 2 - (x[mine] ** 2).sum(axis=1), rcond=1e-9)[0][:4]
+        return out
+
+    def place(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Placed:
+        """Place the wire's end and the anchors; a scale that is unknown starts as it is stated.
 
         Raises:
             CampaignError: too few lengths, or an anchor that could as well be at its mirror image.
             UnitError: lengths that must be in another unit.
         """
-        seen = measured.valid
-        R, p, d, k = tool[seen, :3, :3], tool[seen, :3, 3], measured.points[seen, 0], self.numbers[seen]
-        for number, name in enumerate(self.anchors):
-            if 0 < (k == number).sum() < FEWEST:
-                raise CampaignError(
-                    f"{int((k == number).sum())} lengths to anchor '{name}' do not tell where it is; measure {FEWEST} or more"
-                )
-        self._check_unit(p, d, k)
-        case = _Case(R, p, d, k, len(self.anchors))
-        best = case.refine(case.lifted())
-        for t in TIPS:
-            if best.rms < ROUGH:
-                break
-            best = min(best, case.refine(case.tied_at(t)), key=lambda found: found.cost)
-        J = case.jacobian(best.x)
-        hidden = unlocated(J[:, :3], J[:, 3:], best.rms)
-        if hidden.any():
-            best = case.refine(best.x - np.concatenate([hidden @ best.x[:3], np.zeros(4 * case.anchors)]), hidden)
-        self._refuse_mirrored(case, best, hidden)
-        off = np.zeros(len(tool))
-        off[seen] = np.abs(case.residual(best.x))
-        unknown = np.concatenate([best.x[3:], np.zeros(int(self.scaled))])
-        return Placed(se3.pose(np.eye(3), best.x[:3]), unknown, off, hidden)
+        found = replace(self, scaled=False).find(tool, measured)
+        self._refuse_mirrored(found)
+        placed = found.placed
+        return placed._replace(unknown=np.concatenate([placed.unknown, np.zeros(int(self.scaled))]))
 
     def _check_unit(self, p: Float[np.ndarray, "n 3"], d: Float[np.ndarray, " n"], k: Int[np.ndarray, " n"]) -> None:
         """See that lengths differ about as much as the robot has moved.
@@ -166,51 +163,40 @@ class Lengths(Standalone):
                 "or in metres under d_m"
             )
 
-    def _refuse_mirrored(self, case: "_Case", best: "_Found", held: Float[np.ndarray, "3 3"]) -> None:
-        x = case.p + case.R @ best.x[:3]
-        for number, name in enumerate(self.anchors):
-            own = x[case.k == number]
-            if not len(own):
-                continue
+    def _refuse_mirrored(self, found: Found) -> None:
+        rows, best = found.rows, found.x
+        x = (rows.tool @ rows.target(best))[:, :3, 3]
+        how: dict[str, Any] = {"weight": found.weight, "scale": None, "held": found.hidden}
+        cost = rows.improve(best, **how)[1]
+        for number in np.unique(rows.numbers):
+            own = x[rows.numbers == number]
             normal = np.linalg.svd(own - own.mean(axis=0))[2][2]
-            at = slice(3 + 4 * number, 6 + 4 * number)
-            start = best.x.copy()
+            at = slice(3 + 4 * int(number), 6 + 4 * int(number))
+            start = best.copy()
             start[at] -= 2.0 * normal * (normal @ (start[at] - own.mean(axis=0)))
-            other = case.refine(start, held)
-            if np.linalg.norm(other.x[at] - best.x[at]) > ROUGH and other.cost < MIRRORED * best.cost + 1e-18:
-                here, there = (np.array2string(found.x[at] * 1e3, precision=0) for found in (best, other))
+            other, cost_there = rows.improve(start, **how)
+            if np.linalg.norm(other[at] - best[at]) > ROUGH_M and cost_there < MIRRORED * cost + 1e-18:
+                here, there = (np.array2string(one[at] * 1e3, precision=0) for one in (best, other))
                 raise CampaignError(
-                    f"anchor '{name}' could be at {here} or, mirrored, at {there} mm: the places that were measured lie too nearly "
-                    "in one plane; measure at other heights and depths too"
+                    f"anchor '{self.anchors[number]}' could be at {here} or, mirrored, at {there} mm: the places that were "
+                    "measured lie too nearly in one plane; measure at other heights and depths too"
                 )
 
     def settle(
         self, target: Float[np.ndarray, "n 4 4"], measured: Measured, known: Float[np.ndarray, " u"]
     ) -> Float[np.ndarray, " u"]:
         """Anchors and offsets that fit places of the wire's end which are known; the scale is the calibration's."""
-        seen = measured.valid
-        x, k = target[seen, :3, 3], self.numbers[seen]
         scale = 0.0 if not self.scaled or np.isnan(known[-1]) else float(known[-1])
-        d = measured.points[seen, 0] / (1.0 + scale)
-        out = np.full((len(self.anchors), 4), np.nan)
-        for number in np.unique(k):
-            mine = k == number
-            case = _Case(np.zeros((int(mine.sum()), 3, 3)), x[mine], d[mine], np.zeros(int(mine.sum()), dtype=int), 1)
-            start = known[4 * number : 4 * number + 4]
-            found = case.refine(case.tied_at(np.zeros(3)), np.eye(3))
-            if not np.isnan(start).any():
-                found = min(
-                    found, case.refine(np.concatenate([np.zeros(3), start]), np.eye(3)), key=lambda one: one.cost
-                )
-            out[number] = found.x[3:] * [1.0, 1.0, 1.0, 1.0 + scale]
-        return np.concatenate([out.reshape(-1), np.full(int(self.scaled), scale)])
-
-    def covariance(
-        self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise
-    ) -> Float[np.ndarray, "n w w"]:
-        """Covariance of the noise of each row."""
-        deviation = np.full(len(measured.points), RESOLUTION) if uncertainty is None else uncertainty
-        return deviation[:, None, None] ** 2
+        rows = Search.of(replace(self, scaled=False), target, Measured(measured.points / (1.0 + scale)))
+        linear = self._anchors(rows.tool[:, :3, 3], rows.measured.points[:, 0], rows.numbers)
+        stated = np.where(np.isnan(linear), np.nan, known[: linear.size].reshape(-1, 4))
+        starts = [linear, stated] if np.isfinite(stated).all(axis=1).any() else [linear]
+        found = min(
+            (rows.improve(rows.about(np.eye(4), start.reshape(-1)), held=np.eye(3)) for start in starts),
+            key=lambda one: one[1],
+        )[0][3:].reshape(-1, 4)
+        found = np.where(np.isnan(linear), np.nan, found * [1.0, 1.0, 1.0, 1.0 + scale])
+        return np.concatenate([found.reshape(-1), np.full(int(self.scaled), scale)])
 
     @classmethod
     def stage(cls, tool: Float[np.ndarray, "n 4 4"], places: int | None, rng: np.random.Generator) -> Scene:
@@ -236,10 +222,7 @@ class Lengths(Standalone):
             raise columns.error(
                 f"{columns.shown('d', int(wrong[0]))} is not a length; leave the cell empty", int(wrong[0]), "d"
             )
-        if "anchor" in columns:
-            columns.refuse_without("anchor", seen, "name the anchor that the length was measured to")
-        labels = columns.texts("anchor") if "anchor" in columns else ("1",) * len(d)
-        names, of = refer(tuple(label if there else "" for label, there in zip(labels, seen, strict=True)))
+        names, of = columns.named("anchor", seen, "name the anchor that the length was measured to")
         if not names:
             return None
         points = np.where(seen[:, None], np.stack([d, 0.0 * d, 0.0 * d], axis=1), np.nan)
@@ -247,98 +230,13 @@ class Lengths(Standalone):
 
     def cells(self, measured: Measured) -> dict[str, list[str]] | None:
         """Length and anchor of every row."""
-        d = ["" if np.isnan(value) else f"{value * 1e3:.6f}" for value in measured.points[:, 0]]
-        return {"d_mm": d, "anchor": self.labels(measured)}
-
-    def describe(self) -> dict[str, Any]:
-        """Describe it for a file."""
-        return {"anchors": list(self.anchors), "scaled": self.scaled}
-
-    @classmethod
-    def of_description(cls, content: Mapping[str, Any]) -> "Lengths":
-        """Make it from what `describe` gave, without rows."""
-        return cls(anchors=tuple(content["anchors"]), scaled=bool(content["scaled"]))
+        return {"d_mm": written(measured.points[:, 0] * 1e3), "anchor": self.labels(measured)}
 
 
 def _middle_half(values: Float[np.ndarray, "n ..."]) -> Float[np.ndarray, "..."]:
     """Width of the middle half of the rows."""
     low, high = np.percentile(values, [25.0, 75.0], axis=0)
     return np.asarray(high - low)
-
-
-class _Found(NamedTuple):
-    """A minimum: tip, then place and offset of every anchor."""
-
-    x: np.ndarray
-    cost: float
-    rms: float
-
-
-class _Case(NamedTuple):
-    """Lengths from a tool at known poses."""
-
-    R: np.ndarray
-    p: np.ndarray
-    d: np.ndarray
-    k: np.ndarray
-    anchors: int
-
-    def residual(self, x: np.ndarray) -> np.ndarray:
-        """Measured less predicted."""
-        own = x[3:].reshape(-1, 4)
-        return self.d - np.linalg.norm(self.p + self.R @ x[:3] - own[self.k, :3], axis=1) - own[self.k, 3]
-
-    def jacobian(self, x: np.ndarray) -> np.ndarray:
-        """Derivative of the predicted lengths."""
-        own, n = x[3:].reshape(-1, 4), len(self.d)
-        between = self.p + self.R @ x[:3] - own[self.k, :3]
-        u = between / np.maximum(np.linalg.norm(between, axis=1), 1e-12)[:, None]
-        by_own = np.zeros((n, self.anchors, 4))
-        by_own[np.arange(n), self.k, :3], by_own[np.arange(n), self.k, 3] = -u, 1.0
-        return np.concatenate([np.einsum("ni,nij->nj", u, self.R), by_own.reshape(n, -1)], axis=1)
-
-    def refine(self, start: np.ndarray, held: np.ndarray | None = None) -> _Found:
-        """The minimum next to a start, in spite of some wrong rows; along held directions the tip stays."""
-        hold = np.zeros((3, 3)) if held is None else 1e3 * held
-
-        from scipy.optimize import least_squares
-
-        def residual(x: np.ndarray) -> np.ndarray:
-            return np.concatenate([-self.residual(x), hold @ (x[:3] - start[:3])])
-
-        def jacobian(x: np.ndarray) -> np.ndarray:
-            return np.concatenate([self.jacobian(x), np.pad(hold, ((0, 0), (0, len(x) - 3)))])
-
-        found = least_squares(
-            residual,
-            start,
-            jac=jacobian,  # pyright: ignore[reportArgumentType]
-            loss="soft_l1",
-            f_scale=ROUGH,
-            max_nfev=MOST_STEPS,
-        )
-        r = self.residual(found.x)
-        return _Found(found.x, float(found.cost), float(np.sqrt(np.mean(r**2))))
-
-    def lifted(self) -> np.ndarray:
-        """Tip and anchors of the equations that are linear in them and in their products."""
-        n, (R, p, d) = len(self.d), (self.R, self.p, self.d)
-        own = np.zeros((n, self.anchors, 14))
-        parts = [-2.0 * p, -2.0 * R.reshape(n, 9), 2.0 * d[:, None], np.ones((n, 1))]
-        own[np.arange(n), self.k] = np.concatenate(parts, axis=1)
-        A = np.concatenate([2.0 * np.einsum("nij,ni->nj", R, p), own.reshape(n, -1)], axis=1)
-        x = np.linalg.lstsq(A, d**2 - (p**2).sum(axis=1), rcond=1e-9)[0]
-        each = x[3:].reshape(-1, 14)
-        return np.concatenate([x[:3], each[:, [0, 1, 2, 12]].reshape(-1)])
-
-    def tied_at(self, t: np.ndarray) -> np.ndarray:
-        """Anchors of the equations that are linear where the tip is known."""
-        x, out = self.p + self.R @ t, np.zeros((self.anchors, 4))
-        for number in np.unique(self.k):
-            mine = self.k == number
-            A = np.concatenate([-2.0 * x[mine], 2.0 * self.d[mine, None], np.ones((int(mine.sum()), 1))], axis=1)
-            out[number] = np.linalg.lstsq(A, self.d[mine] ** 2 - (x[mine] ** 2).sum(axis=1), rcond=1e-9)[0][:4]
-        return np.concatenate([t, out.reshape(-1)])
 
 
 # A wire from the tool to anchors: postures in which it is long enough, short enough, and free.
@@ -348,6 +246,14 @@ SHORTEST, LONGEST = 0.1, 2.0
 
 ANGLE = np.radians(110.0)
 """Largest angle between the wire and the tool's axis by default: tied to a swivel at the tip, it must not lean on the tool."""
+
+
+ANCHORS: dict[str, tuple[float, float]] = {"front": (0.0, 30.0), "left": (80.0, 0.0), "right": (-80.0, 15.0)}
+"""Each anchor's angle about the direction in which the tool points, from the way out from the robot, and its angle towards
+that direction; degrees."""
+
+FAR_SHARE = 0.5
+"""How far an anchor is from the middle of the task, over the robot's reach, as far as the wire allows."""
 
 
 @short_repr
@@ -392,10 +298,21 @@ class WireInstrument(Instrument):
         reach: float,
         stated: Mapping[str, Any],
     ) -> Fixtures:
-        """Around the task."""
+        """Three anchors on different sides of the task, and at different heights."""
         low, high = stated.get("shortest", SHORTEST), stated.get("longest", LONGEST)
         length = float(np.clip(FAR_SHARE * reach, low + (high - low) / 4, (low + high) / 2))
-        return _anchors(p, pointing, length)
+        middle = p.mean(axis=0)
+        outward, side = directions_across(middle, pointing)
+        position = [
+            middle
+            + length * (np.cos(lean) * (np.cos(around) * outward + np.sin(around) * side) + np.sin(lean) * pointing)
+            for around, lean in np.radians(list(ANCHORS.values()))
+        ]
+        return Fixtures(
+            names=tuple(ANCHORS),
+            position=on_the_floor(np.stack(position)),
+            direction=np.tile(-pointing, (len(ANCHORS), 1)),
+        )
 
     @property
     def instructions(self) -> str:
@@ -431,26 +348,3 @@ class WireInstrument(Instrument):
     def stages(self) -> Int[np.ndarray, " things"]:
         """One anchor at a time."""
         return np.arange(self.count)
-
-
-ANCHORS: dict[str, tuple[float, float]] = {"front": (0.0, 30.0), "left": (80.0, 0.0), "right": (-80.0, 15.0)}
-"""Each anchor's angle about the direction in which the tool points, from the way out from the robot, and its angle towards
-that direction; degrees."""
-
-FAR_SHARE = 0.5
-"""How far an anchor is from the middle of the task, over the robot's reach, as far as the wire allows."""
-
-
-def _anchors(p: Float[np.ndarray, "n 3"], pointing: Float[np.ndarray, " 3"], length: float) -> Fixtures:
-    """Three anchors on different sides of the task, and at different heights."""
-    middle = p.mean(axis=0)
-    outward, side = directions_across(middle, pointing)
-    position = [
-        middle + length * (np.cos(lean) * (np.cos(around) * outward + np.sin(around) * side) + np.sin(lean) * pointing)
-        for around, lean in np.radians(list(ANCHORS.values()))
-    ]
-    return Fixtures(
-        names=tuple(ANCHORS),
-        position=on_the_floor(np.stack(position)),
-        direction=np.tile(-pointing, (len(ANCHORS), 1)),
-    )

@@ -4,7 +4,6 @@ A kind of observation is planned by the instrument that names it as its `kind`; 
 in the postures of its virtual cell.
 """
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -149,7 +148,7 @@ _INSTRUMENTS: dict[str, type["Instrument"]] = {}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Instrument(ABC):
+class Instrument:
     """What measures in a cell; a subclass states which postures that allows."""
 
     kind: ClassVar[type[Observation]]
@@ -284,14 +283,14 @@ class Instrument(ABC):
         """
         return {}
 
-    @abstractmethod
     def observation(self, of: Int[np.ndarray, " n"]) -> Observation:
         """The kind of observation, with the fixture of each row."""
+        return self.kind(**{self.kind.things: self.fixtures.names}, of=of)
 
     @property
-    @abstractmethod
     def unknown(self) -> Float[np.ndarray, " u"]:
-        """The kind's own unknowns, as they are stated."""
+        """The kind's own unknowns, as they are stated: by default the places of the fixtures."""
+        return self.fixtures.position.reshape(-1)
 
     def rotations(
         self, tip: Float[np.ndarray, "n 4 4"], of: Int[np.ndarray, " n"]

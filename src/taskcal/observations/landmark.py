@@ -1,9 +1,9 @@
 """A landmark that stands, seen in the frame of a sensor on the tool: a wrist camera, a touch probe, a scanner."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -17,30 +17,22 @@ from taskcal.observations.base import (
     Measured,
     Observation,
     ObservedColumns,
-    Placed,
     Read,
     Scene,
-    Standalone,
-    TrackerNoise,
-    refer,
+    means,
     spots,
-    unlocated,
+    written,
 )
 from taskcal.observations.instrument import Fixtures, Instrument, Setting, far_apart, on_the_floor
+from taskcal.observations.standalone import Search, Standalone
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 from taskcal.task.orientation import towards
 from taskcal.task.task import Task
 from taskcal.task.workspace import Orientation
 
-RESOLUTION = 1e-4
-"""How well a sensor on the wrist sees a landmark where the campaign does not say, metres per axis."""
-
 FEWEST = 8
 """Rows, to find the sensor on the tool without a guess."""
-
-FAR = 10.0
-"""Times the median distance, from which on a row disagrees."""
 
 ON_THE_WRIST = se3.pose(se3.exp(np.array([0.05, -0.08, 0.3])), np.array([0.06, -0.01, -0.04]))
 """Where a virtual sensor sits on the tool, looking along z."""
@@ -51,9 +43,6 @@ AHEAD = 0.35
 NEAREST, FARTHEST, VIEW = 0.2, 0.8, np.radians(15.0)
 """Of what a virtual sensor sees, metres, and how far from the middle of its picture, radians."""
 
-FEW_ROUNDS, ROUNDS = 8, 60
-"""Of a search from each start, and from the best one."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Landmarks(Standalone):
@@ -62,6 +51,7 @@ class Landmarks(Standalone):
     key: ClassVar[str] = "landmark"
     needed: ClassVar[tuple[str, ...]] = ("sx", "sy", "sz")
     label: ClassVar[str] = "landmark"
+    each: ClassVar[tuple[str, ...]] = ("tx", "ty", "tz")
     instrument: ClassVar[str] = "camera"
     columns: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         {
@@ -72,14 +62,10 @@ class Landmarks(Standalone):
         }
     )
     turned: ClassVar[bool] = True
+    evaluations: ClassVar[int] = 12
     things: ClassVar[str] = "landmarks"
     landmarks: tuple[str, ...]
     """Names."""
-
-    @property
-    def unknowns(self) -> tuple[str, ...]:
-        """Place of every landmark."""
-        return tuple(f"landmark {name}.{c}" for name in self.landmarks for c in ("tx", "ty", "tz"))
 
     def differentiate(
         self, target: Float[np.ndarray, "n 4 4"], unknown: Float[np.ndarray, " u"], measured: Measured
@@ -95,52 +81,33 @@ class Landmarks(Standalone):
         by_unknown[np.arange(n), :, k] = back
         return Differential(measured.points - predicted, by_target, by_unknown.reshape(n, 3, -1))
 
-    def place(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Placed:
-        """P + R·(t + Q·y) = l is linear in t, l and a matrix Q of which nothing is asked; then from many orientations.
+    def check(self, rows: Search) -> None:
+        """Raise a `CampaignError` where the rows are too few to find the sensor."""
+        if len(rows.tool) < FEWEST:
+            raise CampaignError(f"{len(rows.tool)} sightings do not tell where the sensor is; measure {FEWEST} or more")
 
-        Raises:
-            CampaignError: too few rows.
+    def starts(self, rows: Search) -> Iterable[Float[np.ndarray, " x"]]:
+        """The orientation nearest to a matrix that fits best, and many others, with the place that fits best beside them.
+
+        p + R·(t + Q·y) = l is linear in t, l and a matrix Q of which nothing is asked.
         """
-        seen = measured.valid
-        if seen.sum() < FEWEST:
-            raise CampaignError(
-                f"{int(seen.sum())} sightings do not tell where the sensor is; measure {FEWEST} or more"
-            )
-        R, p, y, k = tool[seen, :3, :3], tool[seen, :3, 3], measured.points[seen], self.numbers[seen]
-        case, weight = _Case(R, p, y, k, len(self.landmarks)), np.ones(len(y))
-        starts = (case.search(Q, weight, FEW_ROUNDS) for Q in [case.lifted(), *orientations()])
-        Q = min(starts, key=lambda found: found[1])[0]
-        for _ in range(4):
-            Q, _ = case.search(Q, weight, ROUNDS)
-            distance = np.linalg.norm(case.place(Q, weight)[2], axis=1)
-            weight = np.where(distance <= FAR * max(float(np.median(distance)), 1e-5), 1.0, 0.0)
-        left = case.place(Q, weight)[2]
-        A = case.design(Q)
-        rms = float(np.sqrt((weight @ (left**2).sum(axis=1)) / weight.sum()))
-        others = np.concatenate([A[:, :, :3], A[:, :, 6:]], axis=2)
-        hidden = unlocated(A[:, :, 3:6].reshape(-1, 3), others.reshape(3 * len(y), -1), rms)
-        t, centres, left = case.place(Q, weight, hidden)
-        off = np.zeros(len(tool))
-        off[seen] = np.linalg.norm(left, axis=1)
-        return Placed(se3.pose(Q, t), centres.reshape(-1), off, hidden)
+        R, p, y, n = rows.tool[:, :3, :3], rows.tool[:, :3, 3], rows.measured.points, len(rows.tool)
+        own = np.zeros((n, 3, len(self.landmarks), 3))
+        own[np.arange(n), :, rows.numbers] = -np.eye(3)
+        linear = np.concatenate([R, own.reshape(n, 3, -1)], axis=2).reshape(3 * n, -1)
+        by_matrix = (R[:, :, None, :] * y[:, None, :, None]).reshape(3 * n, 9)
+        Q = np.linalg.lstsq(np.concatenate([by_matrix, linear], axis=1), -p.reshape(-1), rcond=1e-6)[0][:9]
+        for turn in (se3.nearest_rotation(Q.reshape(3, 3).T), *orientations()):
+            left = -p - (R @ (y @ turn.T)[:, :, None])[:, :, 0]
+            yield rows.about(se3.pose(turn, np.linalg.lstsq(linear, left.reshape(-1), rcond=1e-6)[0][:3]))
 
     def settle(
         self, target: Float[np.ndarray, "n 4 4"], measured: Measured, known: Float[np.ndarray, " u"]
     ) -> Float[np.ndarray, " u"]:
         """Each landmark at the mean of what its own rows say."""
         seen = measured.valid
-        x, k = se3.apply(target[seen], measured.points[seen]), self.numbers[seen]
-        out = np.full((len(self.landmarks), 3), np.nan)
-        for number in np.unique(k):
-            out[number] = x[k == number].mean(axis=0)
-        return out.reshape(-1)
-
-    def covariance(
-        self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise
-    ) -> Float[np.ndarray, "n w w"]:
-        """Covariance of the noise of each row."""
-        deviation = np.full(len(measured.points), RESOLUTION) if uncertainty is None else uncertainty
-        return deviation[:, None, None] ** 2 * np.eye(3)
+        places = se3.apply(target[seen], measured.points[seen])
+        return means(places, self.numbers[seen], len(self.landmarks)).reshape(-1)
 
     @classmethod
     def stage(cls, tool: Float[np.ndarray, "n 4 4"], places: int | None, rng: np.random.Generator) -> Scene:
@@ -178,28 +145,13 @@ class Landmarks(Standalone):
         seen = np.asarray(np.isfinite(y).any(axis=1))
         for row in np.flatnonzero(seen & ~np.isfinite(y).all(axis=1)):
             raise columns.error("sx, sy and sz belong together; give all three, or leave all empty", int(row), "sx")
-        if "landmark" in columns:
-            columns.refuse_without("landmark", seen, "name the landmark that was seen")
-        labels = columns.texts("landmark") if "landmark" in columns else ("1",) * len(y)
-        names, of = refer(tuple(label if there else "" for label, there in zip(labels, seen, strict=True)))
+        names, of = columns.named("landmark", seen, "name the landmark that was seen")
         return Read("sensor", cls(landmarks=names, of=of), y) if names else None
 
     def cells(self, measured: Measured) -> dict[str, list[str]] | None:
         """The three numbers and the landmark of every row."""
-        cells = {
-            f"s{'xyz'[axis]}_mm": ["" if np.isnan(v) else f"{v * 1e3:.6f}" for v in measured.points[:, axis]]
-            for axis in range(3)
-        }
+        cells = {f"s{axis}_mm": written(measured.points[:, k] * 1e3) for k, axis in enumerate("xyz")}
         return {**cells, "landmark": self.labels(measured)}
-
-    def describe(self) -> dict[str, Any]:
-        """Describe it for a file."""
-        return {"landmarks": list(self.landmarks)}
-
-    @classmethod
-    def of_description(cls, content: Mapping[str, Any]) -> "Landmarks":
-        """Make it from what `describe` gave, without rows."""
-        return cls(landmarks=tuple(content["landmarks"]))
 
 
 def _look_at(sensor: Float[np.ndarray, "n 4 4"], seen: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 4 4"]:
@@ -215,74 +167,6 @@ def _look_at(sensor: Float[np.ndarray, "n 4 4"], seen: Float[np.ndarray, "n 3"])
     return se3.pose(turned, seen - np.clip(distance, NEAREST, FARTHEST) * sight)
 
 
-class _Case(NamedTuple):
-    """Sightings from a tool at known poses: p + R·(t + Q·y) = l."""
-
-    R: np.ndarray
-    p: np.ndarray
-    y: np.ndarray
-    k: np.ndarray
-    landmarks: int
-
-    def design(self, Q: np.ndarray) -> np.ndarray:
-        """Derivative of p + R·(t + Q·y) − l by a turn of the sensor, by its place t and by the landmarks."""
-        A = np.zeros((len(self.y), 3, 6 + 3 * self.landmarks))
-        A[:, :, :3] = self.R @ se3.by_twist(self.y @ Q.T)[:, :, 3:]
-        A[:, :, 3:6] = self.R
-        for number in range(self.landmarks):
-            A[self.k == number, :, 6 + 3 * number : 9 + 3 * number] = -np.eye(3)
-        return A
-
-    def place(
-        self, Q: np.ndarray, weight: np.ndarray, held: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Place of the sensor, landmarks, and what is left of every row; along held directions the sensor is at the tool point."""
-        A, root = self.design(Q)[:, :, 3:], np.sqrt(weight)[:, None]
-        b = -self.p - (self.R @ (self.y @ Q.T)[:, :, None])[:, :, 0]
-        flat = (A * root[:, :, None]).reshape(3 * len(self.y), -1)
-        # next to nothing holds the sensor at the tool point where the rows do not tell
-        H = flat.T @ flat + 1e-9 * np.eye(flat.shape[1])
-        if held is not None:
-            H[:3, :3] += 1e9 * held
-        x = np.linalg.solve(H, flat.T @ (b * root).reshape(-1))
-        return x[:3], x[3:].reshape(-1, 3), b - A @ x
-
-    def search(self, Q: np.ndarray, weight: np.ndarray, rounds: int) -> tuple[np.ndarray, float]:
-        """Gauss–Newton on the sensor's orientation, all else following; the orientation and the sum of squares."""
-        root = np.sqrt(weight)
-        left = self.place(Q, weight)[2]
-        cost, damping = float(weight @ (left**2).sum(axis=1)), 1e-6
-        for _ in range(rounds):
-            A = (self.design(Q) * root[:, None, None]).reshape(3 * len(self.y), -1)
-            H, g = A.T @ A, A.T @ (left * root[:, None]).reshape(-1)
-            step = np.linalg.lstsq(H + damping * np.diag(np.diag(H) + 1e-12), g, rcond=1e-12)[0]
-            turned = se3.exp(step[:3]) @ Q
-            trial = self.place(turned, weight)[2]
-            following = float(weight @ (trial**2).sum(axis=1))
-            if following > cost:
-                damping = max(10.0 * damping, 1e-3)
-                if damping > 1e4:
-                    break
-                continue
-            gain = 1.0 - following / max(cost, 1e-300)
-            Q, left, cost, damping = turned, trial, following, damping / 10.0
-            if gain < 1e-12:
-                break
-        return Q, cost
-
-    def lifted(self) -> np.ndarray:
-        """Orientation of the sensor nearest to the matrix that fits best."""
-        n = len(self.y)
-        A = np.zeros((n, 3, 12 + 3 * self.landmarks))
-        for j in range(3):
-            A[:, :, 3 * j : 3 * j + 3] = self.R * self.y[:, j, None, None]
-        A[:, :, 9:12] = self.R
-        for number in range(self.landmarks):
-            A[self.k == number, :, 12 + 3 * number : 15 + 3 * number] = -np.eye(3)
-        x = np.linalg.lstsq(A.reshape(3 * n, -1), -self.p.reshape(-1), rcond=1e-6)[0]
-        return se3.nearest_rotation(x[:9].reshape(3, 3).T)
-
-
 # A camera on the wrist that sees landmarks: postures in which they are in its sight.
 
 FIELD_OF_VIEW = np.radians(40.0)
@@ -293,6 +177,9 @@ SIGHT_RANGE = 0.2, 0.6
 
 TILT = np.radians(45.0)
 """Largest angle between a landmark's normal and the line of sight by default; flatter, patterns are measured badly."""
+
+ASSUMED = ("a", "b", "c")
+"""Landmarks where nobody states any."""
 
 
 @short_repr
@@ -345,9 +232,10 @@ class CameraInstrument(Instrument):
         reach: float,
         stated: Mapping[str, Any],
     ) -> Fixtures:
-        """Before the tool."""
-        low, high = stated.get("nearest", SIGHT_RANGE[0]), stated.get("farthest", SIGHT_RANGE[1])
-        return _landmarks(p, pointing, 0.5 * (low + high))
+        """Three landmarks before the tool, as far from one another as the task has room, all facing it."""
+        distance = 0.5 * (stated.get("nearest", SIGHT_RANGE[0]) + stated.get("farthest", SIGHT_RANGE[1]))
+        position = on_the_floor(far_apart(p, len(ASSUMED)) + distance * pointing)
+        return Fixtures(names=ASSUMED, position=position, direction=np.tile(-pointing, (len(ASSUMED), 1)))
 
     @property
     def instructions(self) -> str:
@@ -382,22 +270,3 @@ class CameraInstrument(Instrument):
             "the landmark too near, too far, out of the picture or too flat": ~(within & seen & faces),
             "the landmark behind the robot": ~self.sight_is_free(tip, of, links),
         }
-
-    def observation(self, of: Int[np.ndarray, " n"]) -> Landmarks:
-        """Landmarks, with that of each row."""
-        return Landmarks(landmarks=self.fixtures.names, of=of)
-
-    @property
-    def unknown(self) -> Float[np.ndarray, " u"]:
-        """Their places."""
-        return self.fixtures.position.reshape(-1)
-
-
-ASSUMED = ("a", "b", "c")
-"""Landmarks where nobody states any."""
-
-
-def _landmarks(p: Float[np.ndarray, "n 3"], pointing: Float[np.ndarray, " 3"], distance: float) -> Fixtures:
-    """Three landmarks before the tool, as far from one another as the task has room, all facing it."""
-    position = on_the_floor(far_apart(p, len(ASSUMED)) + distance * pointing)
-    return Fixtures(names=ASSUMED, position=position, direction=np.tile(-pointing, (len(ASSUMED), 1)))

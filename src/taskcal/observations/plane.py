@@ -1,47 +1,21 @@
 """A plane that the tip of the tool touches: a surface plate, a machine table, the side of a block."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
-from taskcal.observations.base import (
-    Differential,
-    Measured,
-    ObservedColumns,
-    Placed,
-    Read,
-    Scene,
-    Standalone,
-    Stated,
-    TrackerNoise,
-    refer,
-    spots,
-    unlocated,
-)
+from taskcal.observations.base import Differential, Measured, ObservedColumns, Read, Scene, Stated, refer, spots
+from taskcal.observations.standalone import TIPS, Found, Search, Standalone
 from taskcal.robot.parameter import ShownUnit
-
-# Which planes a tip touched, and where the tip is on the tool, from poses of the tool alone.
 
 FEWEST = 4
 """Touches of a plane, to find it: three tell the plane, one more what else is unknown."""
-
-TIPS = 0.15 * np.array([[0, 0, 0], [0, 0, 1], [0, 0, -1], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]], dtype=float)
-"""Where the tip may be, to start a search from, metres from the tool point."""
-
-ROUNDS = 8
-"""Of reweighting, after which rows that disagree hardly count."""
-
-FAR = 10.0
-"""Times the median distance, from which on a row disagrees."""
-
-SAME_PLACE = 1e-9
-"""Precision that holds the tip near where its search starts, where the rows do not tell."""
 
 
 def to_one_side(normals: Float[np.ndarray, "planes 3"]) -> Float[np.ndarray, "planes 3"]:
@@ -50,110 +24,40 @@ def to_one_side(normals: Float[np.ndarray, "planes 3"]) -> Float[np.ndarray, "pl
 
 
 class FittedPlanes(NamedTuple):
-    """Planes of the smallest distances from the touches, the tip held."""
+    """Planes of the smallest distances from places of a tip."""
 
     planes: Float[np.ndarray, "planes 4"]
-    """Normal and offset; NaN for planes of fewer than three touches, whose tips are at no distance."""
+    """Normal and offset; NaN for planes of fewer than three touches."""
     middle: Float[np.ndarray, "planes 3"]
     """Mean of the touches of each."""
     spread: Float[np.ndarray, "planes 3"]
     """How far these are spread, root mean square, metres: off the plane, and in it the narrow and the wide way."""
-    off: Float[np.ndarray, " n"]
-    """Distance of each tip from its own, signed, metres."""
-    by_tip: Float[np.ndarray, "n 3"]
-    """Derivative of that by the tip. To first order the planes need not follow it (Kaufman 1975)."""
 
 
-class Touches(NamedTuple):
-    """Poses of a tool whose tip touched planes: n·(p + R·t) = d. The tip t alone is sought, for it tells the planes."""
+def fit_planes(
+    x: Float[np.ndarray, "n 3"], numbers: Int[np.ndarray, " n"], count: int, weight: Float[np.ndarray, " n"]
+) -> FittedPlanes:
+    """Fit planes to places of the tip by weighted least squares.
 
-    R: Float[np.ndarray, "n 3 3"]
-    p: Float[np.ndarray, "n 3"]
-    plane: Int[np.ndarray, " n"]
-    """Number of the plane of each row."""
-    names: tuple[str, ...]
-    called: str = "plane"
-    """What a plane is, for messages."""
-
-    def planes(self, t: Float[np.ndarray, " 3"], weight: Float[np.ndarray, " n"]) -> FittedPlanes:
-        """Planes by weighted least squares."""
-        x = self.p + self.R @ t
-        member = np.arange(len(self.names))[:, None] == self.plane
-        share = member * weight
-        share = share / np.maximum(share.sum(axis=1), 1e-300)[:, None]
-        middle = share @ x
-        apart = x - middle[self.plane]
-        square = (share @ (apart[:, :, None] * apart[:, None, :]).reshape(-1, 9)).reshape(-1, 3, 3)
-        values, vectors = np.linalg.eigh(square)
-        normal = to_one_side(vectors[:, :, 0])
-        turned = np.einsum("nij,ni->nj", self.R, normal[self.plane])
-        off, by_tip = (apart * normal[self.plane]).sum(axis=1), turned - (share @ turned)[self.plane]
-        few = member.sum(axis=1) < 3
-        off[few[self.plane]], by_tip[few[self.plane]] = 0.0, 0.0
-        planes = np.concatenate([normal, (normal * middle).sum(axis=1, keepdims=True)], axis=1)
-        planes[few] = np.nan
-        return FittedPlanes(planes, middle, np.sqrt(np.maximum(values, 0.0)), off, by_tip)
-
-    def find_tip(self) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " n"]]:
-        """The tip that leaves the smallest distances, from the best of several starts, and what each row counts."""
-        weight = np.ones(len(self.p))
-        t = min((self._search(start, weight) for start in TIPS), key=lambda found: self._cost(found, weight))
-        touched = np.bincount(self.plane, minlength=len(self.names))
-        judged = touched[self.plane] >= FEWEST
-        if not judged.any():
-            return t, weight
-        for _ in range(ROUNDS):
-            off = np.abs(self.planes(t, weight).off)
-            weight = 1.0 / np.maximum(off, max(float(np.median(off[judged])), 1e-6))
-            t = self._search(t, weight)
-        off = np.abs(self.planes(t, weight).off)
-        near = off <= FAR * max(float(np.median(off[judged])), 1e-5)
-        left = np.bincount(self.plane[near], minlength=len(self.names))
-        if near.mean() > 0.5 and (left[touched >= FEWEST] >= FEWEST).all():
-            weight = near.astype(float)
-        return self._search(t, weight), weight
-
-    def hidden(self, t: Float[np.ndarray, " 3"], weight: Float[np.ndarray, " n"]) -> Float[np.ndarray, "3 3"]:
-        """Projector onto directions of the tip that these rows do not tell."""
-        fitted = self.planes(t, weight)
-        x, normal = self.p + self.R @ t, fitted.planes[self.plane, :3]
-        by_plane = np.zeros((len(x), len(self.names), 4))
-        by_plane[np.arange(len(x)), self.plane] = np.concatenate([x, -np.ones((len(x), 1))], axis=1)
-        root = np.sqrt(weight / weight.max())[:, None]
-        rms = float(np.sqrt(weight @ fitted.off**2 / weight.sum()))
-        by_tip = np.einsum("nij,ni->nj", self.R, normal)
-        return unlocated(root * by_tip, root * by_plane.reshape(len(x), -1), rms)
-
-    def check_count(self) -> None:
-        """Raise a `CampaignError` where a plane was touched too seldom to be found."""
-        for number, count in enumerate(np.bincount(self.plane, minlength=len(self.names))):
-            if 0 < count < FEWEST:
-                raise CampaignError(
-                    f"{count} touches of {self.called} '{self.names[number]}' do not tell where it is; touch it {FEWEST} times or "
-                    "more"
-                )
-
-    def _search(self, start: np.ndarray, weight: np.ndarray) -> np.ndarray:
-        from scipy.optimize import least_squares
-
-        root = np.sqrt(weight / weight.max())
-
-        def residual(t: np.ndarray) -> np.ndarray:
-            return np.concatenate([root * self.planes(t, weight).off, SAME_PLACE * (t - start)])
-
-        def jacobian(t: np.ndarray) -> np.ndarray:
-            return np.concatenate([root[:, None] * self.planes(t, weight).by_tip, SAME_PLACE * np.eye(3)])
-
-        return least_squares(residual, start, jac=jacobian, method="lm", xtol=1e-12).x  # pyright: ignore[reportArgumentType]
-
-    def _cost(self, t: np.ndarray, weight: np.ndarray) -> float:
-        return float(weight @ self.planes(t, weight).off ** 2)
+    Args:
+        x: places, metres.
+        numbers: of the plane that is touched at each.
+        count: number of planes.
+        weight: of each place.
+    """
+    share = (np.arange(count)[:, None] == numbers) * weight
+    share = share / np.maximum(share.sum(axis=1), 1e-300)[:, None]
+    middle = share @ x
+    apart = x - middle[numbers]
+    square = (share @ (apart[:, :, None] * apart[:, None, :]).reshape(-1, 9)).reshape(-1, 3, 3)
+    values, vectors = np.linalg.eigh(square)
+    normal = to_one_side(vectors[:, :, 0])
+    planes = np.concatenate([normal, (normal * middle).sum(axis=1, keepdims=True)], axis=1)
+    planes[np.bincount(numbers, minlength=count) < 3] = np.nan
+    return FittedPlanes(planes, middle, np.sqrt(np.maximum(values, 0.0)))
 
 
 # What planes and cubes have in common: a touch is one number, that nothing is left between the tip and a face.
-
-TOUCH = 2e-5
-"""How well a touch is noticed where the campaign does not say, metres."""
 
 
 class Touching(Standalone):
@@ -161,13 +65,8 @@ class Touching(Standalone):
 
     width: ClassVar[int] = 1
     touched: ClassVar[bool] = True
-
-    def covariance(
-        self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise
-    ) -> Float[np.ndarray, "n w w"]:
-        """Covariance of the noise of each row."""
-        deviation = np.full(len(measured.points), TOUCH) if uncertainty is None else uncertainty
-        return deviation[:, None, None] ** 2
+    resolution: ClassVar[float] = 2e-5  # what a touch trigger probe repeats within
+    rows_to_judge: ClassVar[int] = FEWEST
 
 
 HALF_WIDTH = 0.05
@@ -191,17 +90,13 @@ class Planes(Touching):
     key: ClassVar[str] = "plane"
     needed: ClassVar[tuple[str, ...]] = ("plane",)
     label: ClassVar[str] = "plane"
+    each: ClassVar[tuple[str, ...]] = ("nx", "ny", "nz", "offset")
     instrument: ClassVar[str] = "plane"
     columns: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({"plane": ("plane", "touched plane", "ebene")})
     units: ClassVar[Mapping[str, ShownUnit]] = MappingProxyType(dict.fromkeys(("nx", "ny", "nz"), ShownUnit("", 1.0)))
     things: ClassVar[str] = "planes"
     planes: tuple[str, ...]
     """Names."""
-
-    @property
-    def unknowns(self) -> tuple[str, ...]:
-        """Normal and offset of every plane."""
-        return tuple(f"plane {name}.{c}" for name in self.planes for c in ("nx", "ny", "nz", "offset"))
 
     @property
     def tells_scale(self) -> bool:
@@ -227,28 +122,37 @@ class Planes(Touching):
         by_unknown[np.arange(n), k] = np.concatenate([x - off * unit, -np.ones((n, 1))], axis=1) / length
         return Differential(-off, by_target, by_unknown.reshape(n, 1, -1))
 
-    def place(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Placed:
-        """By the tip that leaves all touches nearest to planes; the planes follow from it.
+    def check(self, rows: Search) -> None:
+        """Raise a `CampaignError` where a plane was touched too seldom to be found."""
+        for name, count in zip(self.planes, rows.counts, strict=True):
+            if 0 < count < FEWEST:
+                raise CampaignError(
+                    f"{count} touches of plane '{name}' do not tell where it is; touch it {FEWEST} times or more"
+                )
+
+    def starts(self, rows: Search) -> Iterable[Float[np.ndarray, " x"]]:
+        """Several places on the tool, and the planes that fit there."""
+        for tip in TIPS:
+            x, even = rows.tool[:, :3, 3] + rows.tool[:, :3, :3] @ tip, np.ones(len(rows.tool))
+            planes = fit_planes(x, rows.numbers, len(self.planes), even).planes
+            yield rows.about(se3.translation(*tip), planes.reshape(-1))
+
+    def find(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Found:
+        """Find tip and planes.
 
         Raises:
             CampaignError: too few touches of a plane, or touches along a line.
         """
-        seen = measured.valid
-        touches = Touches(tool[seen, :3, :3], tool[seen, :3, 3], self.numbers[seen], self.planes)
-        touches.check_count()
-        t, weight = touches.find_tip()
-        hidden = touches.hidden(t, weight)
-        t = t - hidden @ t
-        fitted = touches.planes(t, weight)
-        for number in np.unique(touches.plane):
-            if fitted.spread[number, 1] < NARROW:
+        found = super().find(tool, measured)
+        rows = found.rows
+        x = (rows.tool @ rows.target(found.x))[:, :3, 3]
+        narrow = fit_planes(x, rows.numbers, len(self.planes), found.weight).spread[:, 1]
+        for number in np.unique(rows.numbers):
+            if narrow[number] < NARROW:
                 raise CampaignError(
                     f"plane '{self.planes[number]}' was touched along a line only; touch it at places to both sides too"
                 )
-        planes = np.where(np.isnan(fitted.planes), [0.0, 0.0, 1.0, 0.0], fitted.planes)  # of those that no row shows
-        distance = np.zeros(len(tool))
-        distance[seen] = np.abs(fitted.off)
-        return Placed(se3.pose(np.eye(3), t), planes.reshape(-1), distance, hidden)
+        return found
 
     def settle(
         self, target: Float[np.ndarray, "n 4 4"], measured: Measured, known: Float[np.ndarray, " u"]
@@ -259,9 +163,9 @@ class Planes(Touching):
             CampaignError: so few touch a plane that is not known.
         """
         seen = measured.valid
-        touches = Touches(target[seen, :3, :3], target[seen, :3, 3], self.numbers[seen], self.planes)
-        found = touches.planes(np.zeros(3), np.ones(int(seen.sum()))).planes
-        for number in np.unique(touches.plane):
+        numbers = self.numbers[seen]
+        found = fit_planes(target[seen, :3, 3], numbers, len(self.planes), np.ones(len(numbers))).planes
+        for number in np.unique(numbers):
             if np.isnan(found[number]).any() and np.isnan(known[4 * number : 4 * number + 4]).any():
                 raise CampaignError(
                     f"fewer than three touches of plane '{self.planes[number]}', which the calibration does not know, do not "
@@ -307,12 +211,3 @@ class Planes(Touching):
     def cells(self, measured: Measured) -> dict[str, list[str]] | None:
         """Plane of every row."""
         return {"plane": self.labels(measured)}
-
-    def describe(self) -> dict[str, Any]:
-        """Describe it for a file."""
-        return {"planes": list(self.planes)}
-
-    @classmethod
-    def of_description(cls, content: Mapping[str, Any]) -> "Planes":
-        """Make it from what `describe` gave, without rows."""
-        return cls(planes=tuple(content["planes"]))

@@ -1,7 +1,7 @@
 """A ball on the tool that rests in a socket: the same unknown point, reached in many postures."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -15,8 +15,6 @@ from taskcal.geometry import se3
 from taskcal.kinematics.clearance import Box, Links, clear_of_boxes, clear_of_itself, place_links, without_carriers
 from taskcal.kinematics.inverse import JUMP_RAD, Reached, solve_near
 from taskcal.observations.base import (
-    LEAST_ERROR,
-    LOCATED_WITHIN,
     Compared,
     Differential,
     Measured,
@@ -25,13 +23,12 @@ from taskcal.observations.base import (
     Placed,
     Read,
     Scene,
-    Standalone,
     Stated,
-    TrackerNoise,
     refer,
     spots,
 )
 from taskcal.observations.instrument import Fixtures, Instrument, Setting, directions_across, far_apart
+from taskcal.observations.standalone import LEAST_ERROR_M, LOCATED_WITHIN_M, Standalone
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 from taskcal.tables.forms import read_table
@@ -75,9 +72,6 @@ def whiten_distances(distances: Sequence[SocketDistance]) -> Float[np.ndarray, "
     return np.linalg.inv(np.linalg.cholesky(covariance))
 
 
-SEAT = 2e-5
-"""How well a ball sits in a socket where the campaign does not say, metres per axis."""
-
 BLOCK = 0.1
 """Distance of the two sockets of a virtual block, metres."""
 
@@ -101,6 +95,9 @@ class Sockets(Standalone):
     key: ClassVar[str] = "socket"
     needed: ClassVar[tuple[str, ...]] = ("socket",)
     label: ClassVar[str] = "socket"
+    each: ClassVar[tuple[str, ...]] = ("tx", "ty", "tz")
+    parts: ClassVar[Mapping[str, type]] = MappingProxyType({"distances": SocketDistance})
+    resolution: ClassVar[float] = 2e-5  # how well a ball sits in a socket
     instrument: ClassVar[str] = "socket"
     stated_lengths: ClassVar[str] = "the distances of its sockets"
     along_axes: ClassVar[bool] = True
@@ -117,11 +114,6 @@ class Sockets(Standalone):
     """Names, with the place where there are several."""
     distances: tuple[SocketDistance, ...] = ()
     """Stated distances."""
-
-    @property
-    def unknowns(self) -> tuple[str, ...]:
-        """Names of its own unknowns."""
-        return tuple(f"socket {name}.{c}" for name in self.sockets for c in ("tx", "ty", "tz"))
 
     @property
     def tells_scale(self) -> bool:
@@ -175,13 +167,6 @@ class Sockets(Standalone):
         """Each socket at the mean of what its own rows say."""
         seen = measured.valid
         return _means(target[seen, :3, 3], self.numbers[seen], np.ones(int(seen.sum())), len(self.sockets)).reshape(-1)
-
-    def covariance(
-        self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise
-    ) -> Float[np.ndarray, "n w w"]:
-        """Covariance of the noise of each row."""
-        deviation = np.full(len(measured.points), SEAT) if uncertainty is None else uncertainty
-        return deviation[:, None, None] ** 2 * np.eye(3)
 
     @classmethod
     def stage(cls, tool: Float[np.ndarray, "n 4 4"], places: int | None, rng: np.random.Generator) -> Scene:
@@ -261,16 +246,11 @@ class Sockets(Standalone):
                     raise CampaignError(f"no row names socket '{name}'; there are {', '.join(self.sockets)}")
         return replace(self, distances=distances)
 
-    def take(self, rows: Int[np.ndarray, " k"]) -> "Sockets":
-        """The observation of some rows, with the sockets that these name."""
-        assert self.of is not None
-        of = self.of[rows]
-        left = np.unique(of[of >= 0])
-        names = tuple(self.sockets[k] for k in left)
-        number = np.full(len(self.sockets) + 1, -1)
-        number[left] = np.arange(len(left))
-        distances = tuple(d for d in self.distances if d.a in names and d.b in names)
-        return replace(self, sockets=names, of=number[of], distances=distances)
+    def take(self, rows: Int[np.ndarray, " k"]) -> Observation:
+        """The observation of some rows, with the sockets that these name, and their distances."""
+        some = super().take(rows)
+        distances = tuple(d for d in self.distances if d.a in some.named and d.b in some.named)
+        return replace(some, distances=distances)
 
     def with_stated(self, path: Path) -> "Sockets":
         """The observation with the distances of a file.
@@ -321,20 +301,6 @@ class Sockets(Standalone):
         if not any("/" in label for label in labels):
             return {"socket": sockets}
         return {"place": [label.rpartition("/")[0] for label in labels], "socket": sockets}
-
-    def describe(self) -> dict[str, Any]:
-        """Describe it for a file."""
-        return {
-            "sockets": list(self.sockets),
-            "distances": [asdict(d) for d in self.distances],
-        }
-
-    @classmethod
-    def of_description(cls, content: Mapping[str, Any]) -> "Sockets":
-        """Make it from what `describe` gave, without rows."""
-        return cls(
-            sockets=tuple(content["sockets"]), distances=tuple(SocketDistance(**d) for d in content["distances"])
-        )
 
 
 def _means(x: np.ndarray, k: np.ndarray, weight: np.ndarray, count: int) -> Float[np.ndarray, "sockets ..."]:
@@ -398,7 +364,7 @@ class _Rows(NamedTuple):
         t = np.linalg.pinv(H, rcond=1e-12, hermitian=True) @ g
         square = ((A @ t - b).reshape(-1, 3) ** 2).sum(axis=1)
         rms = np.sqrt(weight @ square / weight.sum())
-        limit = weight.mean() * (max(rms, LEAST_ERROR) / LOCATED_WITHIN) ** 2
+        limit = weight.mean() * (max(rms, LEAST_ERROR_M) / LOCATED_WITHIN_M) ** 2
         told, weak = vectors[:, values >= limit], vectors[:, values < limit]
         return told @ np.linalg.solve(told.T @ H @ told, told.T @ g), weak @ weak.T
 
@@ -473,6 +439,12 @@ def _pairs(table: Table, row: int, a: str, b: str, sockets: tuple[str, ...]) -> 
 CONE = np.radians(45.0)
 """Tilt that a socket allows by default. The stem alone would allow more: a 20 mm ball on an 8 mm stem leans 70° and more over a
 socket that ends where it carries the ball. But the flange must clear the block: one of 80 mm on a stem of 100 mm does at 45°."""
+
+BLOCK_PLACES = ("first", "second", "third")
+"""Names of the places of the block that is assumed, one after another."""
+
+NEARLY_UP = np.radians(30.0)
+"""A block whose sockets would lean less is upright."""
 
 APPROACH = 0.05
 """From so far a socket is approached along its axis, metres."""
@@ -576,8 +548,16 @@ class SocketInstrument(Instrument):
         reach: float,
         stated: Mapping[str, Any],
     ) -> Fixtures:
-        """A block where the tool works."""
-        return _blocks(p, pointing)
+        """A block with two sockets at three places, as far from one another as the task has room."""
+        up = np.array([0.0, 0.0, 1.0])
+        axis = up if -pointing @ up > np.cos(NEARLY_UP) else -pointing
+        side = directions_across(p.mean(axis=0), axis)[1]
+        middle = np.maximum(far_apart(p, len(BLOCK_PLACES)), [-np.inf, -np.inf, BELOW])
+        return Fixtures(
+            names=tuple(f"{place}/{socket}" for place in BLOCK_PLACES for socket in "ab"),
+            position=(middle[:, None] + 0.5 * BLOCK * np.array([-side, side])).reshape(-1, 3),
+            direction=np.tile(axis, (2 * len(BLOCK_PLACES), 1)),
+        )
 
     def goals(
         self, model: ErrorModel, task: Task, fixture: int, u: Float[np.ndarray, "n 6"]
@@ -639,11 +619,6 @@ class SocketInstrument(Instrument):
         return Sockets(sockets=self.fixtures.names, of=of, distances=self.distances)
 
     @property
-    def unknown(self) -> Float[np.ndarray, " u"]:
-        """Centres."""
-        return self.fixtures.position.reshape(-1)
-
-    @property
     def stages(self) -> Int[np.ndarray, " things"]:
         """By place."""
         places = self.fixtures.places
@@ -658,30 +633,9 @@ def _along(R: Float[np.ndarray, "3 3"], points: Float[np.ndarray, "n 3"]) -> Flo
     return R @ se3.exp(np.array([0.0, 0.0, np.arctan2(y, x)]))
 
 
-BLOCK_PLACES = ("first", "second", "third")
-"""Names of the places of the block that is assumed, one after another."""
-
-NEARLY_UP = np.radians(30.0)
-"""A block whose sockets would lean less is upright."""
-
-
 def block_distances() -> tuple[SocketDistance, ...]:
     """Known of the block that is assumed: how far apart its sockets are, as a good calliper tells it."""
     return tuple(
         SocketDistance(a=f"{place}/a", b=f"{place}/b", distance=BLOCK, uncertainty=CALLIPER, statement="a,b")
         for place in BLOCK_PLACES
     )
-
-
-def _blocks(p: Float[np.ndarray, "n 3"], pointing: Float[np.ndarray, " 3"]) -> Fixtures:
-    """A block with two sockets at three places, as far from one another as the task has room."""
-    up = np.array([0.0, 0.0, 1.0])
-    axis = up if -pointing @ up > np.cos(NEARLY_UP) else -pointing
-    side = directions_across(p.mean(axis=0), axis)[1]
-    names: list[str] = []
-    position: list[np.ndarray] = []
-    for place, middle in zip(BLOCK_PLACES, far_apart(p, len(BLOCK_PLACES)), strict=True):
-        middle = np.maximum(middle, [-np.inf, -np.inf, BELOW])
-        names += [f"{place}/a", f"{place}/b"]
-        position += [middle - 0.5 * BLOCK * side, middle + 0.5 * BLOCK * side]
-    return Fixtures(names=tuple(names), position=np.stack(position), direction=np.tile(axis, (len(names), 1)))

@@ -52,7 +52,7 @@ class TrueRobot:
     joint_error: Float[np.ndarray, " joints"]
     """Standard deviation of the joints about what the controller says, radians (metres where a joint slides)."""
     model_error: float
-    """Standard deviation per axis of what no parameter explains, metres."""
+    """Standard deviation per axis of what no parameter explains, metres; of angles alone at an arm of 1 m."""
 
     def poses(
         self, q: Float[np.ndarray, "n joints"], target: Float[np.ndarray, "4 4"], conditions: Conditions | None = None
@@ -109,6 +109,9 @@ def visit(
         true, way = _settle(robot, scene, true, goals, conditions)
     at = robot.poses(true, scene.T_tool_target, way)
     at[:, :3, 3] += error
+    if scene.observation.width == scene.observation.angles:
+        # where angles alone are measured, errors count at an arm of 1 m
+        at[:, :3, :3] = se3.exp(error) @ at[:, :3, :3]
     off = robot.joint_error * rng.normal(size=true.shape)
     return Visit(q=true - off, read=_read(scene, at, noise), conditions=way or Conditions())
 
