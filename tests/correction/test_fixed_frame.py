@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taskcal.correction.cell import Cell
-from taskcal.correction.frames import calibrate_frames, fit_points, nominal_flange
+from taskcal.correction.frames import calibrate_frames, fit_points
 from taskcal.geometry import se3
 from tests.correction.cells import PART, cells
 
@@ -18,7 +18,7 @@ def test_touched_part_is_right_where_touched(calibration, robot, measured, cutti
     cell = cells(calibration, robot, measured)["touched"]
     touched = replace(cell.parts["part"], touched=q)
     frames = calibrate_frames(calibration, cutting, Cell(tools=cell.tools, parts={"part": touched}))
-    believed = se3.inverse(PART) @ nominal_flange(robot, q) @ probe
+    believed = se3.inverse(PART) @ _flange(robot, q) @ probe
     flange = calibration.tool_in_base(q) @ se3.inverse(_own_tool(calibration))
     truly = se3.inverse(frames.fixed.T_base_fixed) @ flange @ probe
     # three points of a robot that is not rigid in its errors fit a rigid motion only so far
@@ -45,7 +45,7 @@ def test_stated_and_true_errors_on_a_touched_part_agree(
     cell = Cell(tools=cell.tools, parts={"part": replace(cell.parts["part"], touched=touches, uncertainty=repeats)})
     stated = calibrate_frames(known, cutting, cell)
     probe = robot.T_flange_tool @ se3.translation(z=0.05)
-    believed = (nominal_flange(robot, touches) @ probe)[:, :3, 3]
+    believed = (_flange(robot, touches) @ probe)[:, :3, 3]
     placed = stated.placement.tool_in_part(known.tool_in_base(q))[:, :3, 3]
     root = np.linalg.cholesky(known.z_covariance + 1e-24 * np.eye(len(known.z)))
     errors = []
@@ -71,3 +71,8 @@ def _own_tool(calibration):
     without[[i for i, name in enumerate(model.names) if name.startswith("tool.")]] = 0.0
     flange = model.poses(q, without)[0] @ se3.inverse(model.robot.T_flange_tool)
     return se3.inverse(flange) @ model.poses(q, calibration.estimate)[0]
+
+
+def _flange(robot, q):
+    """Poses of the nominal robot's flange."""
+    return robot.tool_poses(q) @ se3.inverse(robot.T_flange_tool)

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskcal.correction.frames import Placed, Placement
+from taskcal.correction.path import Placed, Placement
 from taskcal.geometry import se3
 from tests.laws.robots import generators
 

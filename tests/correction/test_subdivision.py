@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from taskcal.correction.controller import simulate_controller, tool_poses
-from taskcal.correction.frames import Placed, Placement, nominal_flange, wanted_segments
+from taskcal.correction.controller import simulate_controller
+from taskcal.correction.path import Placed, Placement
 from taskcal.correction.subdivision import CorrectionProblem, subdivide
 
 
@@ -20,7 +20,7 @@ def problem(robot, calibration, make_moves, shifted):
         )
         return CorrectionProblem(
             robot=robot, moves=moves, calibration=calibration, placed=placed, trajectory=trajectory, directions=None,
-            wanted=wanted_segments(trajectory, placed, moves), tolerance=tolerance, widest=widest,
+            wanted=trajectory.path_on(placed, moves).segments, tolerance=tolerance, widest=widest,
         )  # fmt: skip
 
     return build
@@ -35,9 +35,7 @@ def test_nodes_are_met_and_the_path_between_them_is_kept(problem, tolerance):
     true = given.placed.tool_in_part(nodes.move, nodes.share, nodes.q)
     np.testing.assert_allclose(true, nodes.wanted, atol=1e-8)
     # the controller moves to these joints for the poses that are written
-    np.testing.assert_allclose(
-        tool_poses(given.moves, nodes.move, nominal_flange(given.robot, nodes.q)), nodes.T, atol=1e-8
-    )
+    np.testing.assert_allclose(given.nominal.tool_in_part(nodes.move, nodes.share, nodes.q), nodes.T, atol=1e-8)
     assert (subdivision.deviation <= tolerance).all()
     assert (np.diff(nodes.move + 0.999 * nodes.share) > 0.0).all()
     per_piece = np.array([1, 1, 2])  # an arc's pieces have a via point each

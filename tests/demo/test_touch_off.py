@@ -7,7 +7,7 @@ import pytest
 
 from robot_programs.rapid.read import read_rapid
 from taskcal.correction.controller import simulate_controller
-from taskcal.correction.frames import Placement
+from taskcal.correction.path import Placement
 from taskcal.demo.closed_loop import MARKS, touch_off
 from taskcal.demo.milling import milling_program
 from taskcal.demo.procedure import reference_task

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from robot_programs.core.program import GradedPosture, Move, Program, Target
-from taskcal.correction.path import Corners, RoundedPath, Segments, find_corners
+from taskcal.correction.path import Corners, Placed, RoundedPath, Segments, find_corners
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import conditioning, find_postures, solve_near
@@ -132,6 +132,12 @@ class ControllerTrajectory:
     q: Float[np.ndarray, "k joints"]
     """Joint positions there, radians."""
 
+    def path_on(self, placed: Placed, moves: Sequence[Move]) -> RoundedPath:
+        """The path that the program asks for on some robot, its corners rounded as here."""
+        own = self.segments
+        wanted = placed.segments(moves, own.end, own.via, np.isfinite(self.end[:, 0]))
+        return RoundedPath(segments=wanted, corners=self.corners)
+
 
 def simulate_controller(
     robot: Robot,
@@ -152,34 +158,6 @@ def simulate_controller(
     return _Simulation(robot, moves, dict(refused or {}), nowhere if near is None else near).run()
 
 
-def moves_alike(moves: Sequence[Move], number: Int[np.ndarray, " n"]) -> list[tuple[Int[np.ndarray, " _"], Move]]:
-    """Rows whose motions have tool and part in common, with one of these motions."""
-    alike: dict[tuple[int, int, bool], list[int]] = {}
-    for k, i in enumerate(number.tolist()):
-        alike.setdefault((id(moves[i].tool), id(moves[i].part), moves[i].part_in_hand), []).append(k)
-    return [(np.array(rows), moves[int(number[rows[0]])]) for rows in alike.values()]
-
-
-def flange_poses(
-    moves: Sequence[Move], number: Int[np.ndarray, " n"], T: Float[np.ndarray, "n 4 4"]
-) -> Float[np.ndarray, "n 4 4"]:
-    """Poses of the flange in the base for poses of the tool in the part, in some motions."""
-    flange = np.empty_like(T)
-    for rows, example in moves_alike(moves, number):
-        flange[rows] = example.flange(T[rows])
-    return flange
-
-
-def tool_poses(
-    moves: Sequence[Move], number: Int[np.ndarray, " n"], flange: Float[np.ndarray, "n 4 4"]
-) -> Float[np.ndarray, "n 4 4"]:
-    """Poses of the tool in the part for poses of the flange in the base, in some motions: the inverse of `flange_poses`."""
-    T = np.empty_like(flange)
-    for rows, example in moves_alike(moves, number):
-        T[rows] = example.target(flange[rows])
-    return T
-
-
 class _Simulation:
     """One run through a program; motions that follow each other along lines and arcs are traced together."""
 
@@ -188,6 +166,7 @@ class _Simulation:
     ):
         self.robot, self.moves, self.near = robot, moves, near
         self.model = ErrorModel(robot)
+        self.nominal = Placed.nominal(robot, moves)
         m, joints = len(moves), len(robot.joints)
         self.start, self.end = np.full((m, joints), np.nan), np.full((m, joints), np.nan)
         self.rejected = refused
@@ -232,7 +211,7 @@ class _Simulation:
             number = np.concatenate([move[rows], alone])
             at = np.concatenate([share[rows], np.ones(len(alone))])
             seeds = np.concatenate([q[rows], end[alone]])
-            solution = solve_near(self.model, self._robot_tool(number, path.at(number, at)), seeds)
+            solution = solve_near(self.model, self.nominal.robot_tool(number, path.at(number, at)), seeds)
             corner = np.where(at > 0.5, number, corners.before[number])  # a corner is known by the motion that is left
             lost = np.unique(corner[~solution.reached])
             solved = ~np.isin(corner, lost)
@@ -263,11 +242,7 @@ class _Simulation:
     def _driven(self, rows: Int[np.ndarray, " n"], share: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 4 4"]:
         """Tool in part along motions of the joints."""
         q = self.start[rows] + share[:, None] * (self.end[rows] - self.start[rows])
-        return tool_poses(self.moves, rows, self.model.poses(q) @ se3.inverse(self.robot.T_flange_tool))
-
-    def _robot_tool(self, number: Int[np.ndarray, " n"], T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
-        """Poses of the robot's own tool in the base for poses of the tool in the part."""
-        return flange_poses(self.moves, number, T) @ self.robot.T_flange_tool
+        return self.nominal.tool_in_part(rows, share, q)
 
     def _with_corner_samples(
         self,
@@ -312,25 +287,18 @@ class _Simulation:
     def _segments(self) -> Segments:
         """Segments of all motions, tool in part; each starts where the motion before ended, seen with its own frames."""
         m = len(self.moves)
-        flange = np.full((m, 4, 4), np.nan)
+        end, via = np.full((m, 4, 4), np.nan), np.full((m, 3), np.nan)
         to_joints = np.flatnonzero(np.isfinite(self.end[:, 0]))
         if len(to_joints):
-            flange[to_joints] = self.model.poses(self.end[to_joints]) @ se3.inverse(self.robot.T_flange_tool)
-        start, end, via = np.full((m, 4, 4), np.nan), np.full((m, 4, 4), np.nan), np.full((m, 3), np.nan)
+            end[to_joints] = self.nominal.tool_in_part(to_joints, np.ones(len(to_joints)), self.end[to_joints])
         for i, move in enumerate(self.moves):
-            if i in self.rejected and move.end.T is not None:
+            if i in self.rejected:
                 continue
             if move.end.T is not None:
-                flange[i] = move.flange(move.end.T)
                 end[i] = move.end.T
-            elif np.isfinite(flange[i, 0, 0]):
-                end[i] = move.target(flange[i])
-            if move.follows is not None and np.isfinite(flange[move.follows, 0, 0]):
-                start[i] = move.target(flange[move.follows])
             if move.via is not None and move.via.T is not None:
                 via[i] = move.via.T[:3, 3]
-        self.goal = flange @ self.robot.T_flange_tool
-        return Segments(start=start, end=end, via=via)
+        return self.nominal.segments(self.moves, end, via, np.isfinite(end[:, 0, 0]))
 
     def _is_path(self, i: int) -> bool:
         """Whether a motion is a line or an arc from a place that is known."""
@@ -356,7 +324,7 @@ class _Simulation:
         last = np.cumsum(steps) - 1
         number = np.arange(len(move)) - np.repeat(last + 1 - steps, steps) + 1
         share = number / np.repeat(steps, steps)
-        traced = trace(self.model, self._robot_tool(move, self.segments.at(move, share)), self.start[first])
+        traced = trace(self.model, self.nominal.robot_tool(move, self.segments.at(move, share)), self.start[first])
         reached = traced.reached
         end = int(np.argmin(reached)) if not reached.all() else len(reached)
         whole = int(np.searchsorted(last, end, side="left"))  # motions of which every sample was reached
@@ -380,7 +348,7 @@ class _Simulation:
     def _solve_pose(self, i: int) -> None:
         """Find the joint positions of a pose that is not reached along a known path."""
         move = self.moves[i]
-        T = self.goal[i]
+        T = self.nominal.robot_tool(np.array([i]), self.segments.end[[i]])[0]
         if move.end.posture is None and np.isfinite(self.near[i, 0]):
             seed = self.near[i]
         else:

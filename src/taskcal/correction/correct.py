@@ -32,7 +32,7 @@ from taskcal.correction.correction import (
     assess,
     budget_of,
 )
-from taskcal.correction.frames import frames_on, place_motions, variances_at, wanted_segments
+from taskcal.correction.frames import frames_on, place_motions, variances_at
 from taskcal.correction.path import RoundedPath
 from taskcal.correction.subdivision import CorrectionProblem, Subdivision, subdivide
 from taskcal.errors import TaskcalError
@@ -587,12 +587,12 @@ def correct(
     frames, number = frames_on(calibration, moves, cell)
     directions = drive_directions(robot, moves, trajectory) if uses_directions(calibration.model) else None
     placed = place_motions(calibration, frames, number, directions)
-    wanted = wanted_segments(trajectory, placed, moves)
+    path = trajectory.path_on(placed, moves)
     variances = variances_at(frames, number, trajectory, directions)
     progress("the joints of the calibrated robot")
     tolerance, widest = _tolerances(variances) if bounds.tolerance is None else (bounds.tolerance, 0.0)
     problem = CorrectionProblem(
-        robot=robot, moves=moves, calibration=calibration, placed=placed, wanted=wanted, trajectory=trajectory,
+        robot=robot, moves=moves, calibration=calibration, placed=placed, wanted=path.segments, trajectory=trajectory,
         directions=directions, tolerance=tolerance, widest=widest,
     )  # fmt: skip
     subdivision = subdivide(problem)
@@ -608,7 +608,6 @@ def correct(
     near = trajectory.end[[number for number, _, _ in rewritten.origin]]
     new_trajectory = simulate_controller(robot, written_moves, rewritten.refused, near)
     motion = joint_motion(robot, written_moves, new_trajectory)
-    path = RoundedPath(segments=wanted, corners=trajectory.corners)
     before, after = assess(placed, path, trajectory), assess(placed, path, new_trajectory, rewritten.origin)
     return Correction(
         program=program,

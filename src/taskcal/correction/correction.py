@@ -12,8 +12,8 @@ from robot_programs.backup import write_backup
 from robot_programs.core.program import Diagnostic, Move, Program
 from robot_programs.core.source import Source
 from taskcal.correction.controller import ControllerTrajectory, JointMotion
-from taskcal.correction.frames import SOURCES, Placed
-from taskcal.correction.path import RoundedPath
+from taskcal.correction.frames import SOURCES
+from taskcal.correction.path import Placed, RoundedPath
 from taskcal.errors import FileError, shortened
 from taskcal.geometry import se3
 from taskcal.identification.uncertainty_budget import UNEXPLAINED, Evaluation, UncertaintyBudget, budget_of_parts

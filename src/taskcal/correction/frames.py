@@ -14,14 +14,13 @@ from jaxtyping import Float, Int
 from robot_programs.core.program import Move
 from taskcal.correction.cell import Cell, Measured
 from taskcal.correction.controller import ControllerTrajectory, DriveDirections
-from taskcal.correction.path import Segments
+from taskcal.correction.path import Placed, Placement, distinct_frames
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.problem import Rows
 from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.error_model import COMPONENTS, ErrorModel
-from taskcal.robot.robot import Robot
 
 # Rigid motions nearest to how points move.
 
@@ -47,66 +46,6 @@ def rigid_twists(
     """The twists at given points of the rigid motions that come nearest to how some points move."""
     n, k = points.shape[:2]
     return np.linalg.pinv(se3.by_twist(points - at[:, None]).reshape(n, 3 * k, 6)) @ J.reshape(n, 3 * k, -1)
-
-
-# Where what the robot holds and what stands still are on a robot: as calibrated, or as it truly is.
-
-PosesAlong = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""From joint positions (n, joints), each in a motion (n) at a share of its length (n), to poses (n, 4, 4) of the robot's own
-tool in its base."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Placement:
-    """Where what the robot holds and what stands still are."""
-
-    T_tool_grasped: Float[np.ndarray, "4 4"]
-    """What is held, in the robot's own tool."""
-    T_base_fixed: Float[np.ndarray, "4 4"]
-    """What stands still, in the base."""
-    part_in_hand: bool
-    """The part is held, and the tool stands still."""
-
-    def tool_in_part(self, T_base_tool: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
-        """Poses of the program's tool in its part for poses of the robot's own tool in the base."""
-        X = se3.inverse(self.T_base_fixed) @ T_base_tool @ self.T_tool_grasped
-        return se3.inverse(X) if self.part_in_hand else X
-
-    def robot_tool(self, T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
-        """Poses of the robot's own tool for poses of the program's tool in its part: the inverse of `tool_in_part`."""
-        X = se3.inverse(T) if self.part_in_hand else T
-        return self.T_base_fixed @ X @ se3.inverse(self.T_tool_grasped)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Placed:
-    """The motions of a program on a robot, with where their tools and parts are."""
-
-    tool_in_base: PosesAlong
-    placements: tuple[Placement, ...]
-    number: Int[np.ndarray, " m"]
-    """Number of every motion's placement."""
-
-    def tool_in_part(
-        self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"], q: Float[np.ndarray, "k joints"]
-    ) -> Float[np.ndarray, "k 4 4"]:
-        """Poses of the program's tool in its part, for joint positions in some motions at shares of their lengths."""
-        B = self.tool_in_base(q, move, share)
-        out = np.empty_like(B)
-        for rows, placement in self._rows(move):
-            out[rows] = placement.tool_in_part(B[rows])
-        return out
-
-    def robot_tool(self, move: Int[np.ndarray, " k"], T: Float[np.ndarray, "k 4 4"]) -> Float[np.ndarray, "k 4 4"]:
-        """Poses of the robot's own tool in the base, for poses of the program's tool in its part."""
-        out = np.empty_like(T)
-        for rows, placement in self._rows(move):
-            out[rows] = placement.robot_tool(T[rows])
-        return out
-
-    def _rows(self, move: Int[np.ndarray, " k"]) -> list[tuple[Int[np.ndarray, " _"], Placement]]:
-        own = self.number[move]
-        return [(np.flatnonzero(own == k), self.placements[k]) for k in np.unique(own)]
 
 
 # What the robot holds: where it is in the calibrated robot's own tool, and how it moves with the estimate.
@@ -341,7 +280,7 @@ def _touched(
     tool = grasped_frame(calibration, toucher, T_controller)
     conditions = Conditions(approach=conditions_in_order(robot, q).approach)
     true = calibration.tool_in_base(q, conditions) @ tool.T_tool_grasped
-    nominal = nominal_flange(robot, q) @ T_controller
+    nominal = ErrorModel(robot).poses(q) @ se3.inverse(robot.T_flange_tool) @ T_controller
     M, _ = fit_points(nominal[:, :3, 3], true[:, :3, 3])
     in_tracker = calibration.T_tracker_base @ true
     points = in_tracker[:, :3, 3]
@@ -379,11 +318,6 @@ def _touch_covariance(
     single = _fitted_twist(touched[:, :3, 3], each * per_touch[:, :, None])
     common = _fitted_twist(touched[:, :3, 3], touched[:, :3, :3])
     return single @ single.T + common @ tip @ common.T
-
-
-def nominal_flange(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
-    """Flange poses of the nominal robot at joint positions q."""
-    return ErrorModel(robot).poses(q) @ se3.inverse(robot.T_flange_tool)
 
 
 SOURCES = ("geometry", "model error", "tool", "part")
@@ -538,16 +472,8 @@ def frames_on(
     calibration: Calibration, moves: Sequence[Move], cell: Cell
 ) -> tuple[list[FrameCalibration], Int[np.ndarray, " m"]]:
     """Calibrated frames of tools and parts, those in common once, and the number of every motion's."""
-    numbers: dict[tuple[object, ...], int] = {}
-    frames: list[FrameCalibration] = []
-    own: list[int] = []
-    for move in moves:
-        key = (move.tool.name, move.tool.T.tobytes(), move.part.name, move.part.T.tobytes(), move.part_in_hand)
-        if key not in numbers:
-            numbers[key] = len(frames)
-            frames.append(calibrate_frames(calibration, move, cell))
-        own.append(numbers[key])
-    return frames, np.array(own, dtype=np.int64)
+    examples, number = distinct_frames(moves)
+    return [calibrate_frames(calibration, move, cell) for move in examples], number
 
 
 def place_motions(
@@ -565,20 +491,6 @@ def place_motions(
 
     placements = tuple(frame.placement for frame in frames)
     return Placed(tool_in_base=tool_in_base, placements=placements, number=number)
-
-
-def wanted_segments(trajectory: ControllerTrajectory, placed: Placed, moves: Sequence[Move]) -> Segments:
-    """The path of the tool on a robot: where tool or part changes, from where the tool before ended there."""
-    m = len(moves)
-    ended = np.isfinite(trajectory.end[:, 0])
-    B = np.full((m, 4, 4), np.nan)
-    rows = np.flatnonzero(ended)
-    B[rows] = placed.robot_tool(rows, trajectory.segments.end[rows])
-    start = np.full((m, 4, 4), np.nan)
-    for i, move in enumerate(moves):
-        if move.follows is not None and ended[move.follows]:
-            start[i] = placed.placements[placed.number[i]].tool_in_part(B[move.follows][None])[0]
-    return Segments(start=start, end=trajectory.segments.end, via=trajectory.segments.via)
 
 
 def variances_at(

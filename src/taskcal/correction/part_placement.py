@@ -18,8 +18,7 @@ from taskcal.arguments import expect_kinds, with_choices
 from taskcal.correction.cell import Cell, mount
 from taskcal.correction.controller import ControllerTrajectory, simulate_controller, with_spins
 from taskcal.correction.correction import Deviations, assess
-from taskcal.correction.frames import FrameCalibration, frames_on, place_motions, variances_at, wanted_segments
-from taskcal.correction.path import RoundedPath
+from taskcal.correction.frames import FrameCalibration, frames_on, place_motions, variances_at
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
@@ -347,8 +346,7 @@ class _View:
             return float(np.sqrt((effect**2).sum(axis=(1, 2)).mean())), np.nan
         frames, number = frames_on(self.calibration, moves, self.cell)
         placed = place_motions(self.calibration, frames, number, None)
-        wanted = RoundedPath(segments=wanted_segments(trajectory, placed, moves), corners=trajectory.corners)
-        found = assess(placed, wanted, trajectory)
+        found = assess(placed, trajectory.path_on(placed, moves), trajectory)
         if self.touched_off:
             known, left = on_touched_parts(frames, number, trajectory, found)
         else:

@@ -1,4 +1,4 @@
-"""The segments of a tool's path in a part's frame: lines and arcs, as a controller interpolates them."""
+"""The path of a tool in a part's frame: lines and arcs, as a controller interpolates them, on a robot, with rounded corners."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -9,6 +9,8 @@ from jaxtyping import Bool, Float, Int
 
 from robot_programs.core.program import Move, Zone
 from taskcal.geometry import se3
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot import Robot
 
 MAX_STRAIGHT_SHARE = 1e-6
 """An arc whose via point is nearer to its chord than this share of the chord is a line."""
@@ -105,6 +107,121 @@ def _angle(
     """Angle from a to b about an axis, 0 to 2π."""
     sine = (np.cross(a, b) * axis).sum(axis=1)
     return np.arctan2(sine, (a * b).sum(axis=1)) % (2.0 * np.pi)
+
+
+# Where what the robot holds and what stands still are on a robot: as its controller knows it, as calibrated, or as it truly
+# is.
+
+PosesAlong = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""From joint positions (n, joints), each in a motion (n) at a share of its length (n), to poses (n, 4, 4) of the robot's own
+tool in its base."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Placement:
+    """Where what the robot holds and what stands still are."""
+
+    T_tool_grasped: Float[np.ndarray, "4 4"]
+    """What is held, in the robot's own tool."""
+    T_base_fixed: Float[np.ndarray, "4 4"]
+    """What stands still, in the base."""
+    part_in_hand: bool
+    """The part is held, and the tool stands still."""
+
+    def tool_in_part(self, T_base_tool: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
+        """Poses of the program's tool in its part for poses of the robot's own tool in the base."""
+        X = se3.inverse(self.T_base_fixed) @ T_base_tool @ self.T_tool_grasped
+        return se3.inverse(X) if self.part_in_hand else X
+
+    def robot_tool(self, T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4 4"]:
+        """Poses of the robot's own tool for poses of the program's tool in its part: the inverse of `tool_in_part`."""
+        X = se3.inverse(T) if self.part_in_hand else T
+        return self.T_base_fixed @ X @ se3.inverse(self.T_tool_grasped)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Placed:
+    """The motions of a program on a robot, with where their tools and parts are."""
+
+    tool_in_base: PosesAlong
+    placements: tuple[Placement, ...]
+    number: Int[np.ndarray, " m"]
+    """Number of every motion's placement."""
+
+    @classmethod
+    def nominal(cls, robot: Robot, moves: Sequence[Move]) -> "Placed":
+        """The motions on a robot as its controller knows it."""
+        model, from_tool = ErrorModel(robot), se3.inverse(robot.T_flange_tool)
+        examples, number = distinct_frames(moves)
+        placements = tuple(
+            Placement(
+                T_tool_grasped=from_tool @ (move.part.T if move.part_in_hand else move.tool.T),
+                T_base_fixed=move.tool.T if move.part_in_hand else move.part.T,
+                part_in_hand=move.part_in_hand,
+            )
+            for move in examples
+        )
+        return cls(tool_in_base=lambda q, move, share: model.poses(q), placements=placements, number=number)
+
+    def tool_in_part(
+        self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"], q: Float[np.ndarray, "k joints"]
+    ) -> Float[np.ndarray, "k 4 4"]:
+        """Poses of the program's tool in its part, for joint positions in some motions at shares of their lengths."""
+        return self.seen(move, self.tool_in_base(q, move, share))
+
+    def seen(self, move: Int[np.ndarray, " k"], T_base_tool: Float[np.ndarray, "k 4 4"]) -> Float[np.ndarray, "k 4 4"]:
+        """Poses of the program's tool in its part, for poses of the robot's own tool in the base."""
+        out = np.empty_like(T_base_tool)
+        for rows, placement in self._rows(move):
+            out[rows] = placement.tool_in_part(T_base_tool[rows])
+        return out
+
+    def robot_tool(self, move: Int[np.ndarray, " k"], T: Float[np.ndarray, "k 4 4"]) -> Float[np.ndarray, "k 4 4"]:
+        """Poses of the robot's own tool in the base, for poses of the program's tool in its part."""
+        out = np.empty_like(T)
+        for rows, placement in self._rows(move):
+            out[rows] = placement.robot_tool(T[rows])
+        return out
+
+    def segments(
+        self,
+        moves: Sequence[Move],
+        end: Float[np.ndarray, "m 4 4"],
+        via: Float[np.ndarray, "m 3"],
+        ended: Bool[np.ndarray, " m"],
+    ) -> Segments:
+        """Segments of the tool's path: where tool or part changes, from where the tool before ended there.
+
+        Args:
+            moves: the motions.
+            end: tool in part where each ends, metres.
+            via: points on the arcs, metres; NaN for others.
+            ended: motions of which the end is known.
+        """
+        before = np.array([-1 if move.follows is None else move.follows for move in moves], dtype=np.int64)
+        rows = np.flatnonzero(before >= 0)
+        rows = rows[ended[before[rows]]]
+        start = np.full_like(end, np.nan)
+        start[rows] = self.seen(rows, self.robot_tool(before[rows], end[before[rows]]))
+        return Segments(start=start, end=end, via=via)
+
+    def _rows(self, move: Int[np.ndarray, " k"]) -> list[tuple[Int[np.ndarray, " _"], Placement]]:
+        own = self.number[move]
+        return [(np.flatnonzero(own == k), self.placements[k]) for k in np.unique(own)]
+
+
+def distinct_frames(moves: Sequence[Move]) -> tuple[list[Move], Int[np.ndarray, " m"]]:
+    """The first motion with each tool and part, and for every motion the number of that with its own."""
+    numbers: dict[tuple[object, ...], int] = {}
+    examples: list[Move] = []
+    own: list[int] = []
+    for move in moves:
+        key = (move.tool.name, move.tool.T.tobytes(), move.part.name, move.part.T.tobytes(), move.part_in_hand)
+        if key not in numbers:
+            numbers[key] = len(examples)
+            examples.append(move)
+        own.append(numbers[key])
+    return examples, np.array(own, dtype=np.int64)
 
 
 # Corners that a tool rounds: where it leaves one motion for the next without a stop, and where it has joined that.

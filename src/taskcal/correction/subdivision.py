@@ -8,9 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from robot_programs.core.program import Move, Target
-from taskcal.correction.controller import ControllerTrajectory, DriveDirections, flange_poses, tool_poses
-from taskcal.correction.frames import Placed, nominal_flange
-from taskcal.correction.path import Segments
+from taskcal.correction.controller import ControllerTrajectory, DriveDirections
+from taskcal.correction.path import Placed, Segments
 from taskcal.correction.tool_poses import solve_calibrated
 from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.inverse import solve_near
@@ -55,6 +54,11 @@ class CorrectionProblem:
     """Of the true tool's distance from its path between nodes, metres."""
     widest: float = 0.0
     """To how much that may be widened where the program would grow too much, metres; not at all where it is less."""
+
+    @cached_property
+    def nominal(self) -> Placed:
+        """The motions on the robot as its controller knows it."""
+        return Placed.nominal(self.robot, self.moves)
 
     @cached_property
     def is_circular(self) -> Bool[np.ndarray, " m"]:
@@ -196,7 +200,7 @@ def _nodes(problem: CorrectionProblem, rows: Int[np.ndarray, " r"], pieces: Int[
     solution = solve_calibrated(problem.calibration, problem.placed.robot_tool(move, T), seeds, conditions)
     met, lost = np.flatnonzero(solution.reached), np.flatnonzero(~solution.reached)
     stated = T.copy()
-    stated[met] = tool_poses(problem.moves, move[met], nominal_flange(problem.robot, solution.q[met]))
+    stated[met] = problem.nominal.tool_in_part(move[met], share[met], solution.q[met])
     # no joints to take the controller's pose from: moved by as much as the true tool is off at the nominal joints
     stated[lost, :3, 3] += T[lost, :3, 3] - problem.placed.tool_in_part(move[lost], share[lost], seeds[lost])[:, :3, 3]
     return Nodes(move=move, share=share, q=solution.q, reached=solution.reached, wanted=T, T=stated)
@@ -260,7 +264,7 @@ def _deviations(
     end = first[owner] + (piece + 1) * stride[owner] - 1
     previous = np.array([problem.moves[i].follows for i in rows], dtype=np.int64)
     start_q = nodes.q[np.searchsorted(nodes.move, previous, side="right") - 1]
-    start_T = tool_poses(problem.moves, rows, nominal_flange(problem.robot, start_q))
+    start_T = problem.nominal.tool_in_part(rows, np.zeros(len(rows)), start_q)
     inner = piece > 0
     before = np.maximum(end - stride[owner], 0)
     q0 = np.where(inner[:, None], nodes.q[before], start_q[owner])
@@ -272,13 +276,11 @@ def _deviations(
     divisible = _have_room(begin, finish, problem.clear[rows][owner])
     out, mendable = np.zeros(len(rows)), np.zeros(len(rows))
     model = ErrorModel(problem.robot)
-    own_tool = problem.robot.T_flange_tool
     for within in (0.25, 0.5, 0.75):
         k = np.arange(len(owner))
         T = segments.at(k, np.full(len(k), within))
         move = rows[owner]
-        flange = flange_poses(problem.moves, move, T)
-        solution = solve_near(model, flange @ own_tool, q0 + within * (nodes.q[end] - q0))
+        solution = solve_near(model, problem.nominal.robot_tool(move, T), q0 + within * (nodes.q[end] - q0))
         share = begin + within * (finish - begin)
         wanted = problem.wanted.at(move, share)
         error = problem.placed.tool_in_part(move, share, solution.q)[:, :3, 3] - wanted[:, :3, 3]

@@ -26,8 +26,8 @@ from taskcal.correction.cell import Cell, Measured
 from taskcal.correction.controller import ControllerTrajectory, simulate_controller
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import TOLERANCE, Bounds, Correction, Deviations, assess
-from taskcal.correction.frames import Placed, Placement, fit_points, wanted_segments
-from taskcal.correction.path import RoundedPath
+from taskcal.correction.frames import fit_points
+from taskcal.correction.path import Placed, Placement
 from taskcal.demo.milling import ROWS, Milling, milling_program, with_part_frames
 from taskcal.demo.procedure import reference_task, rms
 from taskcal.demo.true_robot import Sizes, TrueRobot, draw_true_robot
@@ -228,7 +228,7 @@ def run_closed_loop(
         placements=tuple(placements.values()),
         number=np.array([list(placements).index((m.tool.name, m.part.name)) for m in moves], dtype=np.int64),
     )
-    wanted = RoundedPath(segments=wanted_segments(trajectory, placed, moves), corners=trajectory.corners)
+    wanted = trajectory.path_on(placed, moves)
     cutting = np.array([move.kind != "axes" for move in moves])
 
     def deviations(
