@@ -9,14 +9,11 @@ from jaxtyping import Float
 from robot_programs.apt.circle import Arc, Instruction, arc_through
 from robot_programs.apt.syntax import Token
 from robot_programs.core.errors import InputError
-from robot_programs.core.program import Move, Waypoint
+from robot_programs.core.program import SAME_POSE, Move, Waypoint
 from robot_programs.core.source import Edit, Place, Source, numeral, renumbered
 
 MM, INCHES, AXIS = 5, 6, 7
 """Decimals written of lengths and of directions."""
-
-_POINT_TOLERANCE_M = 1e-9
-"""Points nearer to each other than this are one, metres."""
 
 
 def rewrite(
@@ -42,15 +39,15 @@ def rewrite(
         start = _start(move, instruction, waypoints)
         path = waypoints.get(number)
         if instruction.half:
-            kept = _stays(move, path) and _stays(moves[number + 1], waypoints.get(number + 1))
+            kept = all(w not in waypoints or moves[w].stays(waypoints[w]) for w in (number, number + 1))
             if kept and _same_point(start, instruction.begin):
                 continue
-            path = path or (_waypoint(move),)
+            path = path or (move.own_waypoint(),)
         if path is None:
             leans = instruction.relative or instruction.circle is not None or instruction.record is not None
             if not leans or _same_point(start, instruction.begin):
                 continue
-            path = (_waypoint(move),)
+            path = (move.own_waypoint(),)
         writing = _Writing(source=sources[instruction.source], instruction=instruction, move=move)
         edits[instruction.source] += writing.edits(start, path)
     return tuple(source.edited(e) for source, e in zip(sources, edits, strict=True))
@@ -66,29 +63,8 @@ def _start(
     return None if T is None else T[:3, 3]
 
 
-def _stays(move: Move, path: Sequence[Waypoint] | None) -> bool:
-    """Whether a motion is to go where it goes already."""
-    if path is None:
-        return True
-    (only, *more) = path
-    if more or only.T is None or only.kind != move.kind or move.end.T is None:
-        return False
-    ends = np.abs(only.T[:3, 2:] - move.end.T[:3, 2:]).max() < _POINT_TOLERANCE_M
-    if move.via is None or only.via is None:
-        return bool(ends)
-    vias = only.via.T is not None and move.via.T is not None and _same_point(only.via.T[:3, 3], move.via.T[:3, 3])
-    return bool(ends) and vias
-
-
-def _waypoint(move: Move) -> Waypoint:
-    """A motion's own end, to be written again."""
-    nowhere = np.empty(0)
-    via = None if move.via is None else Waypoint(kind="circular", q=nowhere, T=move.via.T)
-    return Waypoint(kind=move.kind, q=nowhere, T=move.end.T, via=via)
-
-
 def _same_point(a: Float[np.ndarray, " 3"] | None, b: Float[np.ndarray, " 3"] | None) -> bool:
-    return a is b or (a is not None and b is not None and bool(np.abs(a - b).max() < _POINT_TOLERANCE_M))
+    return a is b or (a is not None and b is not None and bool(np.abs(a - b).max() < SAME_POSE))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -154,7 +130,7 @@ class _Writing:
         assert waypoint.T is not None
         was = self.move.end.T
         if own.relative:
-            kept = _same_point(begin, own.begin) and bool(np.abs(end - was[:3, 3]).max() < _POINT_TOLERANCE_M)
+            kept = _same_point(begin, own.begin) and bool(np.abs(end - was[:3, 3]).max() < SAME_POSE)
             return [] if kept else [Edit(start=own.body, end=own.end, text=self._point(waypoint))]
         out = [
             self._edit(token, was[a, 3] / own.unit, end[a] / own.unit, self.decimals)

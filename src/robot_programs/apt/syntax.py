@@ -5,6 +5,8 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from robot_programs.core.source import lines_of
+
 # Words, numbers and separators of APT, with their places.
 
 SEPARATORS = "/,()="
@@ -39,16 +41,6 @@ def tokenize(text: str, start: int, end: int) -> list[Token]:
             begin = match.start() + match[0].index(word)
             tokens.append(Token(text=word, start=begin, end=begin + len(word)))
     return tokens
-
-
-def lines_of(text: str) -> Iterator[tuple[int, int]]:
-    """First character of each line, and behind its last one."""
-    start = 1 if text.startswith("\ufeff") else 0
-    while start < len(text):
-        end = text.find("\n", start)
-        end = len(text) if end < 0 else end
-        yield start, end - 1 if end > start and text[end - 1] == "\r" else end
-        start = end + 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +145,7 @@ _CARD_NUMBER = re.compile(r"(PT|CIR)\s+\d+\s*")
 def parse(text: str) -> Iterator[Statement]:
     """The statements of a text; those that a dollar sign continues are one."""
     tokens: list[Token] = []
-    for start, end in lines_of(text):
+    for start, end in lines_of(text, start=text.startswith("\ufeff")):
         line = text[start:end]
         if not tokens:
             stripped = line.lstrip()

@@ -48,6 +48,12 @@ THROUGH_TARGET = Zone()
 """Of motions that meet their targets."""
 
 
+MAX_JOINTS = 6
+"""Of a robot whose motions to a pose can be written again."""
+
+SAME_POSE = 1e-9
+"""Poses and joint positions that differ by less are one, metres and radians; single precision on a metre is coarser."""
+
 MoveKind = Literal["joint", "linear", "circular", "axes"]
 """To a pose with all joints at once, along a line, along an arc; or to joint positions."""
 
@@ -169,6 +175,26 @@ class Move:
         if self.part_in_hand:
             return se3.inverse(flange @ self.part.T) @ self.tool.T
         return se3.inverse(self.part.T) @ flange @ self.tool.T
+
+    def own_waypoint(self) -> "Waypoint":
+        """Its own end, to be written again; joint positions that are not known are NaN."""
+        q = np.full(MAX_JOINTS, np.nan) if self.end.q is None else self.end.q
+        via = None if self.via is None else Waypoint(kind=self.kind, q=q, T=self.via.T)
+        return Waypoint(kind=self.kind, q=q, T=self.end.T, via=via)
+
+    def stays(self, path: "Sequence[Waypoint]") -> bool:
+        """Whether its waypoints are where it goes already; about a tool's axis that is free to spin it may turn."""
+        (only, *more) = path
+        if more or only.kind != self.kind:
+            return False
+        pairs = [(self.end.q, only.q if only.T is None else None), (self.end.T, only.T)]
+        if self.via is not None and only.via is not None:
+            pairs.append((self.via.T, only.via.T))
+        shown = np.s_[..., 2:] if self.end.free_spin else np.s_[...]
+        return all(
+            old is None if new is None else old is not None and bool(np.abs((new - old)[shown]).max() < SAME_POSE)
+            for old, new in pairs
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -488,6 +514,16 @@ def angles(
     both = [_near((A, B, C), near), _near((A + 180.0, 180.0 - B, C + 180.0), near)]
     best = min(both, key=lambda triple: sum(abs(angle - old) for angle, old in zip(triple, near, strict=True)))
     return _within(best, near)
+
+
+def angled_pose(x: float, y: float, z: float, A: float, B: float, C: float) -> Float[np.ndarray, "4 4"]:
+    """Pose of a position, millimetres, and angles, degrees, as `rotation` takes them."""
+    return se3.pose(rotation(A, B, C), np.array([x, y, z]) * 1e-3)
+
+
+def pose_numbers(T: Float[np.ndarray, "4 4"], near: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> tuple[float, ...]:
+    """Position of a pose, millimetres, and its angles as `angles` chooses them, degrees: the inverse of `angled_pose`."""
+    return (*(float(v) for v in T[:3, 3] * 1e3), *angles(T[:3, :3], near))
 
 
 def _near(triple: tuple[float, float, float], near: tuple[float, float, float]) -> tuple[float, float, float]:

@@ -3,7 +3,7 @@
 import re
 from array import array
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -146,6 +146,16 @@ def read_source(path: str | Path) -> Source:
     """
     path = Path(path)
     return Source.of(path, read_bytes(path))
+
+
+def lines_of(text: str, start: int = 0, end: int | None = None) -> Iterator[tuple[int, int]]:
+    """First character of each line of a text or a part of it, and behind its last one, before the line end."""
+    end = len(text) if end is None else end
+    while start < end:
+        newline = text.find("\n", start, end)
+        last = end if newline < 0 else newline
+        yield start, last - 1 if last > start and text[last - 1] == "\r" else last
+        start = last + 1
 
 
 # Numbers in the text of a program: a new value in the digits of the old one.

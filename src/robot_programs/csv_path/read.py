@@ -220,11 +220,12 @@ def _filled(row: Row) -> int:
 
 def _scan(source: Source, delimiter: str) -> Iterator[Row]:
     text = source.text
+    form = re.compile(rf'"(?P<quoted>[^"]*)(?:"[^{delimiter}\r\n]*)?|(?P<plain>[^{delimiter}\r\n]*)')
     position = 1 if text.startswith("\ufeff") else 0
     while position < len(text):
         start, cells = position, list[tuple[int, int]]()
         while True:
-            cell, position = _cell(text, position, delimiter)
+            cell, position = _cell(text, position, form)
             cells.append(cell)
             if len(cells) > MAX_COLUMNS:
                 message = f"has more than {MAX_COLUMNS} columns; is it a table?"
@@ -248,25 +249,14 @@ def _scan(source: Source, delimiter: str) -> Iterator[Row]:
         )
 
 
-def _cell(text: str, position: int, delimiter: str) -> tuple[tuple[int, int], int]:
-    """A cell from its first character on, and the position behind it."""
-    if text.startswith('"', position):
-        start = end = position + 1
-        while end < len(text) and text[end] != '"':
-            end += 1
-        position = end + 1
-        while position < len(text) and text[position] not in (delimiter, "\r", "\n"):
-            position += 1
-    else:
-        start = position
-        while position < len(text) and text[position] not in (delimiter, "\r", "\n"):
-            position += 1
-        end = position
-    while start < end and text[start].isspace():
-        start += 1
-    while start < end and text[end - 1].isspace():
-        end -= 1
-    return (start, end), min(position, len(text))
+def _cell(text: str, position: int, form: re.Pattern[str]) -> tuple[tuple[int, int], int]:
+    """A cell from its first character on, without quotes and blanks around it, and the position behind it."""
+    found = form.match(text, position)
+    assert found is not None
+    assert found.lastgroup is not None
+    content = found[found.lastgroup]
+    start = found.start(found.lastgroup) + len(content) - len(content.lstrip())
+    return (start, start + len(content.strip())), found.end()
 
 
 # What the columns of a path in CSV mean.

@@ -1,5 +1,6 @@
 """Data lists: the points, frames and parameter sets that a KRL program names."""
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -8,10 +9,8 @@ from math import isfinite, nan
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core import se3
-from robot_programs.core.program import Unresolved, angles, rotation
+from robot_programs.core.program import Unresolved, angled_pose, pose_numbers
 from robot_programs.core.source import Edit, Place, Source, renumbered
-from robot_programs.krl.parse import given_by_value, passed_by_reference, passed_in_assignment, passed_in_motion
 from robot_programs.krl.syntax import (
     Aggregate,
     Assignment,
@@ -20,13 +19,17 @@ from robot_programs.krl.syntax import (
     Call,
     Control,
     Declaration,
-    Declared,
     End,
     Motion,
     Operand,
     Reference,
     Statement,
     bit_string,
+    given_by_value,
+    lines_of_words,
+    passed_by_reference,
+    passed_in_assignment,
+    passed_in_motion,
 )
 
 # What the data lists of a KRL program state: points, frames, parameter sets and numbers.
@@ -68,7 +71,64 @@ class File:
     @cached_property
     def serves_all(self) -> bool:
         """Whether it is a data list of the system, which every program sees."""
-        return any(isinstance(line, Begin) and line.name.startswith("$") for line in self.statements)
+        return any(line.name.startswith("$") for line in self.heads)
+
+    @cached_property
+    def mentions(self) -> dict[str, list[int]]:
+        """First characters at which each name stands in its text, in capitals."""
+        out: dict[str, list[int]] = defaultdict(list)
+        for words in lines_of_words(self.source.text):
+            for word in words:
+                if word.kind == "name":
+                    out[word.upper].append(word.start)
+        return out
+
+    @cached_property
+    def sections(self) -> tuple["Routine", ...]:
+        """Its routines, or data lists, and the lines outside of any."""
+        out: list[Routine] = []
+        start, head = 0, None
+        for i, line in enumerate((*self.statements, None)):
+            if line is None or isinstance(line, Begin | End):
+                out.append(Routine(file=self, head=head, lines=self.statements[start:i]))
+                start, head = i + 1, line if isinstance(line, Begin) else None
+        return tuple(out)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Routine:
+    """A routine, local or global; or a data list, or lines outside of any."""
+
+    file: File
+    head: Begin | None
+    """The line that begins it; None of lines outside of any."""
+    lines: tuple[Statement, ...]
+    """Those inside."""
+
+    @property
+    def name(self) -> str:
+        """In capitals; empty of lines outside of any."""
+        return "" if self.head is None else self.head.name
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """In capitals."""
+        return () if self.head is None else self.head.parameters
+
+    @property
+    def prefix(self) -> str:
+        """Prefix of the keys of its own variables."""
+        return f"{self.name}@{self.file.number}:"
+
+    @cached_property
+    def declared(self) -> frozenset[str]:
+        """Variables that it declares."""
+        return frozenset(v.name for line in self.lines if isinstance(line, Declaration) for v in line.variables)
+
+    @cached_property
+    def own(self) -> frozenset[str]:
+        """Variables that no other knows: its parameters and those that it declares."""
+        return self.declared.union(self.parameters)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -78,7 +138,7 @@ class Datum:
     file: File
     name: str
     """In capitals, with its index."""
-    aggregate: Aggregate
+    value: Aggregate | float | bool
     shared: bool
     """Other programs may use it, too."""
     declaration: Declaration | None
@@ -87,46 +147,47 @@ class Datum:
     """First character of its name."""
 
     @property
+    def aggregate(self) -> Aggregate:
+        """Value of a variable that is a structure."""
+        assert isinstance(self.value, Aggregate)
+        return self.value
+
+    @property
     def place(self) -> Place:
         """Place of its declaration."""
         return self.file.source.place(self.start)
 
 
 def stated(file: File) -> Iterator[Datum]:
-    """Variables to which a data list gives an aggregate."""
-    if not file.holds_data:
-        return
-    declared_shared: set[str] = set()
-    for line in file.statements:
-        if isinstance(line, Declaration):
-            for variable in line.variables:
-                if line.shared:
-                    declared_shared.add(variable.name)
-                aggregate = aggregate_of(variable.value)
-                if aggregate is not None:
-                    yield _datum(file, line, variable, aggregate)
-        elif isinstance(line, Assignment):
-            aggregate = aggregate_of(line.value)
-            if aggregate is not None:
+    """Variables to which a data list gives a structure, a number or a truth value."""
+    shared: set[str] = set()
+    for line in file.statements if file.holds_data else ():
+        match line:
+            case Declaration():
+                shared.update(v.name for v in line.variables if line.shared)
+                text = file.source.text
+                own = [
+                    (v.name, v.value, v.start, line, text[v.value.start : v.value.end])
+                    for v in line.variables
+                    if v.value is not None
+                ]
+            case Assignment():
+                own = [(line.name, line.value, line.start, None, line.text)]
+            case _:
+                continue
+        for name, operand, start, declaration, text in own:
+            value = aggregate_of(operand) or plain_value(text)
+            if value is not None:
+                # of an array that others may use, only structures are taken for theirs
+                for_all = name.partition("[")[0] in shared and (declaration is not None or isinstance(value, Aggregate))
                 yield Datum(
                     file=file,
-                    name=line.name,
-                    aggregate=aggregate,
-                    shared=file.serves_all or line.variable in declared_shared,
-                    declaration=None,
-                    start=line.start,
+                    name=name,
+                    value=value,
+                    shared=file.serves_all or for_all,
+                    declaration=declaration,
+                    start=start,
                 )
-
-
-def _datum(file: File, line: Declaration, variable: Declared, aggregate: Aggregate) -> Datum:
-    return Datum(
-        file=file,
-        name=variable.name,
-        aggregate=aggregate,
-        shared=file.serves_all or line.shared,
-        declaration=line,
-        start=variable.start,
-    )
 
 
 def aggregate_of(value: Operand | None) -> Aggregate | None:
@@ -135,19 +196,6 @@ def aggregate_of(value: Operand | None) -> Aggregate | None:
         return None
     part = value.parts[0]
     return part if isinstance(part, Aggregate) else None
-
-
-def number_texts(line: Statement, file: File) -> Iterator[tuple[str, str, bool]]:
-    """Names with the text of their values, as a line of a data list states them, and whether it shares them."""
-    match line:
-        case Declaration():
-            for variable in line.variables:
-                if variable.value is not None and aggregate_of(variable.value) is None:
-                    yield variable.name, file.source.text[variable.value.start : variable.value.end], line.shared
-        case Assignment():
-            yield line.name, line.text, False
-        case _:
-            pass
 
 
 def plain_value(text: str) -> float | bool | None:
@@ -188,8 +236,7 @@ def pose(aggregate: Aggregate, *, needed: tuple[str, ...] = POSE) -> Float[np.nd
     Raises:
         Unresolved: a needed component is missing or no number.
     """
-    x, y, z, A, B, C = (_stated(aggregate, name, needed) for name in POSE)
-    return se3.pose(rotation(A, B, C), np.array([x, y, z]) * 1e-3)
+    return angled_pose(*(_stated(aggregate, name, needed) for name in POSE))
 
 
 def rotation_stated(aggregate: Aggregate) -> bool:
@@ -248,8 +295,7 @@ def external(aggregate: Aggregate) -> tuple[float, ...]:
 def pose_values(T: Float[np.ndarray, "4 4"], near: Aggregate | None = None) -> dict[str, float]:
     """Values of X Y Z A B C of a pose, millimetres and degrees; angles near those of a position."""
     old = tuple((near.value(name) if near else None) or 0.0 for name in "ABC")
-    abc = angles(T[:3, :3], (old[0], old[1], old[2]))
-    return dict(zip(POSE, [*(float(v) for v in T[:3, 3] * 1e3), *abc], strict=True))
+    return dict(zip(POSE, pose_numbers(T, (old[0], old[1], old[2])), strict=True))
 
 
 def axis_values(q: Float[np.ndarray, " joints"]) -> dict[str, float]:
@@ -311,22 +357,33 @@ class Data:
     """Tools and bases that were taken as the data list states them, and where a program of its own changes them."""
 
     @cached_property
-    def _own(self) -> dict[tuple[str, str], Datum]:
-        return {(datum.file.module, datum.name): datum for file in self.files for datum in stated(file)}
+    def _own(self) -> dict[tuple[str, str, bool], Datum]:
+        """By module and name, apart for structures and for numbers and truth values."""
+        return {
+            (file.module, datum.name, isinstance(datum.value, Aggregate)): datum
+            for file in self.files
+            for datum in stated(file)
+        }
 
     @cached_property
-    def _shared(self) -> dict[str, Datum]:
-        return {datum.name: datum for datum in self._own.values() if datum.shared}
+    def _shared(self) -> dict[tuple[str, bool], Datum]:
+        return {(name, structure): datum for (_, name, structure), datum in self._own.items() if datum.shared}
+
+    def _meant(self, name: str, module: str, routine: str, *, structure: bool) -> Datum | None:
+        """What a name means in a routine, as data lists state it; None where they do not."""
+        if (module, routine, name.partition("[")[0]) in self._local:
+            return None
+        return self._own.get((module, name, structure), self._shared.get((name, structure)))
 
     @cached_property
     def _local(self) -> set[tuple[str, str, str]]:
         """By module and routine: variables that a routine declares for itself, and what it is given; no other knows them."""
         return {
-            (file.module, routine, name)
+            (file.module, routine.name, name)
             for file in self.files
             if not file.holds_data
-            for _, routine, own in _lines_with_own_names(file)
-            for name in own
+            for routine in file.sections
+            for name in routine.own
         }
 
     @cached_property
@@ -341,54 +398,29 @@ class Data:
         for file in self.files:
             if file.holds_data or file.module == BUILT_IN:
                 continue
-            for line, routine, own in _lines_with_own_names(file):
+            for routine, line in ((one, line) for one in file.sections for line in one.lines):
                 names = _changed_by(line, self.by_value)
                 if isinstance(line, Assignment) and (file.number, line.start) in self.elements:
                     names = (*self.elements[file.number, line.start], *passed_in_assignment(line, self.by_value))
                 for name in names:
-                    if name.partition("[")[0] not in own:
+                    if name.partition("[")[0] not in routine.own:
                         place = file.source.place(line.start)
-                        out.setdefault(name, []).append((file.module, routine, place))
+                        out.setdefault(name, []).append((file.module, routine.name, place))
         return out
-
-    @cached_property
-    def _numbers(self) -> dict[tuple[str, str], tuple[float | bool, bool]]:
-        """Numbers and truth values that data lists state, and whether other programs may use them, too."""
-        out: dict[tuple[str, str], tuple[float | bool, bool]] = {}
-        for file in self.files:
-            for line in file.statements if file.holds_data else ():
-                for name, text, shared in number_texts(line, file):
-                    value = plain_value(text)
-                    if value is not None:
-                        out[file.module, name] = value, file.serves_all or shared
-        return out
-
-    @cached_property
-    def _shared_numbers(self) -> dict[str, float | bool]:
-        return {name: value for (_, name), (value, shared) in self._numbers.items() if shared}
 
     @cached_property
     def whole_numbers(self) -> frozenset[str]:
         """Variables that a data list or a routine declares as INT."""
-        return frozenset(
-            variable.name
-            for file in self.files
-            for line in file.statements
-            if isinstance(line, Declaration) and line.type == "INT"
-            for variable in line.variables
-        )
+        return self._declared_as("INT")
 
     @cached_property
     def real_numbers(self) -> frozenset[str]:
         """Variables that data lists and routines declare as REAL, and none as INT."""
-        declared = frozenset(
-            variable.name
-            for file in self.files
-            for line in file.statements
-            if isinstance(line, Declaration) and line.type == "REAL"
-            for variable in line.variables
-        )
-        return declared - self.whole_numbers
+        return self._declared_as("REAL") - self.whole_numbers
+
+    def _declared_as(self, type_: str) -> frozenset[str]:
+        lines = (line for file in self.files for line in file.statements if isinstance(line, Declaration))
+        return frozenset(variable.name for line in lines if line.type == type_ for variable in line.variables)
 
     @cached_property
     def _listed(self) -> dict[str, frozenset[str]]:
@@ -405,18 +437,20 @@ class Data:
 
     def number(self, name: str, module: str, routine: str = "") -> float | bool | None:
         """The number or truth value that a data list states for a variable, if no line of code ever changes it."""
-        variable = name.partition("[")[0]
-        if (module, routine, variable) in self._local or self._changed.keys() & {name, variable}:
+        datum = self._meant(name, module, routine, structure=False)
+        if datum is None or self._changed.keys() & {name, name.partition("[")[0]}:
             return None
-        own = self._numbers.get((module, name))
-        return self._shared_numbers.get(name) if own is None else own[0]
+        assert not isinstance(datum.value, Aggregate)
+        return datum.value
 
     @cached_property
     def initial_frames(self) -> tuple[float | None, float | None]:
         """Numbers of the tool and the base that BAS(#INITMOV) sets, by the bas.src of the files; None where it does not say."""
         tool: float | None = None
         base: float | None = None
-        for line in _lines_of("INITMOV", self.files):
+        files = (file for file in self.files if file.module == BUILT_IN and not file.holds_data)
+        routines = (routine for file in files for routine in file.sections if routine.name == "INITMOV")
+        for line in (line for routine in routines for line in routine.lines):
             match line:
                 case Assignment(name="$TOOL", value=Operand(parts=(Reference(name=name),))) if name.startswith(
                     "TOOL_DATA["
@@ -438,7 +472,8 @@ class Data:
             Unresolved: code sets it in several ways, or to something that is no frame.
         """
         if "$ROBROOT" not in self._changed:
-            return pose(self._shared["$ROBROOT"].aggregate) if "$ROBROOT" in self._shared else None
+            stated = self._shared.get(("$ROBROOT", True))
+            return None if stated is None else pose(stated.aggregate)
         lines = [
             line
             for file in self.files
@@ -457,11 +492,7 @@ class Data:
             Unresolved: no data list states it, or the program changes it.
         """
         variable = name.partition("[")[0]
-        datum = (
-            None
-            if (module, routine, variable) in self._local
-            else self._own.get((module, name), self._shared.get(name))
-        )
+        datum = self._meant(name, module, routine, structure=True)
         elements = {name, variable}
         for where, changing, place in (change for element in elements for change in self._changed.get(element, [])):
             if datum is not None and variable in TABLES and self._apart(routine, changing):
@@ -508,16 +539,6 @@ def _as_number(text: str) -> float | None:
     return value if isinstance(value, float) else None
 
 
-def _lines_of(routine: str, files: tuple[File, ...]) -> Iterator[Statement]:
-    """Lines of a routine of KUKA's own file."""
-    inside = False
-    for file in files:
-        for line in file.statements if file.module == BUILT_IN and not file.holds_data else ():
-            inside = line.name == routine if isinstance(line, Begin) else inside and not isinstance(line, End)
-            if inside:
-                yield line
-
-
 def _element(line: Assignment) -> tuple[str, ...]:
     """Names that an assignment changes: an element, or all of a variable; none where no motion reads that component."""
     name, bracket, rest = line.name.partition("[")
@@ -526,18 +547,3 @@ def _element(line: Assignment) -> tuple[str, ...]:
     if component and component not in READ:
         return ()
     return (f"{name}[{index}]" if bracket and index.isdecimal() else line.variable,)
-
-
-def _lines_with_own_names(file: File) -> Iterator[tuple[Statement, str, frozenset[str]]]:
-    """Lines of a program, with their routine and the names that it declares for itself: its parameters and its variables."""
-    start = 0
-    for i, line in enumerate((*file.statements, None)):
-        if line is not None and not isinstance(line, Begin | End):
-            continue
-        body = file.statements[start:i]
-        head = file.statements[start - 1] if start else None
-        own = set(head.parameters) if isinstance(head, Begin) else set[str]()
-        own |= {v.name for at in body if isinstance(at, Declaration) for v in at.variables}
-        for at in body:
-            yield at, head.name if isinstance(head, Begin) else "", frozenset(own)
-        start = i + 1

@@ -10,9 +10,18 @@ from jaxtyping import Float
 
 from robot_programs.core import flow, se3
 from robot_programs.core.program import THROUGH_TARGET, Frame, MoveKind, Unresolved, Zone
-from robot_programs.krl.data import Data, pose
-from robot_programs.krl.parse import arguments_of, parse_operand
-from robot_programs.krl.syntax import Aggregate, Assignment, Call, Field, Operand, Word
+from robot_programs.krl.data import Data, aggregate_of, pose
+from robot_programs.krl.syntax import (
+    Aggregate,
+    Assignment,
+    Call,
+    Field,
+    Operand,
+    Word,
+    arguments_of,
+    closing,
+    parse_operand,
+)
 from robot_programs.krl.values import (
     AbstractValue,
     Adjustable,
@@ -63,23 +72,23 @@ class Approximation:
             return Zone(distance=math.inf, angle=math.inf, share=self.share / WHOLE_PERCENT)
         return None  # from which speed or orientation on is not a place that the text gives
 
-    def after_assignment(self, line: Assignment, known: Known) -> "Approximation":
-        """Approximation after an assignment."""
-        match line.name:
+    def after_setting(self, name: str, words: Sequence[Word], known: Known) -> "Approximation":
+        """Approximation after a value for a component, or for all of it: of a line, or of one motion behind WITH."""
+        match name:
             case "$APO.CDIS":
-                return replace(self, distance=_size(line.words, known))
+                return replace(self, distance=_size(words, known))
             case "$APO.CPTP":
-                return replace(self, share=_size(line.words, known))
-            case "$APO":
-                part = line.value.parts[0] if len(line.value.parts) == 1 else None
-                if not isinstance(part, Aggregate):
+                return replace(self, share=_size(words, known))
+            case _ if _function(words) in ("SAPO", "SAPO_PTP"):
+                return Approximation(distance=_component(words[2].upper, known)[0])
+            case _:
+                stated = _structure(words)
+                if stated is None:
                     return Approximation()
-                own, other = part.value("CDIS"), part.value("CPTP")
+                own, other = stated.value("CDIS"), stated.value("CPTP")
                 return Approximation(
                     distance=self.distance if own is None else own, share=self.share if other is None else other
                 )
-            case _:
-                return self
 
     def after_bas(self, line: Call, known: Known) -> "Approximation":
         """Approximation after a call of BAS."""
@@ -98,19 +107,6 @@ class Approximation:
             case _:
                 return self
 
-    def of_motion(self, name: str, words: Sequence[Word], known: Known) -> "Approximation":
-        """For one motion, which sets some of it behind WITH."""
-        if name == "$APO.CDIS":
-            return replace(self, distance=_size(words, known))
-        if name == "$APO.CPTP":
-            return replace(self, share=_size(words, known))
-        if name == "$APO":
-            function = words[0].upper if len(words) > 2 and words[1].text == "(" else ""
-            return Approximation(
-                distance=_component(words[2].upper, known)[0] if function in ("SAPO", "SAPO_PTP") else None
-            )
-        return self
-
 
 NOT_KNOWN = Approximation()
 
@@ -125,6 +121,16 @@ def _component(name: str, known: Known) -> tuple[float | None, str | None]:
         return None, None
     mode = value.field("APO_MODE")
     return _positive(value.value("APO_DIST")), "#CPTP" if mode is None else mode.text.upper()
+
+
+def _function(words: Sequence[Word]) -> str:
+    """Name of the function that a value begins with; empty where it begins with none."""
+    return words[0].upper if len(words) > 2 and words[1].text == "(" else ""
+
+
+def _structure(words: Sequence[Word]) -> Aggregate | None:
+    """The structure that a value is; None where it is anything else."""
+    return aggregate_of(parse_operand(words))
 
 
 def _size(words: Sequence[Word], known: Known) -> float | None:
@@ -263,28 +269,18 @@ def coupled(words: Sequence[Word]) -> tuple[Word, ...] | FrameVariable | None:
         The words of the frame in an external kinematic system, none where it is the system's own; why the base is not known; or
         None where nothing couples it.
     """
-    function = words[0].upper if len(words) > 2 and words[1].text == "(" else ""
+    function = _function(words)
     if function in _STEERED_ELSEWHERE:
         return FrameVariable(frame=None, reason=f"$BASE {_STEERED_ELSEWHERE[function]}")
     if function != "EK":
         return None
     given = arguments_of(words[1:])
-    if len(given) not in (2, 3) or _closing(words) != len(words) - 1:
+    if len(given) not in (2, 3) or closing(words[1:]) != len(words) - 2:
         return FrameVariable(
             frame=None,
             reason="$BASE is set by EK in a way that is not understood; write EK(root, kinematic system, frame)",
         )
     return given[2] if len(given) == 3 else ()
-
-
-def _closing(words: Sequence[Word]) -> int:
-    """Position at which the first pair of parentheses ends."""
-    depth = 0
-    for i, word in enumerate(words):
-        depth += (word.text == "(") - (word.text == ")")
-        if depth == 0 and word.text == ")":
-            return i
-    return len(words)
 
 
 def on_its_mechanism(variable: FrameVariable, number: float | None, data: Data, names: Names) -> FrameVariable:
@@ -328,6 +324,9 @@ def on_its_mechanism(variable: FrameVariable, number: float | None, data: Data, 
 
 
 NULL = Frame(name="$NULLFRAME", T=np.eye(4))
+
+_MODES = {"#BASE": False, "#TCP": True}
+"""Whether the tool stands still, by $IPO_MODE."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -433,40 +432,47 @@ class Frames:
             state,
             tool=self.numbered("tool", parameters.value("TOOL_NO"), self.known(state)),
             base=on_its_mechanism(self.numbered("base", number, self.known(state)), number, self.data, self.names),
-            fixed_tool={"#BASE": False, "#TCP": True}.get(text),
+            fixed_tool=_MODES.get(text),
         )
 
     def after_assignment(self, state: State, line: Assignment, variables: Variables) -> State:
         """The state behind an assignment, which makes variables what they are."""
-        value, known = line.value, self.known(state)
-        match line.name:
-            case "$TOOL":
-                return replace(state, tool=self.of(line.words, "$TOOL", known))
-            case "$BASE":
-                return replace(state, base=self._base(line.words, known))
-            case "$IPO_MODE":
-                return replace(state, fixed_tool={"#BASE": False, "#TCP": True}.get(line.text))
-            case "FDAT_ACT":
-                return self._with_parameters(state, value)
-            case "$VEL.CP":
-                return replace(state, speed=_number(line.words, known))
-            case "$VEL":
-                part = value.parts[0] if len(value.parts) == 1 else None
-                if not isinstance(part, Aggregate):
-                    return replace(state, speed=None, turn_speed=None)
-                return replace(state, speed=part.value("CP"), turn_speed=part.value("ORI1"))
-            case "$VEL.ORI1":
-                return replace(state, turn_speed=_number(line.words, known))
-            case _ if line.variable == "$APO":
-                return replace(state, approximation=state.approximation.after_assignment(line, known))
-            case _:
-                pass
+        if line.name == "FDAT_ACT":
+            return self._with_parameters(state, line.value)
         if line.variable == "FDAT_ACT" and state.parameters is not None:
-            return replace(state, parameters=_with_component(state.parameters, line, known))
-        if line.variable in ("$TOOL", "$BASE"):
+            return replace(state, parameters=_with_component(state.parameters, line, self.known(state)))
+        if line.variable in ("$TOOL", "$BASE") and line.name != line.variable:
             variable = self._with_own_component(line, variables)
             return replace(state, tool=variable) if line.variable == "$TOOL" else replace(state, base=variable)
-        return state
+        return self._after_setting(state, line.name, line.words)
+
+    def _after_setting(self, state: State, name: str, words: tuple[Word, ...]) -> State:
+        """The state behind a value for one of the controller's variables: of a line, or of one motion behind WITH."""
+        known, function = self.known(state), _function(words)
+        match name:
+            case "$TOOL" | "$BASE" | "$IPO_MODE" if function in ("STOOL", "STOOL2", "SBASE", "SIPO_MODE"):
+                return self._set_by(state, name, words)
+            case "$TOOL":
+                return replace(state, tool=self.of(words, "$TOOL", known))
+            case "$BASE":
+                return replace(state, base=self._base(words, known))
+            case "$IPO_MODE":
+                return replace(state, fixed_tool=_MODES.get("".join(word.upper for word in words)))
+            case "$VEL" | "$VEL.CP" if function == "SVEL_CP":
+                return replace(state, speed=_number(words[2:3], known))
+            case "$VEL":
+                stated = _structure(words)
+                if stated is None:
+                    return replace(state, speed=None, turn_speed=None)
+                return replace(state, speed=stated.value("CP"), turn_speed=stated.value("ORI1"))
+            case "$VEL.CP":
+                return replace(state, speed=_number(words, known))
+            case "$VEL.ORI1":
+                return replace(state, turn_speed=_number(words, known))
+            case "$APO" | "$APO.CDIS" | "$APO.CPTP":
+                return replace(state, approximation=state.approximation.after_setting(name, words, known))
+            case _:
+                return state
 
     def _with_own_component(self, line: Assignment, variables: Variables) -> FrameVariable:
         """$TOOL or $BASE with a component that a line sets."""
@@ -535,23 +541,7 @@ class Frames:
     def with_settings(self, state: State, settings: dict[str, tuple[Word, ...]]) -> State:
         """The state of one motion that sets tool, base or mode for itself."""
         for name, words in settings.items():
-            function = words[0].upper if len(words) > 2 and words[1].text == "(" else ""
-            if function in ("STOOL", "STOOL2", "SBASE", "SIPO_MODE"):
-                state = self._set_by(state, name, words)
-            elif name in ("$TOOL", "$BASE"):
-                known = self.known(state)
-                if name == "$TOOL":
-                    state = replace(state, tool=self.of(words, name, known))
-                else:
-                    state = replace(state, base=self._base(words, known))
-            elif name == "$IPO_MODE":
-                state = replace(state, fixed_tool={"#BASE": False, "#TCP": True}.get("".join(w.upper for w in words)))
-            elif name in ("$VEL", "$VEL.CP"):
-                state = replace(state, speed=_number(words[2:3] if function == "SVEL_CP" else words, self.known(state)))
-            elif name == "$VEL.ORI1":
-                state = replace(state, turn_speed=_number(words, self.known(state)))
-            elif name.startswith("$APO"):
-                state = replace(state, approximation=state.approximation.of_motion(name, words, self.known(state)))
+            state = self._after_setting(state, name, words)
         return state
 
     def _set_by(self, state: State, name: str, words: tuple[Word, ...]) -> State:

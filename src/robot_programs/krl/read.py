@@ -9,23 +9,12 @@ from robot_programs.core.flow import MIN_LINES, Body, Counts, Group, Loop, Node,
 from robot_programs.core.program import Diagnostic, Frame, Program, Unresolved, Visit, Waypoint
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Source
-from robot_programs.krl.data import Data, File, Text
+from robot_programs.krl.data import Data, File, Routine, Text
 from robot_programs.krl.frames import UNREACHED, Frames, State
-from robot_programs.krl.parse import (
-    LOOPS,
-    Condition,
-    Tree,
-    parse,
-    passed_by_reference,
-    passed_in_motion,
-    tree_of,
-    whole_call,
-)
 from robot_programs.krl.resolve import Findings, Resolver
 from robot_programs.krl.rewrite import Sharing, Site, in_data_list, rewrite, visits_of
 from robot_programs.krl.routines import (
     Actions,
-    Routine,
     actions_of,
     altered_by,
     altering,
@@ -42,7 +31,25 @@ from robot_programs.krl.routines import (
     routines_of,
     unasked,
 )
-from robot_programs.krl.syntax import Assignment, Begin, Beside, Call, Control, Motion, Statement, Word, lines_of_words
+from robot_programs.krl.syntax import (
+    LOOPS,
+    Assignment,
+    Begin,
+    Beside,
+    Call,
+    Condition,
+    Control,
+    Motion,
+    Statement,
+    Tree,
+    Word,
+    lines_of_words,
+    parse,
+    passed_by_reference,
+    passed_in_motion,
+    tree_of,
+    whole_call,
+)
 from robot_programs.krl.values import (
     HERE,
     AbstractValue,
@@ -155,43 +162,27 @@ class Flow(flow.Flow[State, Routine]):
 # What calls of KRL routines are given, and what they give back.
 
 
-@dataclass(frozen=True, kw_only=True)
-class Arguments:
-    """A call of a routine."""
-
-    name: str
-    """In capitals."""
-    words: tuple[tuple[Word, ...], ...]
-    """What each parameter is given."""
-    by_reference: tuple[str, ...]
-    """Variables that it may change, because they are not given by value."""
-
-
-def function_called(
-    words: Sequence[Word], routines: Container[str], by_value: Mapping[str, tuple[bool, ...]]
-) -> Arguments | None:
-    """The function of the program whose value is all of an expression; None where it is anything else."""
-    called = whole_call(words)
-    if called is None or called.name not in routines:
-        return None
-    return Arguments(name=called.name, words=called.arguments, by_reference=passed_by_reference(called, by_value))
-
-
 def behind_call(
-    call: Arguments, routine: Routine, variables: Variables, names: Names, changed: Container[str]
+    call: Call,
+    by_reference: Sequence[str],
+    routine: Routine,
+    variables: Variables,
+    names: Names,
+    changed: Container[str],
 ) -> Variables:
     """Variables of the caller after a call: those passed by reference as a whole have the final values of the parameters.
 
     Args:
         call: the call.
+        by_reference: variables that it may change, because they are not given by value.
         routine: what is called.
         variables: behind its last line.
         names: of the caller.
         changed: keys of variables that the routine changes under their own names.
     """
-    back = forgotten(without_own(variables, routine.prefix), map(names.key, call.by_reference))
-    for parameter, words in zip(routine.parameters, call.words, strict=False):
-        if len(words) != 1 or call.by_reference.count(words[0].upper) != 1:
+    back = forgotten(without_own(variables, routine.prefix), map(names.key, by_reference))
+    for parameter, words in zip(routine.parameters, call.arguments, strict=False):
+        if len(words) != 1 or by_reference.count(words[0].upper) != 1:
             continue
         key, value = names.key(words[0].upper), variables.get(f"{routine.prefix}{parameter}")
         if value is None or key in changed or key in names.volatile or (isinstance(value, str) and value in HERE):
@@ -369,7 +360,7 @@ class _Walk(flow.Walk[State, Routine]):
 
     def _assignment(self, line: Assignment, state: State) -> State:
         returned = None
-        called = function_called(line.words, self.flow.routines, self.flow.by_value)
+        called = self._function(line.words)
         if called is None:
             state = self._forgotten(line.changed, self.asked(line, state))
         else:
@@ -403,27 +394,30 @@ class _Walk(flow.Walk[State, Routine]):
             return self.frames.after_bas(replace(state, variables=forgotten(state.variables, keys)), line)
         for name in calls_of(line)[1:]:
             state = self.flow.forget(name, state)
-        arguments = Arguments(
-            name=line.name, words=line.arguments, by_reference=passed_by_reference(line, self.flow.by_value)
-        )
         if line.name in self.flow.routines:
-            state, _ = self._followed(arguments, state)
+            state, _ = self._followed(line, state)
             return state
         if not self.flow.scouting:
             text = f"{line.name} is not in the files given; it is taken to leave $TOOL, $BASE and $IPO_MODE as they are"
             self.flow.findings.diagnose(self.routine.file, line.start, text)
-        return replace(self._forgotten(arguments.by_reference, state), last=None)
+        return replace(self._forgotten(passed_by_reference(line, self.flow.by_value), state), last=None)
 
-    def _followed(self, call: Arguments, state: State) -> tuple[State, AbstractValue | None]:
+    def _function(self, words: Sequence[Word]) -> Call | None:
+        """The function of the program whose value is all of an expression; None where it is anything else."""
+        called = whole_call(words)
+        return called if called is not None and called.name in self.flow.routines else None
+
+    def _followed(self, call: Call, state: State) -> tuple[State, AbstractValue | None]:
         """State after a call of a routine of the files, and what it returns."""
         program, known = self.flow, self.frames.known(state)
-        left = self._forgotten(call.by_reference, state)
+        by_reference = passed_by_reference(call, program.by_value)
+        left = self._forgotten(by_reference, state)
         if program.idle(call.name):
             return program.lost_by(call.name, left), None
-        keys = frozenset(map(self.frames.names.key, call.by_reference))
+        keys = frozenset(map(self.frames.names.key, by_reference))
 
         def entry(routine: Routine) -> State:
-            given = zip(routine.parameters, call.words, strict=False)
+            given = zip(routine.parameters, call.arguments, strict=False)
             # what is passed by reference has two names inside: only the parameter's is followed
             return replace(state, variables=forgotten(bound(known, given, program.frames(routine).names), keys))
 
@@ -440,9 +434,8 @@ class _Walk(flow.Walk[State, Routine]):
             return replace(behind, variables=forgotten(behind.variables, keys)), value
         (routine,) = program.routines[call.name]
         changed = program.changes[call.name]
-        return replace(
-            behind, variables=behind_call(call, routine, behind.variables, self.frames.names, changed)
-        ), value
+        variables = behind_call(call, by_reference, routine, behind.variables, self.frames.names, changed)
+        return replace(behind, variables=variables), value
 
     def _motion(self, line: Motion, state: State) -> State:
         findings, file = self.flow.findings, self.routine.file
@@ -475,7 +468,7 @@ class _Walk(flow.Walk[State, Routine]):
         returned: dict[int, AbstractValue] = {}
         for operand in line.operands:
             words = () if operand.parts else line.words_of(operand)
-            called = function_called(words, self.flow.routines, self.flow.by_value)
+            called = self._function(words)
             if called is not None and state.reached:
                 state, value = self._followed(called, state)
                 returned[operand.start] = self._of_function(called.name, value)
@@ -580,7 +573,7 @@ class _Reading:
         always = frozenset(line.name for file in self.files if file.submits for line in file.heads)
         data = Data(files=self.files, roots=roots_of(callers), always=always, elements=self.elements)
         flow = self._flow(routines, data)
-        beside = unasked(self.files)
+        beside = unasked(self.files, routines)
         roots = [name for name in routines if not callers[name] - {name} or name in beside]
         everywhere = [routine for same in routines.values() for routine in same]
         begin = {routine for routine in everywhere if routine.name in roots}
@@ -596,13 +589,13 @@ class _Reading:
 
     def _flow(self, routines: Mapping[str, list[Routine]], data: Data) -> Flow:
         changes = changing(routines, data)
-        volatile = frozenset[str]().union(*(changes[name] for name in unasked(self.files).intersection(routines)))
+        volatile = frozenset[str]().union(*(changes[name] for name in unasked(self.files, routines)))
         made: dict[tuple[str, bytes], Frame] = {}
         frames: dict[Routine, Frames] = {}
 
         def frames_of(routine: Routine) -> Frames:
             if routine not in frames:
-                frames[routine] = Frames(data=data, names=routine.names(data, volatile), made=made)
+                frames[routine] = Frames(data=data, names=Names.of(routine, data, volatile), made=made)
             return frames[routine]
 
         read, alters = read_names(self.files), altering(routines)
@@ -619,7 +612,7 @@ class _Reading:
             changes=changes,
             by_value=data.by_value,
             actions=actions_of(routines, data, alters, changes, followed),
-            resuming=resuming(self.files, routines),
+            resuming=resuming(routines),
             left=MIN_LINES + MAX_PASSES * size,
         )
 

@@ -15,6 +15,7 @@ from robot_programs.krl.data import (
     POSE,
     Datum,
     File,
+    Routine,
     Text,
     axes,
     external,
@@ -27,7 +28,6 @@ from robot_programs.krl.data import (
 )
 from robot_programs.krl.frames import NULL, Frames, State
 from robot_programs.krl.rewrite import ACCURATE_BIT, Site, Status, Written
-from robot_programs.krl.routines import Routine
 from robot_programs.krl.syntax import RELATIVE_MOTIONS, Aggregate, Motion, Operand, Reference
 from robot_programs.krl.values import (
     HERE,

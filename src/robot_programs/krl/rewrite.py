@@ -31,12 +31,9 @@ from robot_programs.krl.data import (
 from robot_programs.krl.syntax import (
     Aggregate,
     Assignment,
-    Begin,
     Motion,
     Operand,
     Reference,
-    Statement,
-    lines_of_words,
 )
 
 # Status and turn, by which KRL tells apart the axis positions that reach one pose.
@@ -172,9 +169,6 @@ def _geometry(robot: Robot) -> _Geometry | None:
 MAX_NAME_LENGTH = 24
 """Characters of a name in KRL."""
 
-_POSE_TOLERANCE = 1e-9
-"""Poses and joint positions that differ by less are one, metres and radians."""
-
 _ALONG = re.compile(r"\s*#(BASE|TOOL)\b", re.IGNORECASE)
 
 KEYWORDS: dict[MoveKind, str] = {"joint": "PTP", "axes": "PTP", "linear": "LIN", "circular": "CIRC"}
@@ -255,46 +249,25 @@ def rewrite(
         elements: numbers of motions whose points get their numbers in the data list, because others share their text.
     """
     rewriting = _Rewriting(robot=robot, files=_files(sites))
-    changed = {number for number, path in waypoints.items() if not stays(moves[number], path)}
+    changed = {number for number, path in waypoints.items() if not moves[number].stays(path)}
     done: set[tuple[int, int]] = set()
     for number, (site, move) in enumerate(zip(sites, moves, strict=True)):
         path = waypoints.get(number)
         if site.leans:
-            path = (path or (_own(move),)) if number in changed or changed.intersection(site.before) else None
+            path = (path or (move.own_waypoint(),)) if number in changed or changed.intersection(site.before) else None
         if path is None:
             continue
         if number in elements:
             rewriting.elements(site, move, path)
         elif move.texts_motions == 1:
             rewriting.motion(site, move, path)
-        elif stays(move, path):
+        elif move.stays(path):
             continue
         elif site.text not in done:
             done.add(site.text)
             rewriting.motion(site, move, path)
     rewriting.variables()
     return tuple(source.edited(rewriting.edits.get(i, ())) for i, source in enumerate(sources))
-
-
-def stays(move: Move, path: tuple[Waypoint, ...]) -> bool:
-    """Whether a motion is to go where it goes already."""
-    (only, *more) = path
-    if more or only.kind != move.kind:
-        return False
-    pairs = [(move.end.q, only.q if only.T is None else None), (move.end.T, only.T)]
-    if move.via is not None and only.via is not None:
-        pairs.append((move.via.T, only.via.T))
-    return all(
-        old is None if new is None else old is not None and bool(np.abs(new - old).max() < _POSE_TOLERANCE)
-        for old, new in pairs
-    )
-
-
-def _own(move: Move) -> Waypoint:
-    """A motion's own end, to be written again."""
-    q = np.full(len(AXES), np.nan) if move.end.q is None else move.end.q
-    via = None if move.via is None else Waypoint(kind=move.kind, q=q, T=move.via.T)
-    return Waypoint(kind=move.kind, q=q, T=move.end.T, via=via)
 
 
 def _files(sites: Sequence[Site]) -> tuple[File, ...]:
@@ -419,14 +392,14 @@ class _Rewriting:
             by_datum.setdefault((file, start), []).append(use)
         if not self.uses:
             return
-        needed = {use.datum.name for use in self.uses.values()}
-        mentions = _mentions(self.files, needed)
-        names = FreshNames((name for _, name, _ in _all_names(self.files)), longest=MAX_NAME_LENGTH)
+        names = FreshNames((name for file in self.files for name in file.mentions), longest=MAX_NAME_LENGTH)
         for uses in by_datum.values():
             datum = uses[0].datum
             rewritten = {(w.file.number, w.operand.start) for use in uses for w in use.points}
             rewritten.add((datum.file.number, datum.start))
-            stays = any(not use.changes for use in uses) or mentions[datum.file.module, datum.name] - rewritten
+            own = (file for file in self.files if file.module == datum.file.module)
+            mentions = {(file.number, at) for file in own for at in file.mentions.get(datum.name, ())}
+            stays = any(not use.changes for use in uses) or mentions - rewritten
             for use in uses:
                 if not stays and use is uses[0]:
                     for change in use.changes:
@@ -470,32 +443,9 @@ def values_at(robot: Robot, written: Written, waypoint: Waypoint) -> dict[str, f
     return {**values, "S": float(status.S or 0), "T": float(status.T or 0)}
 
 
-def mentions_of(variable: str, sites: Sequence[Site], module: str) -> Iterator[tuple[File, int]]:
-    """Files and positions at which a module names a variable of its own."""
-    files = tuple(file for file in _files(sites) if file.module == module)
-    return ((file, position) for file, name, position in _all_names(files) if name == variable)
-
-
 def _name(datum: Datum) -> str:
     """A variable's name as its declaration writes it."""
     return datum.file.source.text[datum.start : datum.start + len(datum.name)]
-
-
-def _mentions(files: tuple[File, ...], names: set[str]) -> dict[tuple[str, str], set[tuple[int, int]]]:
-    """By module and name: the places, as file and position, where some names stand."""
-    out: dict[tuple[str, str], set[tuple[int, int]]] = {(f.module, name): set() for f in files for name in names}
-    for file, name, position in _all_names(files):
-        if name in names:
-            out[file.module, name].add((file.number, position))
-    return out
-
-
-def _all_names(files: tuple[File, ...]) -> Iterator[tuple[File, str, int]]:
-    for file in files:
-        for words in lines_of_words(file.source.text):
-            for word in words:
-                if word.kind == "name":
-                    yield file, word.upper, word.start
 
 
 # Motions that share their text, in a loop or in a routine with several calls: which can be rewritten as each of
@@ -572,7 +522,7 @@ class Sharing:
         """Conflicts of one of several motions of a text, and of those that it affects."""
         site, move = self.sites[i], self.moves[i]
         path = waypoints.get(i)
-        if path is not None and stays(move, path):
+        if path is not None and move.stays(path):
             path = None
         other = path is not None and (len(path) != 1 or any(waypoint.kind != move.kind for waypoint in path))
         if other or (path is not None and site.leans):
@@ -627,14 +577,17 @@ class Sharing:
     def _other_reading(self, datum: Datum, own: set[tuple[int, int]]) -> Place | None:
         """Place at which code names an array beside the motions to its elements."""
         array = datum.name.partition("[")[0]
-        for file, position in mentions_of(array, self.sites, datum.file.module):
-            if not file.holds_data and (file.number, position) not in own:
-                return file.source.place(position)
+        for file in _files(self.sites):
+            for position in (
+                file.mentions.get(array, ()) if file.module == datum.file.module and not file.holds_data else ()
+            ):
+                if (file.number, position) not in own:
+                    return file.source.place(position)
         return None
 
     def _wanted(self, i: int, path: tuple[Waypoint, ...] | None) -> Values:
         site = self.sites[i]
-        if path is None or stays(self.moves[i], path):
+        if path is None or self.moves[i].stays(path):
             return (None,) * len(site.written)
         last = path[-1]
         points = (last,) if last.via is None or len(site.written) == 1 else (last.via, last)
@@ -659,10 +612,10 @@ def visits_of(sites: Sequence[Site], moves: Sequence[Move], files: Iterable[File
     for i, site in enumerate(sites):
         numbers[site.text].append(i)
     for file in files:
-        for lines in _routines(file):
-            points = {name for line in lines if isinstance(line, Motion) for name in _named(line)}
+        for routine in file.sections:
+            points = {name for line in routine.lines if isinstance(line, Motion) for name in _named(line)}
             sets: dict[str, frozenset[str]] = {}
-            for line in lines:
+            for line in routine.lines:
                 if isinstance(line, Assignment) and not line.component:
                     named = frozenset(points.intersection(word.upper for word in line.words)) - {line.name}
                     sets[line.name] = named.union(*(sets.get(name, ()) for name in named))
@@ -670,23 +623,11 @@ def visits_of(sites: Sequence[Site], moves: Sequence[Move], files: Iterable[File
                     named = frozenset(_named(line))
                     for name in named.union(*(sets.get(name, ()) for name in named)):
                         for i in numbers.get((file.number, line.start), (None,)):
-                            target = (file.number, lines[0].start, name)
+                            target = (routine, name)
                             yield Visit(number=i, target=target, place=file.source.place(line.start))
     for i, site in enumerate(sites):
         for number in (i, *site.before) if site.leans else ():
             yield Visit(number=number, target=i, place=moves[number].place)
-
-
-def _routines(file: File) -> Iterator[list[Statement]]:
-    """The lines of each routine of a file."""
-    lines: list[Statement] = []
-    for line in file.statements:
-        if isinstance(line, Begin) and lines:
-            yield lines
-            lines = []
-        lines.append(line)
-    if lines:
-        yield lines
 
 
 def _named(motion: Motion) -> Iterator[str]:

@@ -2,74 +2,35 @@
 
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 
-from robot_programs.core.flow import with_called
-from robot_programs.krl.data import BUILT_IN, Data, File, Text, plain_value
+from robot_programs.core.flow import Thing, with_called
+from robot_programs.krl.data import BUILT_IN, Data, File, Routine, Text, plain_value
 from robot_programs.krl.frames import EVERYTHING, FrameVariable, State
-from robot_programs.krl.parse import passed_by_reference, passed_in_motion
 from robot_programs.krl.syntax import (
     Assignment,
-    Begin,
     Beside,
     Call,
     Control,
     Declaration,
-    End,
     Motion,
     Statement,
     Word,
     lines_of_words,
+    passed_by_reference,
+    passed_in_motion,
 )
 from robot_programs.krl.values import Lost, Names, forgotten
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Routine:
-    """A routine, local or global."""
-
-    file: File
-    name: str
-    """In capitals."""
-    parameters: tuple[str, ...]
-    """In capitals."""
-    lines: tuple[Statement, ...]
-
-    @property
-    def prefix(self) -> str:
-        """Prefix of the keys of its own variables."""
-        return f"{self.name}@{self.file.number}:"
-
-    def names(self, data: Data, volatile: frozenset[str] = frozenset()) -> Names:
-        """Meaning of the names of variables in it."""
-        declared = [line for line in self.lines if isinstance(line, Declaration)]
-        own = {variable.name for line in declared for variable in line.variables}
-        return Names(
-            prefix=self.prefix,
-            routine=self.name,
-            module=self.file.module,
-            own=frozenset(own | set(self.parameters)),
-            listed=data.listed(self.file.module),
-            whole_numbers=data.whole_numbers,
-            real_numbers=data.real_numbers,
-            volatile=volatile,
-        )
 
 
 def routines_of(files: tuple[File, ...]) -> dict[str, list[Routine]]:
     """The routines of some files by name, which routines of several files may share."""
     out: dict[str, list[Routine]] = {}
     for file in files:
-        if file.holds_data or file.module == BUILT_IN:
-            continue
-        start, head = 0, None
-        for i, line in enumerate((*file.statements, None)):
-            if line is None or isinstance(line, Begin | End):
-                if head is not None:
-                    lines = file.statements[start:i]
-                    routine = Routine(file=file, name=head.name, parameters=head.parameters, lines=lines)
-                    out.setdefault(head.name, []).append(routine)
-                start, head = i + 1, line if isinstance(line, Begin) else None
+        for routine in file.sections if not file.holds_data and file.module != BUILT_IN else ():
+            if routine.head is not None:
+                out.setdefault(routine.name, []).append(routine)
     return out
 
 
@@ -150,12 +111,11 @@ def _before_parentheses(words: Sequence[Word | None]) -> tuple[str, ...]:
 
 def only_computes(routine: Routine, routines: Container[str]) -> bool:
     """Whether a call of a routine can be left out, once its value is known: it sets variables of its own and nothing else."""
-    own = {v.name for line in routine.lines if isinstance(line, Declaration) for v in line.variables}
     for line in routine.lines:
         match line:
-            case Begin() | End() | Declaration():
+            case Declaration():
                 continue
-            case Assignment() if line.variable in own:
+            case Assignment() if line.variable in routine.declared:
                 pass
             case Control():
                 pass
@@ -168,33 +128,30 @@ def only_computes(routine: Routine, routines: Container[str]) -> bool:
 
 def altering(routines: Mapping[str, Sequence[Routine]]) -> dict[str, frozenset[str]]:
     """Groups that the routines of each name alter, by themselves or by those that they call."""
-    own = {
-        name: (
-            frozenset[str]().union(*(altered_by(line, {}) for r in same for line in r.lines)),
-            _called(same, routines),
-        )
-        for name, same in routines.items()
-    }
-    return with_called(own)
+    return _through_calls(routines, lambda r: (group for line in r.lines for group in altered_by(line, {})))
 
 
 def changing(routines: Mapping[str, Sequence[Routine]], data: Data) -> dict[str, frozenset[str]]:
     """Keys of the variables that the routines of each name change, by themselves or by those that they call."""
-    own = {
-        name: (
-            frozenset[str]().union(
-                *(
-                    keys_changed_by(line, names, data.by_value, {})
-                    for r in same
-                    for names in [r.names(data)]
-                    for line in r.lines
-                )
-            ),
-            _called(same, routines),
-        )
-        for name, same in routines.items()
-    }
-    return with_called(own)
+
+    def own(routine: Routine) -> Iterator[str]:
+        names = Names.of(routine, data)
+        for line in routine.lines:
+            yield from keys_changed_by(line, names, data.by_value, {})
+
+    return _through_calls(routines, own)
+
+
+def _through_calls(
+    routines: Mapping[str, Sequence[Routine]], own: Callable[[Routine], Iterable[Thing]]
+) -> dict[str, frozenset[Thing]]:
+    """What the routines of each name have, by themselves or by those that they call."""
+    return with_called(
+        {
+            name: (frozenset(thing for r in same for thing in own(r)), _called(same, routines))
+            for name, same in routines.items()
+        }
+    )
 
 
 def _called(same: Sequence[Routine], routines: Mapping[str, object]) -> frozenset[str]:
@@ -248,49 +205,25 @@ def matters(line: Statement, read: frozenset[str], routines: Container[str]) -> 
             return False
 
 
-def resuming(files: Iterable[File], routines: Mapping[str, Sequence[Routine]]) -> frozenset[str]:
+def resuming(routines: Mapping[str, Sequence[Routine]]) -> frozenset[str]:
     """Routines that declare an interrupt whose routine resumes, which leaves those that they call."""
-    resumes = with_called(
-        {
-            name: (
-                frozenset({"RESUME"} if any(_resumes(line) for r in same for line in r.lines) else ()),
-                _called(same, routines),
-            )
-            for name, same in routines.items()
-        }
+    resumes = _through_calls(routines, lambda r: (line.start for line in r.lines if _resumes(line)))
+    return frozenset(
+        routine.name
+        for routine, line in declared_in(routines).values()
+        if line.keyword == "INTERRUPT" and any(resumes.get(name) for name in _called_by_action(line))
     )
-    out: set[str] = set()
-    for file in files:
-        current = ""
-        for words in lines_of_words(file.source.text) if not file.holds_data else ():
-            upper = [word.upper for word in words]
-            head = next((i for i, word in enumerate(upper) if word in ("DEF", "DEFFCT")), None)
-            if head is not None and head < 2:
-                names = [word.upper for word in words[head + 1 :] if word.kind == "name"]
-                current = next((name for name in names if name in routines), "")
-            elif "INTERRUPT" in upper and any(resumes.get(name) for name in _behind_do(upper)):
-                out.add(current)
-    return frozenset(out)
 
 
 def _resumes(line: Statement) -> bool:
     return isinstance(line, Control) and line.keyword == "RESUME"
 
 
-def unasked(files: Iterable[File]) -> frozenset[str]:
+def unasked(files: Iterable[File], routines: Mapping[str, Sequence[Routine]]) -> frozenset[str]:
     """Routines that are not called from the line before: by interrupts, beside a motion, or in the submit interpreter."""
-    out: set[str] = set()
-    for file in files:
-        if file.submits:
-            out |= {line.name for line in file.heads}
-        for words in lines_of_words(file.source.text) if not file.holds_data else ():
-            out |= set(_behind_do([word.upper for word in words]))
-    return frozenset(out)
-
-
-def _behind_do(words: Sequence[str]) -> Iterator[str]:
-    if {"INTERRUPT", "TRIGGER"} & set(words) and "DO" in words[:-1]:
-        yield words[words.index("DO") + 1]
+    submitted = (line.name for file in files if file.submits for line in file.heads)
+    beside = (name for _, line in declared_in(routines).values() for name in _called_by_action(line))
+    return frozenset(routines).intersection((*submitted, *beside))
 
 
 # Actions that run beside the lines of a KRL program: interrupts, TRIGGER, and analog signals that are followed.
@@ -457,17 +390,12 @@ class _Meant:
     routines: Mapping[str, Sequence[Routine]]
     data: Data
     declared: Declared
-    reachable: dict[str, frozenset[Text]] = field(default_factory=dict[str, frozenset[Text]])
 
-    def __post_init__(self) -> None:
-        own = {
-            name: (
-                frozenset(text for text, (r, line) in self.declared.items() if r.name == name and line.verb == "DECL"),
-                frozenset(called for r in same for line in r.lines for called in calls_of(line)),
-            )
-            for name, same in self.routines.items()
-        }
-        self.reachable.update(with_called(own))
+    @cached_property
+    def reachable(self) -> dict[str, frozenset[Text]]:
+        """By name of a routine: interrupts that it and those that it calls declare."""
+        declares = {text for text, (_, line) in self.declared.items() if line.verb == "DECL"}
+        return _through_calls(self.routines, lambda r: declares.intersection(_text(r, line) for line in r.lines))
 
     def by(self, routine: Routine, line: Beside) -> frozenset[Text]:
         """Declarations of an interrupt in the routine and the ones it calls, else any of that number."""
@@ -541,7 +469,7 @@ def _effect(
     followed: Callable[[str], bool],
 ) -> Action:
     assert line.action is not None
-    keys = keys_changed_by(line.action, routine.names(data), data.by_value, changes)
+    keys = keys_changed_by(line.action, Names.of(routine, data), data.by_value, changes)
     place = routine.file.source.place(line.start)
     match line.keyword, line.action:
         case "INTERRUPT", Call(name=name):

@@ -4,9 +4,8 @@ A variable of which nothing is known here has the value of its data list, if no 
 controller keeps data lists from one run to the next.
 """
 
-import math
 import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol, runtime_checkable
 
@@ -14,10 +13,12 @@ import numpy as np
 
 from robot_programs.core import se3
 from robot_programs.core.program import Frame, Unresolved
-from robot_programs.krl.data import AXES, EXTERNAL, POSE, Data, has_pose, pose, pose_values
+from robot_programs.core.values import COMPARISONS, FUNCTIONS, applied
+from robot_programs.krl.data import AXES, EXTERNAL, POSE, Data, Routine, has_pose, pose, pose_values
 from robot_programs.krl.syntax import (
     Aggregate,
     Assignment,
+    Cursor,
     Field,
     Reference,
     Word,
@@ -42,16 +43,9 @@ MAX_PARENTHESES = 12
 NUMBERS = frozenset({*POSE, *AXES, *EXTERNAL, "S", "T"})
 """Components of positions."""
 
-_COMPARE: dict[str, Callable[[float, float], bool]] = {
-    "==": operator.eq, "<>": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
-}  # fmt: skip
-_FUNCTIONS: dict[str, tuple[int, Callable[..., float]]] = {
-    "ABS": (1, math.fabs), "SQRT": (1, math.sqrt),
-    "SIN": (1, lambda a: math.sin(math.radians(a))), "COS": (1, lambda a: math.cos(math.radians(a))),
-    "TAN": (1, lambda a: math.tan(math.radians(a))), "ACOS": (1, lambda x: math.degrees(math.acos(x))),
-    "ATAN2": (2, lambda y, x: math.degrees(math.atan2(y, x))),
-}  # fmt: skip
-"""Functions of KRL with how many numbers they are given, angles in degrees (KUKA System Software, standard functions)."""
+_COMPARE = {"==": operator.eq, **COMPARISONS}
+_FUNCTIONS = {"ABS", "SQRT", "SIN", "COS", "TAN", "ACOS", "ATAN2"}
+"""Functions of numbers that KRL has, angles in degrees (KUKA System Software, standard functions)."""
 
 _LEVELS = (("OR",), ("EXOR",), ("AND",), tuple(_COMPARE), ("+", "-"), ("*", "/"), (":",))
 """Operators from the loosest to the tightest (KUKA System Software, priority of operators)."""
@@ -79,8 +73,8 @@ def evaluated(words: Sequence[Word], lookup: Lookup) -> Value:
     """
     reader = _Reader(words, lookup)
     value = reader.level(0)
-    if reader.at < len(words):
-        raise Unresolved(f"'{words[reader.at].text}' is not evaluated")
+    if not reader.done:
+        raise Unresolved(f"'{reader.take().text}' is not evaluated")
     return value
 
 
@@ -188,25 +182,17 @@ def is_whole(aggregate: Aggregate) -> bool:
     return True
 
 
-class _Reader:
+class _Reader(Cursor):
     """The words of an expression, from left to right."""
 
     def __init__(self, words: Sequence[Word], lookup: Lookup):
-        self.words, self.lookup, self.at, self.depth = words, lookup, 0, 0
-
-    def next(self) -> str:
-        return self.words[self.at].upper if self.at < len(self.words) else ""
+        super().__init__(words)
+        self.lookup, self.depth = lookup, 0
 
     def take(self) -> Word:
-        if self.at >= len(self.words):
+        if self.done:
             raise Unresolved("an expression ends too early")
-        self.at += 1
-        return self.words[self.at - 1]
-
-    def accept(self, text: str) -> bool:
-        matches = self.next() == text
-        self.at += matches
-        return matches
+        return super().take()
 
     def expect(self, text: str) -> None:
         if not self.accept(text):
@@ -215,7 +201,7 @@ class _Reader:
     def level(self, lowest: int) -> Value:
         """Operators of a priority and of higher ones, of one priority the left ones first."""
         value = self._single()
-        while (priority := _PRIORITY.get(self.next(), -1)) >= lowest:
+        while (priority := _PRIORITY.get(self.next, -1)) >= lowest:
             value = _applied(self.take().upper, value, self.level(priority + 1))
         return value
 
@@ -275,34 +261,30 @@ class _Reader:
             frame = self.level(0)
             self.expect(")")
             return inverse(frame)
-        count, function = _FUNCTIONS.get(name, (0, math.sqrt))
-        if not count:
+        if name not in _FUNCTIONS:
             raise Unresolved(f"what {name}() gives is known only at run time")
         given = [_number(self.level(0))]
-        while len(given) < count:
+        while len(given) < FUNCTIONS[name][0]:
             self.expect(",")
             given.append(_number(self.level(0)))
         self.expect(")")
-        try:
-            return Real(_in_range(function(*given)))
-        except ValueError:
-            raise Unresolved(f"{name}({', '.join(f'{value:g}' for value in given)}) has no value") from None
+        return Real(_in_range(applied(name, given)))
 
     def _structure(self) -> Aggregate:
         type_ = ""
-        if self.at + 1 < len(self.words) and self.words[self.at + 1].text == ":":
+        if self.behind == ":":
             type_ = self.take().upper
             self.take()
         values: dict[str, float | str] = {}
         while not self.accept("}"):
             component = self.take().upper
-            if self.next() in ("[", "{") or component in values:
+            if self.next in ("[", "{") or component in values:
                 raise Unresolved(f"the component {component} is not evaluated")
             value = self.level(0)
             if isinstance(value, Aggregate):
                 raise Unresolved(f"the component {component} is a structure")
             values[component] = str(value).upper() if isinstance(value, bool) else value
-            if not self.accept(",") and self.next() != "}":
+            if not self.accept(",") and self.next != "}":
                 raise Unresolved("a structure is not understood")
         return structure(type_, values)
 
@@ -410,6 +392,20 @@ class Names:
     """Declared as REAL, and nowhere as INT."""
     volatile: frozenset[str]
     """Keys of variables that may change at any time: interrupts and the submit interpreter assign them."""
+
+    @classmethod
+    def of(cls, routine: Routine, data: Data, volatile: frozenset[str] = frozenset()) -> "Names":
+        """Meaning of the names of variables in a routine."""
+        return cls(
+            prefix=routine.prefix,
+            routine=routine.name,
+            module=routine.file.module,
+            own=routine.own,
+            listed=data.listed(routine.file.module),
+            whole_numbers=data.whole_numbers,
+            real_numbers=data.real_numbers,
+            volatile=volatile,
+        )
 
     def key(self, variable: str) -> str:
         """Key of a variable among all variables of the program."""

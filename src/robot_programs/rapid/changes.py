@@ -24,24 +24,22 @@ from robot_programs.rapid.names import (
 from robot_programs.rapid.parse import RESERVED
 from robot_programs.rapid.resolve import CHANGED_BY, MOTION_FORMS, ONLY_EXTERNAL
 from robot_programs.rapid.syntax import (
-    Aggregate,
     Argument,
     Assignment,
     Branches,
     Call,
     Expression,
-    Index,
     Instruction,
     Label,
     Leave,
     Loop,
-    Operation,
     Parameter,
     Reference,
     Routine,
     Statement,
     Token,
     Unparsed,
+    inside,
     parts,
 )
 from robot_programs.rapid.values import Values
@@ -53,14 +51,18 @@ def nested(block: Iterable[Statement]) -> Iterator[Statement]:
     """Some statements and all that stand in them."""
     for statement in block:
         yield statement
-        match statement:
-            case Branches():
-                for branch in statement.branches:
-                    yield from nested(branch)
-            case Loop():
-                yield from nested(statement.body)
-            case _:
-                pass
+        yield from nested(blocks_of(statement))
+
+
+def blocks_of(statement: Statement) -> tuple[Statement, ...]:
+    """The statements that stand in one, branch by branch."""
+    match statement:
+        case Branches():
+            return tuple(inner for branch in statement.branches for inner in branch)
+        case Loop():
+            return statement.body
+        case _:
+            return ()
 
 
 def is_read(instruction: Instruction, scope: Scope) -> bool:
@@ -443,12 +445,7 @@ def mentions(everywhere: Iterable[Context], changed: frozenset[tuple[str, str]] 
         for symbol in context.declared:
             if symbol.declaration is not None and symbol.declaration.value is not None:
                 yield from walker.read(symbol.declaration.value, context.scope)
-        if context.routine is None:
-            for unparsed in context.module.unparsed:
-                yield from walker.unparsed(unparsed, context.scope)
-        else:
-            for block in (context.routine.body, *context.routine.handlers):
-                yield from walker.statements(block, context.scope)
+        yield from walker.statements(context.statements, context.scope)
 
 
 class _Walker:
@@ -459,10 +456,8 @@ class _Walker:
 
     def mention(self, reference: Reference, scope: Scope, changes: bool, *, lent_to: str = "") -> Iterator[Mention]:
         yield Mention(reference=reference, scope=scope, file=self.file, changes=changes, lent_to=lent_to)
-        for selector in reference.selectors:
-            if isinstance(selector, Index):
-                for item in selector.items:
-                    yield from self.read(item, scope)
+        for item in inside(reference):
+            yield from self.read(item, scope)
 
     def statements(self, block: Iterable[Statement], scope: Scope) -> Iterator[Mention]:
         for statement in block:
@@ -472,21 +467,13 @@ class _Walker:
                 case Assignment():
                     yield from self.mention(statement.target, scope, True)
                     yield from self.read(statement.value, scope)
-                case Branches():
-                    for condition in statement.conditions:
-                        yield from self.read(condition, scope)
-                    for branch in statement.branches:
-                        yield from self.statements(branch, scope)
-                case Loop():
-                    for condition in statement.conditions:
-                        yield from self.read(condition, scope)
-                    yield from self.statements(statement.body, scope.with_counter(statement.counter))
-                case Leave() if statement.value is not None:
-                    yield from self.read(statement.value, scope)
                 case Unparsed():
                     yield from self.unparsed(statement, scope)
                 case _:
-                    pass
+                    for expression in expressions_of(statement):
+                        yield from self.read(expression, scope)
+                    own = scope.with_counter(statement.counter) if isinstance(statement, Loop) else scope
+                    yield from self.statements(blocks_of(statement), own)
 
     def unparsed(self, unparsed: Unparsed, scope: Scope) -> Iterator[Mention]:
         """Names in text that was not understood."""
@@ -538,19 +525,14 @@ class _Walker:
         match expression:
             case Reference():
                 yield from self.mention(expression, scope, False)
-            case Aggregate() if not expression.is_plain:
-                for item in expression.items:
-                    yield from self.read(item, scope)
-            case Operation():
-                for operand in expression.operands:
-                    yield from self.read(operand, scope)
             case Call():
                 arguments = expression.arguments
                 if expression.name.key == "dim" and "dim" not in scope.routines:
                     arguments = arguments[1:]  # it reads how many elements there are, not what they hold
                 yield from self.arguments(arguments, expression.name, function_may_change, scope)
             case _:
-                pass
+                for part in inside(expression):
+                    yield from self.read(part, scope)
 
 
 def _option(routine: Routine, name: str) -> Parameter | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from robot_programs.core.program import Unresolved
 from robot_programs.core.source import Source
-from robot_programs.rapid.syntax import Declaration, Module, Routine, Token
+from robot_programs.rapid.syntax import Declaration, Module, Routine, Statement, Token
 
 # What every RAPID program can use without declaring it: types, data, instructions and functions.
 #
@@ -237,6 +237,11 @@ class Context:
     scope: Scope
     declared: tuple[Symbol, ...]
     """Data declared right here."""
+
+    @property
+    def statements(self) -> tuple[Statement, ...]:
+        """Of a routine and its handlers; of a module the text between them that is not understood."""
+        return self.module.unparsed if self.routine is None else self.routine.statements
 
 
 def contexts(files: Iterable[File]) -> Iterator[Context]:

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain, zip_longest
+from itertools import zip_longest
 from typing import NamedTuple
 
 from robot_programs.core import flow as form
@@ -21,6 +21,7 @@ from robot_programs.rapid.changes import (
     calls,
     changes,
     effects_of,
+    expressions_of,
     is_late,
     is_motion,
     is_read,
@@ -219,12 +220,7 @@ def passed_arguments(
             known = _argument_value(argument, scope, file, values)
         except Unresolved:
             continue
-        passed = known.passed
-        if passed is not None:
-            passed = PassedArgument(
-                argument=passed.argument, file=passed.file, origin=passed.origin, literal=passed.literal,
-                reads=passed.reads, parameters=(*passed.parameters, symbol),
-            )  # fmt: skip
+        passed = known.passed and replace(known.passed, parameters=(*known.passed.parameters, symbol))
         settable = values.settable(argument.value, scope)
         yield symbol, AbstractValue(value=known.value, passed=passed, name=known.name, settable=settable)
 
@@ -245,10 +241,7 @@ def _argument_value(argument: Argument, scope: Scope, file: File, values: Values
     if found.passed is not None:  # a parameter is passed on
         literal = found.literal if isinstance(found.literal, Aggregate) else None
         reads = found.passed.reads | {(file, node.start)}
-        passed = PassedArgument(
-            argument=found.passed.argument, file=found.passed.file, origin=found.origin, literal=literal, reads=reads,
-            parameters=found.passed.parameters,
-        )  # fmt: skip
+        passed = replace(found.passed, origin=found.origin, literal=literal, reads=reads)
         return AbstractValue(value=found.value, passed=passed, name=found.name)
     if found.origin is None:  # what was assigned to a variable of the caller has to be written where it is used
         return AbstractValue(value=found.value, name=found.name)
@@ -432,15 +425,8 @@ class _Walk(form.Walk[State, Routine]):
 
     def asked(self, line: Line, state: State) -> State:
         """State after the functions in the expressions of a statement."""
-        match line.statement:
-            case Branches() | Loop():
-                expressions = line.statement.conditions
-            case Assignment():
-                expressions = (line.statement.value,)
-            case Leave() if line.statement.value is not None:
-                expressions = (line.statement.value,)
-            case _:
-                return state
+        statement = line.statement
+        expressions = (statement.value,) if isinstance(statement, Assignment) else tuple(expressions_of(statement))
         moving = any(calls(expression, line.scope) for expression in expressions)
         if not moving and not any(map(returns_values, expressions)):
             return state
@@ -859,7 +845,7 @@ def _cautions(everywhere: Sequence[Context]) -> Iterator[Diagnostic]:
             continue
         yield Diagnostic(place=file.source.place(name.start), text=text)
     for context in everywhere:
-        for statement in nested(() if context.routine is None else context.routine.statements):
+        for statement in nested(context.statements):
             if not isinstance(statement, Instruction):
                 continue
             name = statement.name.text
@@ -881,9 +867,7 @@ def _cautions(everywhere: Sequence[Context]) -> Iterator[Diagnostic]:
 def _words(everywhere: Iterable[Context]) -> Iterator[tuple[File, Token, frozenset[str]]]:
     """Names of instructions with the options they are given; all names in text that is not understood."""
     for context in everywhere:
-        routine = context.routine
-        blocks = (context.module.unparsed,) if routine is None else (routine.body, *routine.handlers)
-        for statement in chain.from_iterable(map(nested, blocks)):
+        for statement in nested(context.statements):
             match statement:
                 case Instruction():
                     options = frozenset(a.option for a in statement.arguments if a.option)
@@ -897,20 +881,11 @@ def _words(everywhere: Iterable[Context]) -> Iterator[tuple[File, Token, frozens
                     pass
 
 
-def _lost_motions(context: Context) -> Iterable[Diagnostic]:
+def _lost_motions(context: Context) -> Iterator[Diagnostic]:
     """Motions in text that was not understood."""
-    if context.routine is None:
-        for unparsed in context.module.unparsed:
-            yield from _motions_in(unparsed, context)
-        return
-    for block in (context.routine.body, *context.routine.handlers):
-        for statement in nested(block):
-            if isinstance(statement, Unparsed):
-                yield from _motions_in(statement, context)
-
-
-def _motions_in(unparsed: Unparsed, context: Context) -> Iterable[Diagnostic]:
-    for token in unparsed.tokens:
-        if token.kind == "name" and token.key.startswith(MOVING) and token.key not in MOTIONLESS:
-            text = f"{token.text} stays as it is: the text around it is not understood ({unparsed.trouble(context.file.source)})"
-            yield Diagnostic(place=context.file.source.place(token.start), text=text)
+    for unparsed in (statement for statement in nested(context.statements) if isinstance(statement, Unparsed)):
+        for token in unparsed.tokens:
+            if token.kind == "name" and token.key.startswith(MOVING) and token.key not in MOTIONLESS:
+                why = unparsed.trouble(context.file.source)
+                text = f"{token.text} stays as it is: the text around it is not understood ({why})"
+                yield Diagnostic(place=context.file.source.place(token.start), text=text)

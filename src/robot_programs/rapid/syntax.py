@@ -222,21 +222,23 @@ Expression = Number | Text | Truth | Aggregate | Reference | Call | Operation
 def parts(node: Expression) -> Iterator[Expression]:
     """An expression and all that stand in it."""
     yield node
+    for part in inside(node):
+        yield from parts(part)
+
+
+def inside(node: Expression) -> tuple[Expression, ...]:
+    """The expressions that stand right in one; none of a list of nothing but numbers."""
     match node:
         case Aggregate() if not node.is_plain:
-            inside = node.items
+            return node.items
         case Operation():
-            inside = node.operands
+            return node.operands
         case Call():
-            inside = tuple(argument.value for argument in node.arguments if argument.value is not None)
+            return tuple(argument.value for argument in node.arguments if argument.value is not None)
         case Reference():
-            inside = tuple(
-                item for selector in node.selectors if isinstance(selector, Index) for item in selector.items
-            )
+            return tuple(item for selector in node.selectors if isinstance(selector, Index) for item in selector.items)
         case _:
-            inside = ()
-    for part in inside:
-        yield from parts(part)
+            return ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)

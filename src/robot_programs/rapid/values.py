@@ -1,16 +1,18 @@
 """Values of data that the text gives: constants, variables that nothing assigns to, and what the flow of the program tells."""
 
 import math
+import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core import flow, se3
 from robot_programs.core.program import Frame, Unresolved, rotation
+from robot_programs.core.values import COMPARISONS, FUNCTIONS, applied
 from robot_programs.rapid.names import File, Scope, Symbol, Value
 from robot_programs.rapid.syntax import (
     Aggregate,
@@ -25,6 +27,7 @@ from robot_programs.rapid.syntax import (
     Text,
     Truth,
 )
+from robot_programs.rapid.syntax import parts as parts_of
 
 # Operators of RAPID, and shifts of targets.
 #
@@ -35,68 +38,53 @@ MAX_SHIFT_MM = 1e6
 """No shift is farther."""
 
 
-def operated(operator: str, values: Sequence[Value]) -> Value:
+def _whole_quotient(a: float, b: float) -> float:
+    """Quotient of two whole numbers, cut off towards zero.
+
+    Raises:
+        ValueError: one is not whole.
+    """
+    if not (a.is_integer() and b.is_integer()):
+        raise ValueError("DIV and MOD are of whole numbers")
+    return float(int(a / b))
+
+
+_OF_TRUTHS: Mapping[tuple[str, int], Callable[..., bool]] = {
+    ("not", 1): operator.not_, ("and", 2): operator.and_, ("or", 2): operator.or_,
+    ("xor", 2): operator.ne, ("<>", 2): operator.ne, ("=", 2): operator.eq,
+}  # fmt: skip
+_OF_NUMBERS: Mapping[tuple[str, int], Callable[..., Any]] = {
+    ("-", 1): operator.neg, ("+", 1): operator.pos,
+    ("+", 2): operator.add, ("-", 2): operator.sub, ("*", 2): operator.mul, ("/", 2): operator.truediv,
+    # the remainder has the sign of the dividend
+    ("div", 2): _whole_quotient, ("mod", 2): lambda a, b: a - _whole_quotient(a, b) * b,
+    **{(sign, 2): compare for sign, compare in COMPARISONS.items()},
+}  # fmt: skip
+"""Operators, with how many operands they have."""
+
+
+def operated(sign: str, values: Sequence[Value]) -> Value:
     """Value of an operator applied to its operands.
 
     Raises:
         Unresolved: they are not of the types it needs, or it is not evaluated.
     """
-    truths = [v for v in values if isinstance(v, bool)]
-    if len(truths) == len(values):
-        return _of_truths(operator, truths)
-    if operator in ("=", "<>"):
+    key = sign, len(values)
+    if all(isinstance(v, bool) for v in values):
+        if key not in _OF_TRUTHS:
+            raise Unresolved("a number is expected where there is none")
+        return _OF_TRUTHS[key](*values)
+    if sign in ("=", "<>"):
         a, b = values
         if type(a) is not type(b):
-            raise Unresolved(f"the operator {operator} compares things of different types")
-        return (a == b) == (operator == "=")
+            raise Unresolved(f"the operator {sign} compares things of different types")
+        return (a == b) == (sign == "=")
     if not all(isinstance(v, float) for v in values):
         raise Unresolved("a number is expected where there is none")
-    return _of_numbers(operator, [v for v in values if isinstance(v, float)])
-
-
-def _of_truths(operator: str, truths: Sequence[bool]) -> bool:
-    match operator, truths:
-        case "not", [a]:
-            return not a
-        case "and", [a, b]:
-            return a and b
-        case "or", [a, b]:
-            return a or b
-        case (("xor" | "<>"), [a, b]):
-            return a != b
-        case "=", [a, b]:
-            return a == b
-        case _:
-            raise Unresolved("a number is expected where there is none")
-
-
-def _of_numbers(operator: str, given: Sequence[float]) -> Value:
-    match operator, given:
-        case "-", [a]:
-            return -a
-        case "+", [a]:
-            return a
-        case "+", [a, b]:
-            return a + b
-        case "-", [a, b]:
-            return a - b
-        case "*", [a, b]:
-            return a * b
-        case "/", [a, b] if b != 0.0:
-            return a / b
-        case (("div" | "mod"), [a, b]) if b != 0.0 and a == int(a) and b == int(b):
-            quotient = float(int(a / b))  # towards zero, and the remainder has the sign of the dividend
-            return quotient if operator == "div" else a - quotient * b
-        case "<", [a, b]:
-            return a < b
-        case ">", [a, b]:
-            return a > b
-        case "<=", [a, b]:
-            return a <= b
-        case ">=", [a, b]:
-            return a >= b
-        case _:
-            raise Unresolved(f"the operator {operator.upper()} is not evaluated")
+    try:
+        return _OF_NUMBERS[key](*values)
+    except (KeyError, ValueError, ArithmeticError):
+        raise Unresolved(f"the operator {sign.upper()} is not evaluated") from None
 
 
 def shifted(name: str, T: Float[np.ndarray, "4 4"], by: Sequence[Value], options: Mapping[str, Value]) -> np.ndarray:
@@ -221,6 +209,21 @@ def pose_of(xyz_mm: tuple[float, ...], wxyz: tuple[float, ...]) -> Float[np.ndar
     return se3.pose(se3.from_quaternion(np.array([*wxyz[1:], wxyz[0]])), np.array(xyz_mm) / 1e3)
 
 
+def pose(value: Value, what: str, whole: str = "") -> Float[np.ndarray, "4 4"]:
+    """The transform of a record of a position and an orientation.
+
+    Args:
+        value: the record.
+        what: for messages about its parts.
+        whole: for messages about itself, where it is called otherwise.
+
+    Raises:
+        Unresolved: it is none.
+    """
+    trans, rot = parts(value, 2, whole or what)
+    return pose_of(position(trans, what), quaternion(rot, what))
+
+
 @lru_cache(maxsize=256)
 def frames_of(tool: tuple[str, Value], work_object: tuple[str, Value]) -> Frames:
     """The frames of a motion, from names and values of its tooldata and wobjdata.
@@ -239,23 +242,22 @@ def frames_of(tool: tuple[str, Value], work_object: tuple[str, Value]) -> Frames
         what = "both held by the robot" if tool_held else "neither held by the robot"
         raise Unresolved(f"the tool '{tool_name}' and the work object '{wobj_name}' are {what}")
     # the user frame of a work object that moves is that of the mechanical unit, whatever uframe says (wobjdata)
-    user = _frame_pose(uframe, f"'{wobj_name}'") if fixed else np.eye(4)
-    inner = _frame_pose(oframe, f"'{wobj_name}'")
+    user = _frame_pose(uframe, wobj_name) if fixed else np.eye(4)
+    inner = _frame_pose(oframe, wobj_name)
     return Frames(
-        tool=Frame(name=tool_name, T=_frame_pose(tframe, f"'{tool_name}'")),
+        tool=Frame(name=tool_name, T=_frame_pose(tframe, tool_name)),
         part=Frame(name=wobj_name, T=user @ inner),
         part_in_hand=wobj_held,
         carrier="" if fixed else str(unit),
     )
 
 
+def _frame_pose(value: Value, name: str) -> Float[np.ndarray, "4 4"]:
+    return pose(value, f"'{name}'", f"the frame of '{name}'")
+
+
 def _seen_from(T_world_base: Float[np.ndarray, "4 4"], frame: Frame) -> Frame:
     return Frame(name=frame.name, T=se3.inverse(T_world_base) @ frame.T)
-
-
-def _frame_pose(value: Value, what: str) -> Float[np.ndarray, "4 4"]:
-    trans, rot = parts(value, 2, f"the frame of {what}")
-    return pose_of(position(trans, what), quaternion(rot, what))
 
 
 # Functions of RAPID whose value the text gives: shifts of targets, poses and orientations, and of numbers, angles
@@ -270,21 +272,18 @@ TIE_TOLERANCE = 1e-6
 """So near to halfway between two rounded numbers, the controller's 32-bit numbers may lie on either side."""
 
 
-def _shifted_target(name: str, given: Sequence[Value], options: Options) -> Value:
-    if len(given) != 4:
-        raise Unresolved(f"{name}() is not given a target and three distances")
-    trans, rot, conf, extax = parts(given[0], 4, "the target")
-    T = pose_of(position(trans, "the target"), quaternion(rot, "the target"))
-    own = pose_numbers(shifted(name, T, given[1:], options))
-    return (own[:3], own[3:], conf, extax)
+def _shifting(name: str) -> Function:
+    """Offs or RelTool."""
 
+    def function(given: Sequence[Value], options: Options) -> Value:
+        if len(given) != 4:
+            raise Unresolved(f"{name}() is not given a target and three distances")
+        trans, rot, conf, extax = parts(given[0], 4, "the target")
+        T = pose_of(position(trans, "the target"), quaternion(rot, "the target"))
+        own = pose_numbers(shifted(name, T, given[1:], options))
+        return (own[:3], own[3:], conf, extax)
 
-def _offs(given: Sequence[Value], options: Options) -> Value:
-    return _shifted_target("Offs", given, options)
-
-
-def _rel_tool(given: Sequence[Value], options: Options) -> Value:
-    return _shifted_target("RelTool", given, options)
+    return function
 
 
 def _size(given: Sequence[Value], options: Options) -> Value:
@@ -299,61 +298,38 @@ def _size(given: Sequence[Value], options: Options) -> Value:
     return float(len(array))
 
 
-def _pose(value: Value, what: str) -> Float[np.ndarray, "4 4"]:
-    trans, rot = parts(value, 2, what)
-    return pose_of(position(trans, what), quaternion(rot, what))
-
-
 def _as_pose(T: Float[np.ndarray, "4 4"]) -> Value:
     own = pose_numbers(T)
     return (own[:3], own[3:])
 
 
-def _pose_mult(given: Sequence[Value], options: Options) -> Value:
-    """PoseMult(a, b): b, counted in a."""
-    a, b = parts(tuple(given), 2, "what PoseMult() is given")
-    return _as_pose(_pose(a, "the first pose") @ _pose(b, "the second pose"))
-
-
-def _pose_inv(given: Sequence[Value], options: Options) -> Value:
-    (pose,) = parts(tuple(given), 1, "what PoseInv() is given")
-    return _as_pose(np.linalg.inv(_pose(pose, "the pose")))
-
-
-def _pose_vect(given: Sequence[Value], options: Options) -> Value:
-    """PoseVect(pose, pos): the point, counted in what the pose is counted in."""
-    pose, point = parts(tuple(given), 2, "what PoseVect() is given")
-    T = _pose(pose, "the pose")
-    x, y, z = T[:3, :3] @ np.array(position(point, "the point")) + T[:3, 3] * 1e3
-    return (float(x), float(y), float(z))
+def _seen(T: Float[np.ndarray, "4 4"], point: tuple[float, ...]) -> Value:
+    """A point of a frame, millimetres, in what the frame is counted in."""
+    return tuple(map(float, T[:3, :3] @ np.array(point) + T[:3, 3] * 1e3))
 
 
 def _orient_zyx(given: Sequence[Value], options: Options) -> Value:
     """OrientZYX(z, y, x): turned about z, the new y and the new x."""
     z, y, x = numbers(tuple(given), 3, "what OrientZYX() is given")
-    T = np.eye(4)
-    T[:3, :3] = rotation(z, y, x)
-    return pose_numbers(T)[3:]
+    return pose_numbers(se3.pose(rotation(z, y, x), np.zeros(3)))[3:]
 
 
-def _n_orient(given: Sequence[Value], options: Options) -> Value:
-    (rot,) = parts(tuple(given), 1, "what NOrient() is given")
-    return quaternion(rot, "the orientation")
+def _geometric(
+    name: str, function: Callable[..., Value], *given: tuple[Callable[[Value, str], object], str]
+) -> Function:
+    """A function of poses, positions and orientations.
 
+    Args:
+        name: for messages.
+        function: its value.
+        given: how each argument is read, and what it is called in messages.
+    """
 
-def _distance(given: Sequence[Value], options: Options) -> Value:
-    a, b = parts(tuple(given), 2, "what Distance() is given")
-    return math.dist(position(a, "the first point"), position(b, "the second point"))
+    def checked(values: Sequence[Value], options: Options) -> Value:
+        own = parts(tuple(values), len(given), f"what {name}() is given")
+        return function(*(read(value, what) for value, (read, what) in zip(own, given, strict=True)))
 
-
-def _magnitude(given: Sequence[Value], options: Options) -> Value:
-    (vector,) = parts(tuple(given), 1, "what VectMagn() is given")
-    return math.hypot(*position(vector, "the vector"))
-
-
-def _dot_product(given: Sequence[Value], options: Options) -> Value:
-    a, b = parts(tuple(given), 2, "what DotProd() is given")
-    return float(np.dot(position(a, "the first vector"), position(b, "the second vector")))
+    return checked
 
 
 def _cut(name: str, to_whole: Callable[[float], float], ties: float) -> Function:
@@ -374,38 +350,32 @@ def _cut(name: str, to_whole: Callable[[float], float], ties: float) -> Function
     return function
 
 
-def _function_of_numbers(name: str, count: int, function: Callable[..., float]) -> Function:
-    """A function of numbers."""
+def _numeric(name: str, count: int) -> Function:
+    """One of the functions of numbers."""
 
     def checked(given: Sequence[Value], options: Options) -> Value:
         if options:
             raise Unresolved(f"{name}() has no option '{min(options)}'")
-        own = numbers(tuple(given), count, f"what {name}() is given")
-        try:
-            value = float(function(*own))
-        except (ValueError, OverflowError, ZeroDivisionError):
-            raise Unresolved(f"{name}({', '.join(f'{v:g}' for v in own)}) has no value") from None
-        if not math.isfinite(value):
-            raise Unresolved(f"{name}({', '.join(f'{v:g}' for v in own)}) has no value")
-        return value
+        return applied(name, numbers(tuple(given), count, f"what {name}() is given"))
 
     return checked
 
 
-NUMERIC: Mapping[str, tuple[int, Callable[..., float]]] = {
-    "Abs": (1, math.fabs), "Sqrt": (1, math.sqrt), "Exp": (1, math.exp), "Pow": (2, math.pow),
-    "Sin": (1, lambda a: math.sin(math.radians(a))), "Cos": (1, lambda a: math.cos(math.radians(a))),
-    "Tan": (1, lambda a: math.tan(math.radians(a))),
-    "ASin": (1, lambda x: math.degrees(math.asin(x))), "ACos": (1, lambda x: math.degrees(math.acos(x))),
-    "ATan": (1, lambda x: math.degrees(math.atan(x))), "ATan2": (2, lambda y, x: math.degrees(math.atan2(y, x))),
-}  # fmt: skip
-"""Functions of numbers, with how many they are given."""
+_NUMERIC = ("Abs", "Sqrt", "Exp", "Pow", "Sin", "Cos", "Tan", "ASin", "ACos", "ATan", "ATan2")
 
 COMPUTED: Mapping[str, Function] = {
-    **{name.lower(): _function_of_numbers(name, count, function) for name, (count, function) in NUMERIC.items()},
-    "offs": _offs, "reltool": _rel_tool, "dim": _size, "posemult": _pose_mult, "poseinv": _pose_inv, "posevect": _pose_vect,
-    "orientzyx": _orient_zyx, "norient": _n_orient, "distance": _distance, "vectmagn": _magnitude,
-    "dotprod": _dot_product, "round": _cut("Round", round, 0.5), "trunc": _cut("Trunc", math.trunc, 0.0),
+    **{name.lower(): _numeric(name, FUNCTIONS[name.upper()][0]) for name in _NUMERIC},
+    "offs": _shifting("Offs"), "reltool": _shifting("RelTool"), "dim": _size, "orientzyx": _orient_zyx,
+    "round": _cut("Round", round, 0.5), "trunc": _cut("Trunc", math.trunc, 0.0),
+    "posemult": _geometric("PoseMult", lambda a, b: _as_pose(a @ b), (pose, "the first pose"), (pose, "the second pose")),
+    "poseinv": _geometric("PoseInv", lambda a: _as_pose(np.linalg.inv(a)), (pose, "the pose")),
+    "posevect": _geometric("PoseVect", _seen, (pose, "the pose"), (position, "the point")),
+    "norient": _geometric("NOrient", lambda q: q, (quaternion, "the orientation")),
+    "distance": _geometric("Distance", math.dist, (position, "the first point"), (position, "the second point")),
+    "vectmagn": _geometric("VectMagn", lambda v: math.hypot(*v), (position, "the vector")),
+    "dotprod": _geometric(
+        "DotProd", lambda a, b: float(np.dot(a, b)), (position, "the first vector"), (position, "the second vector")
+    ),
 }  # fmt: skip
 """Functions of the system by their keys, of what they are given in order and by name."""
 
@@ -597,9 +567,12 @@ class Values:
             case Aggregate():
                 return tuple(self.of(item, scope, depth + 1) for item in expression.items)
             case Reference():
-                return self._of_reference(expression, scope, depth)
+                return self.found(expression, scope, depth).value
+            case Operation(operator="()"):
+                return self.of(expression.operands[0], scope, depth + 1)
             case Operation():
-                return self._of_operation(expression, scope, depth)
+                values = [self.of(operand, scope, depth + 1) for operand in expression.operands]
+                return operated(expression.operator, values)
             case Call():
                 return self._of_call(expression, scope, depth)
 
@@ -616,22 +589,13 @@ class Values:
 
     def settable(self, expression: Expression, scope: Scope) -> bool:
         """Whether an operator may change what an expression gives by hand: it reads persistent data."""
-        match expression:
-            case Reference():
-                symbol = scope.find(expression.name.text)
-                known = None if symbol is None else self.variables.get(symbol)
-                declaration = None if symbol is None else symbol.declaration
-                own = declaration is not None and declaration.storage == "pers" if known is None else known.settable
-                indices = (item for s in expression.selectors if isinstance(s, Index) for item in s.items)
-                return own or any(self.settable(item, scope) for item in indices)
-            case Aggregate() if not expression.is_plain:
-                return any(self.settable(item, scope) for item in expression.items)
-            case Operation():
-                return any(self.settable(operand, scope) for operand in expression.operands)
-            case Call():
-                return any(a.value is not None and self.settable(a.value, scope) for a in expression.arguments)
-            case _:
-                return False
+        return any(self._is_settable(part, scope) for part in parts_of(expression) if isinstance(part, Reference))
+
+    def _is_settable(self, reference: Reference, scope: Scope) -> bool:
+        symbol = scope.find(reference.name.text)
+        known = None if symbol is None else self.variables.get(symbol)
+        declaration = None if symbol is None else symbol.declaration
+        return declaration is not None and declaration.storage == "pers" if known is None else known.settable
 
     def found(self, reference: Reference, scope: Scope, depth: int = 0) -> Found:
         """Data that a reference names.
@@ -695,9 +659,6 @@ class Values:
                     type_ = scope.types[type_][path[-1]][1]
         return tuple(path), type_
 
-    def _of_reference(self, reference: Reference, scope: Scope, depth: int) -> Value:
-        return self.found(reference, scope, depth).value
-
     def _declared(self, origin: Origin, depth: int) -> Value:
         """The declared value of data, which does not follow what its parts hold later."""
         symbol = origin.symbol
@@ -730,11 +691,6 @@ class Values:
             raise Unresolved(f"the value of {call.name.text}() is known only at run time")
         given = [self.of(node, scope, depth + 1) for node in required]
         return COMPUTED[key](given, {name: self.of(node, scope, depth + 1) for name, node in options.items()})
-
-    def _of_operation(self, operation: Operation, scope: Scope, depth: int) -> Value:
-        if operation.operator == "()":
-            return self.of(operation.operands[0], scope, depth + 1)
-        return operated(operation.operator, [self.of(operand, scope, depth + 1) for operand in operation.operands])
 
 
 def _written_at(symbol: Symbol, path: tuple[int, ...]) -> Expression | None:

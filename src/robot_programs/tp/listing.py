@@ -9,10 +9,9 @@ from math import nan, radians
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robot_programs.core import se3
-from robot_programs.core.program import THROUGH_TARGET, Unresolved, Zone, angles, rotation
+from robot_programs.core.program import THROUGH_TARGET, Unresolved, Zone, angled_pose, pose_numbers
 from robot_programs.core.robot import Robot, arm_bends
-from robot_programs.core.source import Edit, Source, numeral, renumbered
+from robot_programs.core.source import Edit, Source, lines_of, numeral, renumbered
 
 # Stretches of a text, each from behind a mark to the next one.
 
@@ -58,6 +57,21 @@ class Register:
     configuration: str = ""
     extended: bool = False
     """It has positions of extended axes, too."""
+
+    @property
+    def is_pose(self) -> bool:
+        """Whether it is stated as a pose, not as joints."""
+        return self.T is not None
+
+    def pose(self) -> Float[np.ndarray, "4 4"]:
+        """The pose that it states, metres."""
+        assert self.T is not None
+        return self.T
+
+    def joints(self, count: int) -> Float[np.ndarray, " joints"]:
+        """The joint positions that it states, radians, however many they are."""
+        assert self.q is not None
+        return self.q
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -108,8 +122,7 @@ def _pose(text: str) -> Float[np.ndarray, "4 4"] | None:
     values = {match["name"]: float(match["value"]) for match in _POSE_VALUE.finditer(text)}
     if len(values) < 6:
         return None
-    position = np.array([values["X"], values["Y"], values["Z"]]) * 1e-3
-    return se3.pose(rotation(values["R"], values["P"], values["W"]), position)
+    return angled_pose(*(values[name] for name in "XYZRPW"))
 
 
 def _stated_register(text: str, pose: Float[np.ndarray, "4 4"] | None) -> Register | None:
@@ -223,7 +236,7 @@ class Group:
             Unresolved: it is not complete.
         """
         x, y, z, w, p, r = (self.value(name) for name in POSE)
-        return se3.pose(rotation(r, p, w), np.array([x, y, z]) * 1e-3)
+        return angled_pose(x, y, z, r, p, w)
 
     def joints(self, count: int) -> Float[np.ndarray, " joints"]:
         """The joint positions that it states, radians.
@@ -327,8 +340,8 @@ def pose_values(T: Float[np.ndarray, "4 4"], near: Group | None = None) -> dict[
     """Values of X Y Z W P R of a pose, millimetres and degrees; angles near those of a position."""
     components: Mapping[str, Component] = {} if near is None else near.components
     old = [component.value or 0.0 for name in "RPW" if (component := components.get(name))]
-    r, p, w = angles(T[:3, :3], (old[0], old[1], old[2])) if len(old) == 3 else angles(T[:3, :3])
-    return dict(zip(POSE, [*(float(v) for v in T[:3, 3] * 1e3), w, p, r], strict=True))
+    x, y, z, r, p, w = pose_numbers(T, (old[0], old[1], old[2]) if len(old) == 3 else (0.0, 0.0, 0.0))
+    return dict(zip(POSE, (x, y, z, w, p, r), strict=True))
 
 
 def joint_values(q: Float[np.ndarray, " joints"]) -> dict[str, float]:
@@ -448,7 +461,7 @@ def _instructions(text: str, start: int, end: int) -> Iterator[Instruction]:
     opened: tuple[int, tuple[int, int], int] | None = None
     pieces: list[str] = []
     behind = start
-    for first, last in _lines(text, start, end):
+    for first, last in lines_of(text, start, end):
         mark = _LINE.match(text, first, last)
         if mark is None:
             continue
@@ -472,15 +485,6 @@ def _instruction(opened: tuple[int, tuple[int, int], int], end: int, pieces: lis
     return Instruction(start=start, number=number, body=body, end=end, text="".join(pieces)[: end - body])
 
 
-def _lines(text: str, start: int, end: int) -> Iterator[tuple[int, int]]:
-    """Lines of a part of a text, without their ends."""
-    while start < end:
-        newline = text.find("\n", start, end)
-        last = end if newline < 0 else newline
-        yield start, last - 1 if last > start and text[last - 1] == "\r" else last
-        start = last + 1
-
-
 # Motion instructions: ``L P[3] 500mm/sec CNT100 Offset,PR[2]``, from text to what they say.
 #
 # FANUC's operator's manuals, section "Motion instructions": J moves the joints, L along a line, C along an arc
@@ -501,7 +505,7 @@ METRES_PER_SECOND = {"mm/sec": 1e-3, "cm/min": 1e-2 / 60.0, "inch/min": 0.0254 /
 _BEHIND = frozenset({"ta", "tb", "db"})
 """Options that begin a call or an assignment at a time before or behind the target; all that follows belongs to them."""
 _WITHOUT_EFFECT = frozenset(
-    {
+    [
         "acc",
         "ev",
         "pth",
@@ -517,7 +521,7 @@ _WITHOUT_EFFECT = frozenset(
         "spot",
         "ap_ld",
         "rt_ld",
-    }
+    ]
 )
 """Options that do not change where the motion leads."""
 _REFUSED = {

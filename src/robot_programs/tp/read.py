@@ -472,12 +472,7 @@ class Resolver:
                 )
             numbers.append(number)
         return Written(
-            operand=operand,
-            position=position,
-            group=group,
-            register=None,
-            numbers=(numbers[0], numbers[1]),
-            offset=offset,
+            operand=operand, position=position, stated=group, numbers=(numbers[0], numbers[1]), offset=offset
         )
 
     def _register(
@@ -502,12 +497,7 @@ class Resolver:
         assert state.frame is not None
         assert state.tool is not None
         return Written(
-            operand=operand,
-            position=None,
-            group=None,
-            register=register,
-            numbers=(state.frame, state.tool),
-            offset=offset,
+            operand=operand, position=None, stated=register, numbers=(state.frame, state.tool), offset=offset
         )
 
     def _one_of(self, written: tuple[Written, ...]) -> tuple[Frame, Frame]:
@@ -519,9 +509,9 @@ class Resolver:
 
     def _target(self, written: Written, motion: Motion, tool: Frame, frame: Frame) -> Target:
         """Target of a motion."""
-        place, name = self.source.place(written.start), written.name
-        if written.states_joints:
-            q = written.joints(len(self.robot.joint_names))
+        place, name, stated = self.source.place(written.start), written.operand.name, written.stated
+        if not stated.is_pose:
+            q = stated.joints(len(self.robot.joint_names))
             if motion.offsets:
                 raise Unresolved("offset of a joint position is not supported; program the position in Cartesian form")
             if motion.keyword == "J":
@@ -530,8 +520,8 @@ class Resolver:
             T = se3.inverse(frame.T) @ flange @ tool.T
             return Target(name=name, T=T, q=None, posture=NearPosture(q=q), place=place)
         shift, tool_shift = written.offset
-        posture: Posture = Configuration.parse(written.configuration)
-        return Target(name=name, T=shift @ written.pose() @ tool_shift, q=None, posture=posture, place=place)
+        posture: Posture = Configuration.parse(stated.configuration)
+        return Target(name=name, T=shift @ stated.pose() @ tool_shift, q=None, posture=posture, place=place)
 
 
 # Reading TP programs with the frames and registers of a backup.
@@ -569,7 +559,7 @@ class TpProgram(Program):
         """Motions of one listing that name one position, whatever shifts it; see `Program.visits`."""
         for number, (site, move) in enumerate(zip(self.sites, self.moves, strict=True)):
             for written in site.written:
-                yield Visit(number=number, target=(site.file, written.name), place=move.place)
+                yield Visit(number=number, target=(site.file, written.operand.name), place=move.place)
         yield from self.unresolved
 
     def reread(self, sources: tuple[Source, ...]) -> "TpProgram":

@@ -39,61 +39,17 @@ class Written:
     operand: Operand
     position: Position | None
     """None of a register."""
-    group: Group | None
-    register: Register | None
-    """Whose value no program states; None of a position."""
+    stated: Group | Register
+    """The position's values of the robot's group; or the register, whose value no program states."""
     numbers: tuple[int, int]
     """Of user frame and tool."""
     offset: tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "4 4"]]
     """By which the motion shifts it: in the user frame, and in the tool."""
 
     @property
-    def name(self) -> str:
-        """Name by which the motion calls it."""
-        return self.operand.name
-
-    @property
     def start(self) -> int:
         """Place of its numbers."""
         return self.operand.start if self.position is None else self.position.start
-
-    @property
-    def states_joints(self) -> bool:
-        """Whether it is given by joints, not by a pose."""
-        if self.group is not None:
-            return not self.group.is_pose
-        return self.register is not None and self.register.q is not None
-
-    @property
-    def configuration(self) -> str:
-        """Configuration as written in the file."""
-        if self.group is not None:
-            return self.group.configuration
-        return "" if self.register is None else self.register.configuration
-
-    def pose(self) -> Float[np.ndarray, "4 4"]:
-        """Pose as stated, without the motion's shifts, metres.
-
-        Raises:
-            Unresolved: it is not complete.
-        """
-        if self.group is not None:
-            return self.group.pose()
-        assert self.register is not None
-        assert self.register.T is not None
-        return self.register.T
-
-    def joints(self, count: int) -> Float[np.ndarray, " joints"]:
-        """Joint positions as they are stated, radians.
-
-        Raises:
-            Unresolved: they are not complete.
-        """
-        if self.group is not None:
-            return self.group.joints(count)
-        assert self.register is not None
-        assert self.register.q is not None
-        return self.register.q
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -191,9 +147,10 @@ class _Rewriting:
     def _position(self, written: Written, waypoint: Waypoint) -> str:
         """A position's text for a waypoint: from its number's closing bracket on."""
         values, configuration = self._values(written, waypoint)
-        position, group = written.position, written.group
-        if position is None or group is None:
-            return self._new_position(written, values, configuration)
+        position, group = written.position, written.stated
+        if position is None or not isinstance(group, Group):
+            stated = "" if configuration is None else str(configuration)
+            return listed(written.numbers, values, stated, self.source.newline)
         edits = edits_for(group, values)
         if configuration is not None and group.configuration_at[1]:
             start, end = group.configuration_at
@@ -207,16 +164,14 @@ class _Rewriting:
 
     def _values(self, written: Written, waypoint: Waypoint) -> tuple[dict[str, float], Configuration | None]:
         """Values of all components, millimetres and degrees, and the configuration of a pose."""
-        if written.states_joints:
+        stated = written.stated
+        if not stated.is_pose:
             return joint_values(waypoint.q), None
         assert waypoint.T is not None
         shift, tool_shift = written.offset
         T = se3.inverse(shift) @ waypoint.T @ se3.inverse(tool_shift)
-        return pose_values(T, written.group), Configuration.parse(written.configuration).of(self.robot, waypoint.q)
-
-    def _new_position(self, written: Written, values: Mapping[str, float], configuration: Configuration | None) -> str:
-        stated = "" if configuration is None else str(configuration)
-        return listed(written.numbers, values, stated, self.source.newline)
+        near = stated if isinstance(stated, Group) else None
+        return pose_values(T, near), Configuration.parse(stated.configuration).of(self.robot, waypoint.q)
 
     def _add(self, text: str) -> int:
         """Add a position, and give its number."""

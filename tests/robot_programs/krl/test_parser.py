@@ -2,7 +2,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_programs.krl.parse import parse
 from robot_programs.krl.syntax import (
     Aggregate,
     Assignment,
@@ -14,6 +13,7 @@ from robot_programs.krl.syntax import (
     Motion,
     Reference,
     lines_of_words,
+    parse,
 )
 
 

@@ -5,8 +5,7 @@ from hypothesis import strategies as st
 
 from robot_programs.core.program import Unresolved, rotation
 from robot_programs.krl.data import axes, edits_for, external, pose, pose_values
-from robot_programs.krl.parse import parse_operand
-from robot_programs.krl.syntax import Aggregate, lines_of_words
+from robot_programs.krl.syntax import Aggregate, lines_of_words, parse_operand
 
 degrees = st.floats(-360.0, 360.0)
 
