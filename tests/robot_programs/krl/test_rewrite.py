@@ -3,7 +3,6 @@ import re
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 
 from robot_programs.core.program import Move, Waypoint, rotation
 from robot_programs.core.source import Source
@@ -11,8 +10,6 @@ from robot_programs.krl.read import KrlProgram, read_krl
 from robot_programs.krl.rewrite import Status
 from taskcal.robot.catalogue import load_robot
 from tests.laws.robots import generators
-from tests.robot_programs.fuzz import check_case
-from tests.robot_programs.krl.fuzzing import LANGUAGE
 from tests.robot_programs.krl.generator import generate
 from tests.robot_programs.krl.rewriting import Q, nearby, nearby_waypoints
 from tests.robot_programs.krl.samples import handling, milling, source
@@ -242,8 +239,3 @@ def test_letters_of_any_encoding_survive(encoding, newline, tmp_path):
     program = read_krl([given_source])
     (after,) = program.rewrite(KR16, {0: (to(0.901),)})
     assert after.encode() == text.replace("X 900,", "X 901.00000,").encode(encoding)
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_damaged_programs_are_read_or_refused(seed):
-    assert check_case(LANGUAGE, seed) in ("refused", "read", "rewritten")
