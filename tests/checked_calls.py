@@ -22,10 +22,10 @@ import numpy as np
 from beartype import BeartypeConf, beartype
 
 CALLS = 50
-"""Of one function that are checked in one test at most; more than the examples that Hypothesis draws."""
+"""Of one function that may be checked in one test, the first ones; more than the examples that Hypothesis draws."""
 
 REPEATED_CALLS = 5
-"""Of one function that are checked in one test although calls of the same types and shapes were right."""
+"""Of these, those that are checked although calls of the same types and shapes were right."""
 
 MAX_TUPLE = 8
 """Members of a tuple whose shapes are told apart: of a long one, such as names, the checks look at one member too."""
@@ -131,10 +131,10 @@ def check_first_calls(function: Any) -> Any:
             calls.test, calls.number = _test, 0
         if calls.number >= CALLS:
             return function(*args, **kwargs)
-        signature = _signature(args, kwargs)
-        if calls.number >= REPEATED_CALLS and signature in calls.right:
-            return function(*args, **kwargs)
         calls.number += 1
+        signature = _signature(args, kwargs)
+        if calls.number > REPEATED_CALLS and signature in calls.right:
+            return function(*args, **kwargs)
         if calls.checked is None:  # not sooner, for most functions of the package are not called in a few tests
             calls.checked = _check_each_call(_innermost_running(function) if nested else function)
         if nested:

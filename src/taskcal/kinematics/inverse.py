@@ -60,12 +60,18 @@ def stretch_of(model: ErrorModel) -> Stretch:
         before = behind + middle[:, None] * directions
         return before[1:] - behind[:-1]
 
-    def length(along: Float[np.ndarray, " joints"]) -> float:
-        return float(np.sqrt((ways(along) ** 2).sum(axis=1) + SMOOTHING_M**2).sum())
+    def length(along: Float[np.ndarray, " joints"]) -> tuple[float, Float[np.ndarray, " joints"]]:
+        """Length of the whole way, and its derivative."""
+        parts = ways(along)
+        lengths = np.sqrt((parts**2).sum(axis=1) + SMOOTHING_M**2)
+        units, derivative = parts / lengths[:, None], np.zeros(len(along))
+        derivative[1:] += (units * directions[1:]).sum(axis=1)
+        derivative[:-1] -= (units * directions[:-1]).sum(axis=1)
+        return float(lengths.sum()), derivative
 
     from scipy.optimize import minimize
 
-    along = minimize(length, np.zeros(len(places)), method="BFGS").x
+    along = minimize(length, np.zeros(len(places)), jac=True, method="BFGS").x
     behind = places + along[:, None] * directions
     return Stretch(
         centre=behind[0] + middle[0] * directions[0],

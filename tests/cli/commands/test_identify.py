@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taskcal.cli.commands import doctor
+from taskcal.errors import TaskcalError
 from taskcal.identification.calibration import load_calibration
 from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import write_campaign
@@ -20,6 +22,16 @@ ERRORS = {"mean_mm", "rms_mm", "p95_mm", "max_mm", "max_x_mm", "max_y_mm", "max_
 
 def identify(run: Run, campaign: Path, output: Path, *options: object, robot: object = IRB6660) -> Ended:
     return run("identify", "--robot", robot, campaign, "-o", output, *options)
+
+
+@pytest.fixture
+def _no_doctor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Refusals alone: the doctor, whom the command asks for a hint, takes seconds and has its own tests."""
+
+    def refused(*_: object) -> None:
+        raise TaskcalError("not asked")
+
+    monkeypatch.setattr(doctor, "diagnose_file", refused)
 
 
 def test_json_of_a_fit(run: Run, cell: Path, tmp_path: Path) -> None:
@@ -261,6 +273,7 @@ def test_wrong_usage(run: Run, cell: Path, tmp_path: Path, options: list[str]) -
         (["--holdout", "0.001"], "holding out 0.001 of 60 rows leaves 60 to fit and 0 to test"),
     ],
 )
+@pytest.mark.usefixtures("_no_doctor")
 def test_what_the_data_cannot_give(run: Run, cell: Path, tmp_path: Path, options: list[str], message: str) -> None:
     ended = identify(run, cell / "one.csv", tmp_path / "a.json", *options)
     assert (ended.status, ended.out) == (1, "")
@@ -296,6 +309,7 @@ def edited(source: Path, target: Path, row: int | None, column: str, cell: str) 
         ),
     ],
 )
+@pytest.mark.usefixtures("_no_doctor")
 def test_a_campaign_that_is_wrong(
     run: Run, cell: Path, tmp_path: Path, row: int | None, column: str, text: str, message: str
 ) -> None:
