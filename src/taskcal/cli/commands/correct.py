@@ -170,14 +170,17 @@ def command(
         )
     from taskcal.report.correction import correction_page, state_uncertain
 
-    withheld, contents, written = destination.withholds(correction), dict[Path, str | bytes](), tuple[Path, ...]()
+    withheld, contents, written = (
+        destination.withholds(correction),
+        dict[Path, str | bytes](),
+        tuple[Path, ...](),
+    )
     if destination.output is not None and not destination.dry_run and not withheld:
         if program.backup is None:
             contents |= correction.contents(destination.output)
         else:
             written = correction.write(destination.output)
-    made = page.compose(lambda: correction_page(correction, calibrated))
-    outputs.write({**contents, **made})
+    made = page.write(outputs, contents, lambda: correction_page(correction, calibrated))
     written = (*contents, *written)
     if written:
         remember_corrected(correction)
@@ -247,7 +250,6 @@ def _result(correction: "Correction", written: tuple[Path, ...], page: PageOptio
         "skipped_files": 0 if program.backup is None else program.backup.skipped,
         "written": list(written),
         "report": page.report,
-        **page.summary(),
         **correction.summary(),
         "targets": correction.targets(),
         "refused": [

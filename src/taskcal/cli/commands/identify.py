@@ -49,13 +49,6 @@ class SearchOptions:
         return self.field or self.effects != "none"
 
 
-@dataclass(frozen=True, kw_only=True)
-class ShownOptions(OutputOptions):
-    """How the result is given, and how much of it."""
-
-    parameters: bool = option(False, help="List the identified parameters.")
-
-
 def command(
     *,
     campaign: CampaignArgument,
@@ -65,7 +58,8 @@ def command(
     search: SearchOptions,
     fitting: FitCommandOptions,
     reading: CampaignOptions,
-    out: ShownOptions,
+    parameters: bool = option(False, help="List the identified parameters."),
+    out: OutputOptions,
 ) -> None:
     """Identify a robot's parameters, tracker frame and targets from a campaign.
 
@@ -92,7 +86,7 @@ def command(
         chunked, result = identify_parts(campaign, robot, fitting.noise())
         outputs.write({output: chunked.calibration.to_text()})
         result = {"calibration": output, **result}
-        out.give(result, lambda: show_parts(result, chunked, parameters=out.parameters))
+        out.give(result, lambda: show_parts(result, chunked, parameters=parameters))
         return
     from taskcal.robot.catalogue import load_robot
 
@@ -117,7 +111,7 @@ def command(
 
     def show_all() -> None:
         tracker_mm = tracker_error(fitted, fitting.noise()) * 1e3
-        show_report(calibration, result, tracker_mm=tracker_mm, parameters=out.parameters)
+        show_report(calibration, result, tracker_mm=tracker_mm, parameters=parameters)
         if fit.explanation is not None:
             show_explanation(fit.explanation)
 

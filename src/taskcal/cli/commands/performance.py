@@ -44,8 +44,7 @@ def command(
             "Directions of approach": result["directions"],
             "Distances": result["distances"],
         }
-    files = page.compose(make)
-    outputs.write(files)
+    files = page.write(outputs, {}, make)
     if files:
         info(f"wrote {page.in_words(files)}")
     from taskcal.report.performance import tabulate_results

@@ -106,20 +106,19 @@ def command(
     from taskcal.report.placement import SHOWN, placement_page
 
     calibrated, name = calibration is not None, model.robot.title or model.robot.name
-    made = page.compose(lambda: placement_page(found, name, calibrated=calibrated))
-    files_written = {**({} if output is None else {output: _csv(found)}), **made}
-    outputs.write(files_written)
+    table = {} if output is None else {output: _csv(found)}
+    made = page.write(outputs, table, lambda: placement_page(found, name, calibrated=calibrated))
+    written = [*table, *made]
     result: dict[str, Any] = {
         "name": found.name,
         "written": output,
         "now": found.now.summary(),
         "best": [placed.summary() for placed in found.ranked[:SHOWN]],
         "placements": [placed.summary() for placed in found.all],
-        **page.summary(),
     }
     page.give(result, lambda: _show(found, calibrated=calibrated))
-    if files_written and not page.as_json:
-        info(f"written: {page.in_words(files_written)}")
+    if written and not page.as_json:
+        info(f"written: {page.in_words(written)}")
     if not found.ranked:
         raise typer.Exit(1)
 

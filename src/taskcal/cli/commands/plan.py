@@ -247,8 +247,7 @@ def command(
             begin("page")
             return plan_page(setting.model, setting.task, chosen, seed=choice.seed)
 
-        made = page.compose(make)
-        outputs.write({**contents, **made})
+        made = page.write(outputs, contents, make)
     result = {"plan": output, "robot": robot.name, **chosen.summary(), **_visible(chosen, setting.station)}
     if choice.station is not None:
         result["station"] = choice.station
@@ -261,7 +260,6 @@ def command(
         result["programs"] = [str(path) for path in paths]
     if chosen.of is not None and chosen.instrument.label:
         result["standing"] = describe_fixtures(chosen.instrument.fixtures)
-    result |= page.summary()
 
     def show_plan() -> None:
         _show(result, chosen, setting, page.in_words(made))

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from taskcal.cli.command import option
 from taskcal.cli.options.campaign import MeasuredOptions
-from taskcal.cli.options.common import CalibrationArgument, ForceOption, JsonOption, SeedOption
-from taskcal.cli.options.page import BesidePageOptions
+from taskcal.cli.options.common import CalibrationArgument, SeedOption
+from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import files_of_task, show, tell
 from taskcal.cli.progress import bar_over
 from taskcal.report.content import Column, Table
@@ -22,25 +22,19 @@ if TYPE_CHECKING:
 
 OVER_TASK, DEPENDING = "uncertainty over the task", "residual analysis"
 CLIMBING = "error reduction by model stage"
-PAGE, WRITING = "figures and tables", "writing the files"
+PAGE = "figures and tables"
 
 MAX_P_VALUE = 0.05
 """Probability that chance explains as much, up to which a quantity is listed."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReportOptions(BesidePageOptions):
+class ReportOptions(PageOptions):
     """The page and how the result is given."""
 
-    output: Path = option(Path("report.html"), "REPORT.html", "Output: the page.", also="-o")
+    named = "--output"
+    report: Path | None = option(Path("report.html"), "REPORT.html", "Output: the page.", named="--output", also="-o")
     seed: SeedOption = 0
-    force: ForceOption = False
-    as_json: JsonOption = False
-
-    @property
-    def page(self) -> tuple[str, Path | None]:
-        """The option that names the page, and its file."""
-        return "--output", self.output
 
 
 def command(
@@ -66,7 +60,7 @@ def command(
     from taskcal.report.calibration import calibration_page
 
     steps = [OVER_TASK] * (described is not None) + [DEPENDING, CLIMBING] * (measured.campaign is not None)
-    with bar_over([*steps, PAGE, WRITING]) as begin:
+    with bar_over([*steps, PAGE]) as begin:
         uncertainty = None
         if described is not None:
             begin(OVER_TASK)
@@ -74,11 +68,11 @@ def command(
         remainder, rungs = _examine(calibrated, measured, out.seed, begin)
         begin(PAGE)
         space = None if described is None else described.workspace
-        files = out.compose(
-            lambda: calibration_page(calibrated, over=uncertainty, space=space, remainder=remainder, rungs=rungs)
+        files = out.write(
+            outputs,
+            {},
+            lambda: calibration_page(calibrated, over=uncertainty, space=space, remainder=remainder, rungs=rungs),
         )
-        begin(WRITING)
-        outputs.write(files)
 
     def show_all() -> None:
         if uncertainty is not None:
@@ -90,14 +84,13 @@ def command(
             show_remainder(remainder)
         tell(f"wrote {out.in_words(files)}")
 
-    out.give(_result(out.output, calibrated, uncertainty, remainder), show_all)
+    out.give(_result(calibrated, uncertainty, remainder), show_all)
 
 
 def _result(
-    output: Path, calibration: "Calibration", uncertainty: "Uncertainty | None", remainder: "ResidualAnalysis | None"
+    calibration: "Calibration", uncertainty: "Uncertainty | None", remainder: "ResidualAnalysis | None"
 ) -> dict[str, Any]:
     result: dict[str, Any] = {
-        "report": output,
         "robot": calibration.model.robot.name,
         "rows": len(calibration.residuals),
         "outliers": len(calibration.outliers),

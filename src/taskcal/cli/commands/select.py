@@ -70,9 +70,8 @@ def command(
             begin(PAGE)
             return shown
 
-        made = page.compose(make)
-        outputs.write(made)
-    result = selection.summary() | page.summary()
+        made = page.write(outputs, {}, make)
+    result = selection.summary()
     page.give(result, lambda: _show(model, selection, result, page.in_words(made)))
 
 

@@ -60,11 +60,10 @@ def command(
         result["told_apart"] = {**told_apart.summary(), **noise.summary()}
         if sort == "influence":
             result["parameters"].sort(key=lambda p: -p["tolerance_scaled_um"]["space"])
-        contents: dict[Path, str | bytes] = {}
+        table: dict[Path, str] = {}
         if output is not None:
             names = [p["name"] for p in result["parameters"]]
-            frame = influence.to_frame().set_index("parameter").loc[names].reset_index()
-            contents[output] = frame.to_csv(index=False)
+            table[output] = influence.to_frame().set_index("parameter").loc[names].to_csv()
 
         def make() -> "Page":
             begin(MAPPING)
@@ -72,12 +71,11 @@ def command(
             begin(PAGE)
             return made
 
-        contents |= page.compose(make)
-    outputs.write(contents)
-    result |= page.summary()
+        made = page.write(outputs, table, make)
+    written = [*table, *made]
     page.give(result, lambda: _show(result, elimination, told_apart, noise))
-    if contents and not page.as_json:
-        tell(f"wrote {page.in_words(contents)}")
+    if written and not page.as_json:
+        tell(f"wrote {page.in_words(written)}")
 
 
 def _poses(

@@ -37,16 +37,6 @@ MEASURING = "measuring"
 
 
 @dataclass(frozen=True, kw_only=True)
-class TruthOptions:
-    """Where the virtual robot's truth goes, or comes from."""
-
-    truth: Path | None = option(None, "TRUTH.json", "Write the true defects, tracker frame and targets here.")
-    truth_from: Path | None = option(
-        None, "TRUTH.json", "Measure the robot of this truth again; another --seed gives other noise."
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
 class ReflectorOptions:
     """What the tool carries.
 
@@ -115,30 +105,29 @@ class ObserveOptions:
         return next((kind.stated_lengths for kind in self.kinds if kind.stated_lengths), "")
 
 
-def _check(truth: TruthOptions, reflectors: ReflectorOptions, how: ObserveOptions) -> None:
-    if (reflectors.pose or reflectors.targets is not None) and not how.tracked:
-        raise typer.BadParameter("only for a tracker; omit them", param_hint="--targets / --pose / --observe")
-    if reflectors.targets is not None and truth.truth_from is not None:
-        raise typer.BadParameter("the truth has its own targets", param_hint="--targets / --truth-from")
-
-
 def command(
     *,
     robot: RobotOption,
     task: TaskOption,
     output: Path = option(..., "CAMPAIGN.csv", "Output CSV: the campaign.", also="-o"),
     spread: SpreadOptions,
-    truth: TruthOptions,
+    truth: Path | None = option(None, "TRUTH.json", "Write the true defects, tracker frame and targets here."),
+    truth_from: Path | None = option(
+        None, "TRUTH.json", "Measure the robot of this truth again; another --seed gives other noise."
+    ),
     reflectors: ReflectorOptions,
     how: ObserveOptions,
     out: OutputOptions,
 ) -> None:
     """Simulate a campaign of a virtual robot drawn from its tolerances."""
-    _check(truth, reflectors, how)
+    if (reflectors.pose or reflectors.targets is not None) and not how.tracked:
+        raise typer.BadParameter("only for a tracker; omit them", param_hint="--targets / --pose / --observe")
+    if reflectors.targets is not None and truth_from is not None:
+        raise typer.BadParameter("the truth has its own targets", param_hint="--targets / --truth-from")
     outputs = out.begin(
         "simulate",
-        [("--output", output), ("--truth", truth.truth), ("--distances", how.distances)],
-        [robot, *files_of_task(task), truth.truth_from],
+        [("--output", output), ("--truth", truth), ("--distances", how.distances)],
+        [robot, *files_of_task(task), truth_from],
     )
     from taskcal.reading.stated_scale import distances_text
     from taskcal.reading.writer import campaign_text
@@ -147,7 +136,7 @@ def command(
     from taskcal.virtual.cell import SimulationOptions, simulate
 
     model = ErrorModel(load_robot(robot))
-    drawn = None if truth.truth_from is None else read_truth(truth.truth_from, model)
+    drawn = None if truth_from is None else read_truth(truth_from, model)
     targets = {name: np.array(p) * 1e-3 for name, p in REFLECTORS_MM.items()} if reflectors.targets == 3 else None
     options = SimulationOptions(
         targets=targets if drawn is None else drawn.targets,
@@ -163,16 +152,15 @@ def command(
         poses = read_and_reach(model, task, spread.count, spread.seed, begin)
         begin(MEASURING)
         campaign, true = simulate(model, poses.q, rng=np.random.default_rng(spread.seed), options=options)
-    contents: dict[Path, str | bytes] = {output: campaign_text(campaign, model.robot)}
-    if truth.truth is not None:
-        contents[truth.truth] = truth_text(true, campaign.targets)
-    if how.distances is not None:
-        contents[how.distances] = distances_text(campaign)
-    outputs.write(contents)
+    outputs.write({
+        output: campaign_text(campaign, model.robot),
+        truth: truth_text(true, campaign.targets),
+        how.distances: "" if how.distances is None else distances_text(campaign),
+    })  # fmt: skip
     result = {
         "campaign": output,
-        "truth": truth.truth,
-        "truth_from": truth.truth_from,
+        "truth": truth,
+        "truth_from": truth_from,
         "robot": model.robot.name,
         "rows": len(campaign),
         "seed": spread.seed,

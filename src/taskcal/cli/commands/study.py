@@ -74,21 +74,15 @@ class StudyOptions:
         _numbers(self.counts)
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunOptions(EngineOptions):
-    """How the study is run."""
-
-    resume: Path | None = option(
-        None, "FILE.json", "Save progress to this file, and resume from it after an interruption."
-    )
-
-
 def command(
     *,
     of: ModelOptions,
     task: TaskOption,
     choice: StudyOptions,
-    running: RunOptions,
+    running: EngineOptions,
+    resume: Path | None = option(
+        None, "FILE.json", "Save progress to this file, and resume from it after an interruption."
+    ),
     output: Path | None = option(None, "ROWS.csv", "Output CSV: every single result.", also="-o"),
     page: PageOptions,
 ) -> None:
@@ -99,7 +93,7 @@ def command(
     """
     outputs = page.begin(
         "study",
-        [("--output", output), ("--resume", running.resume)],
+        [("--output", output), ("--resume", resume)],
         [of.robot, of.calibration, *files_of_task(task)],
         updated=("--resume",),
     )
@@ -107,21 +101,26 @@ def command(
 
     model, calibration = of.load()
     described = load_task(task)
-    study = _run(model, calibration, described, choice, running)
+    study = _run(model, calibration, described, choice, running, resume)
 
     def make() -> "Page":
         from taskcal.report.study import study_page
 
         return study_page(model, described, study)
 
-    made = page.compose(make)
-    outputs.write({**({} if output is None else {output: study.to_frame().to_csv(index=False)}), **made})
-    result = _result(model.robot.name, study) | ({} if output is None else {"rows": output}) | page.summary()
+    rows = {} if output is None else {output: study.to_frame().to_csv(index=False)}
+    made = page.write(outputs, rows, make)
+    result = _result(model.robot.name, study) | ({} if output is None else {"rows": output})
     page.give(result, lambda: _show(study, result, described.name, page.in_words(made)))
 
 
 def _run(
-    model: "ErrorModel", calibration: "Calibration | None", task: "Task", choice: StudyOptions, running: RunOptions
+    model: "ErrorModel",
+    calibration: "Calibration | None",
+    task: "Task",
+    choice: StudyOptions,
+    running: EngineOptions,
+    resume: Path | None,
 ) -> "Study":
     from taskcal.planning.study import MODELS, PLANS, study
 
@@ -133,8 +132,8 @@ def _run(
 
         def advance(done: int, total: int) -> None:
             nonlocal tenths
-            if running.resume is not None and running.resume.exists():
-                count_as_written(running.resume)
+            if resume is not None and resume.exists():
+                count_as_written(resume)
             show("robots", done, total)
             if 10 * done // total > tenths and done < total and not is_watched():
                 tenths = 10 * done // total
@@ -153,7 +152,7 @@ def _run(
             model_error=metres(choice.model_error_mm),
             engine=running.engine_name,
             workers=running.max_workers,
-            resume=running.resume,
+            resume=resume,
             progress=advance,
         )
 

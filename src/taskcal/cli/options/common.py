@@ -199,11 +199,12 @@ def choose_names(text: str, option: str, offered: "Iterable[str]") -> list[str]:
 # Groups of options.
 
 
-class Giving:
-    """How a command checks the files that it writes, and prints its result."""
+@dataclass(frozen=True, kw_only=True)
+class OutputOptions:
+    """How a command checks the files that it writes, and gives its result."""
 
-    force: bool
-    as_json: bool
+    force: ForceOption = False
+    as_json: JsonOption = False
 
     def begin(
         self,
@@ -221,14 +222,6 @@ class Giving:
             write_json(result)
         else:
             show()
-
-
-@dataclass(frozen=True, kw_only=True)
-class OutputOptions(Giving):
-    """How a command gives its result."""
-
-    force: ForceOption = False
-    as_json: JsonOption = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,16 +2,16 @@
 
 import datetime
 import os
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import typer
 from pydantic import Field
 
 from taskcal.cli.command import option
-from taskcal.cli.options.common import ForceOption, Giving, JsonOption
+from taskcal.cli.options.common import OutputOptions
 from taskcal.cli.output import Outputs
 from taskcal.errors import FileError
 from taskcal.io.toml_file import Finite, Section, read_toml
@@ -21,9 +21,16 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BesidePageOptions(Giving):
-    """Head of the page, and the same content in other forms."""
+class PageOptions(OutputOptions):
+    """How a command that can make a page gives its result.
 
+    Raises:
+        typer.BadParameter: there is a head, and no page for it.
+    """
+
+    named: ClassVar[str] = "--report"
+    """The option that names the page."""
+    report: Path | None = option(None, "REPORT.html", "Write a page with figures here.")
     header: Path | None = option(
         None,
         "HEADER.toml",
@@ -33,15 +40,14 @@ class BesidePageOptions(Giving):
     figures: Path | None = option(None, "DIR", "Write all figures here too; needs Chromium, Chrome or Edge.")
     figure_format: Literal["png", "svg", "pdf"] = option("png", help="Format of these files.")
 
-    @property
-    def page(self) -> tuple[str, Path | None]:
-        """The option that names the page, and its file."""
-        raise NotImplementedError
+    def __post_init__(self) -> None:
+        if self.header is not None and not self.asked:
+            raise typer.BadParameter("--header requires --report, --markdown or --figures", param_hint="--header")
 
     @property
     def asked(self) -> bool:
         """Whether a page is to be made, in whatever form."""
-        return any(path is not None for path in (self.page[1], self.markdown, self.figures))
+        return any(path is not None for path in (self.report, self.markdown, self.figures))
 
     def begin(
         self,
@@ -56,7 +62,7 @@ class BesidePageOptions(Giving):
             FileError: one cannot be written, or the head is not as it should be.
             TaskcalError: figures are asked for, and there is no browser to draw them.
         """
-        named = [*outputs, self.page, ("--markdown", self.markdown)]
+        named = [*outputs, (self.named, self.report), ("--markdown", self.markdown)]
         free = super().begin(command, named, [*inputs, self.header], **more)
         if self.figures is not None:
             from taskcal.report.page import find_browser
@@ -73,19 +79,34 @@ class BesidePageOptions(Giving):
     def _labelled(self) -> list[tuple[str, str]]:
         return [] if self.header is None else read_header(self.header)
 
-    def compose(self, make: "Callable[[], Page]") -> dict[Path, str | bytes]:
-        """Every file that is asked for of a page, which is made if there is one.
+    def write(
+        self, outputs: Outputs, contents: Mapping[Path, str | bytes], make: "Callable[[], Page]"
+    ) -> dict[Path, str | bytes]:
+        """Write a command's files, with those of its page, which is made if one is asked for.
+
+        Args:
+            outputs: the files.
+            contents: of the others.
+            make: the page.
+
+        Returns:
+            the page's files.
 
         Raises:
+            FileError: one cannot be written.
             TaskcalError: the figures cannot be drawn.
         """
-        if not self.asked:
-            return {}
+        made = self._compose(make()) if self.asked else {}
+        outputs.write({**contents, **made})
+        return made
+
+    def _compose(self, page: "Page") -> dict[Path, str | bytes]:
+        """Every file that is asked for of a page."""
         from taskcal.report.page import as_markdown, draw_figures, figures_of
 
-        page, out, named = replace(make(), header=tuple(self._labelled())), dict[Path, str | bytes](), dict[str, str]()
-        if self.page[1] is not None:
-            out[self.page[1]] = page.html()
+        page, out, named = replace(page, header=tuple(self._labelled())), dict[Path, str | bytes](), dict[str, str]()
+        if self.report is not None:
+            out[self.report] = page.html()
         if self.figures is not None:
             names = figures_of(page)
             for title, content in draw_figures(page, self.figure_format).items():
@@ -96,38 +117,16 @@ class BesidePageOptions(Giving):
             out[self.markdown] = as_markdown(page, {} if self.figure_format == "pdf" else named)
         return out
 
+    def give(self, result: Mapping[str, Any], show: Callable[[], object]) -> None:
+        """Print a result: as JSON, with the page's files, or for people."""
+        files = {"report": self.report, "markdown": self.markdown, "figures": self.figures}
+        super().give({**result, **{name: path for name, path in files.items() if path is not None}}, show)
+
     def in_words(self, files: Collection[Path]) -> str:
         """Files that were written, the figures as one."""
         figures = [path for path in files if self.figures is not None and path.parent == self.figures]
         texts = [str(path) for path in files if path not in figures]
         return ", ".join([*texts, *([f"{len(figures)} figures in {self.figures}"] if figures else [])])
-
-
-@dataclass(frozen=True, kw_only=True)
-class PageOptions(BesidePageOptions):
-    """How a command that can make a page gives its result.
-
-    Raises:
-        typer.BadParameter: there is a head, and no page for it.
-    """
-
-    report: Path | None = option(None, "REPORT.html", "Write a page with figures here.")
-    force: ForceOption = False
-    as_json: JsonOption = False
-
-    def __post_init__(self) -> None:
-        if self.header is not None and not self.asked:
-            raise typer.BadParameter("--header requires --report, --markdown or --figures", param_hint="--header")
-
-    @property
-    def page(self) -> tuple[str, Path | None]:
-        """The option that names the page, and its file."""
-        return "--report", self.report
-
-    def summary(self) -> dict[str, Path]:
-        """The page's files, for results in JSON."""
-        named = {"report": self.report, "markdown": self.markdown, "figures": self.figures}
-        return {name: path for name, path in named.items() if path is not None}
 
 
 def _seen_from(text: Path | None, file: Path) -> str:
