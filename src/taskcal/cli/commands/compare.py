@@ -1,10 +1,10 @@
 """``taskcal compare``: what changed between calibrations of one robot."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import typer
 
+import taskcal
 from taskcal.cli.command import argument, option
 from taskcal.cli.options.common import (
     REACHING,
@@ -18,9 +18,6 @@ from taskcal.cli.options.common import (
 )
 from taskcal.cli.output import info, say, show, show_facts, write_json
 from taskcal.cli.progress import bar_over
-
-if TYPE_CHECKING:
-    from taskcal.identification.comparison import Comparison
 
 
 def command(
@@ -50,20 +47,17 @@ def command(
     """
     if len(calibrations) < 2:
         raise typer.BadParameter("name two calibrations or more", param_hint="CAL.json")
-    from taskcal.identification.calibration import load_calibration
-    from taskcal.identification.comparison import compare
-    from taskcal.task.task import load_task
 
-    first, *others = [load_calibration(path) for path in calibrations]
+    first, *others = [taskcal.load_calibration(path) for path in calibrations]
     accuracy, q = metres(accuracy_mm), None
-    names, compared = [f"comparing {path}" for path in calibrations[1:]], dict[Path, "Comparison"]()
+    names, compared = [f"comparing {path}" for path in calibrations[1:]], dict[Path, "taskcal.Comparison"]()
     with bar_over([*([] if task is None else [REACHING]), *names]) as begin:
         if task is not None:
             q = read_and_reach(first.model, task, count, seed, begin).q
-            accuracy = load_task(task).accuracy if accuracy is None else accuracy
+            accuracy = taskcal.load_task(task).accuracy if accuracy is None else accuracy
         for name, path, other in zip(names, calibrations[1:], others, strict=True):
             begin(name)
-            compared[path] = compare(first, other, q)
+            compared[path] = taskcal.compare(first, other, q)
     if as_json:
         entries = [
             {"second": path, **one.summary(), "due": None if accuracy is None else one.is_due(accuracy)}
@@ -76,7 +70,7 @@ def command(
         _show(f"{path} against {calibrations[0]}", comparison, accuracy, all_parameters=all_parameters)
 
 
-def _show(title: str, comparison: "Comparison", accuracy: float | None, *, all_parameters: bool) -> None:
+def _show(title: str, comparison: "taskcal.Comparison", accuracy: float | None, *, all_parameters: bool) -> None:
     from taskcal.report.comparison import (
         describe_chance,
         describe_comparison,

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import taskcal
 from taskcal.cli.command import argument, option
 from taskcal.cli.options.campaign import TableOptions
 from taskcal.cli.options.common import OutputOptions, RobotOption
@@ -24,9 +25,8 @@ def command(
     outputs = out.begin("convert", [("--output", output)], [file, table.points, robot])
     from taskcal.reading.reader import campaign_of, read_measurements
     from taskcal.reading.writer import as_parquet, campaign_text, readings_text
-    from taskcal.robot.catalogue import load_robot
 
-    of = load_robot(robot)
+    of = taskcal.load_robot(robot)
     readings = read_measurements(file, of, table.read_options)
     whole = readings.q is not None and readings.points and (not readings.rotations or len(readings.points) == 1)
     text = campaign_text(campaign_of(readings, of), of) if whole else readings_text(readings, of)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+import taskcal
 from robot_programs.core.files import is_backup
 from taskcal.cli.command import argument, option
 from taskcal.cli.options.common import above_zero, look_at_calibration, metres
@@ -18,9 +19,6 @@ from taskcal.errors import FileError
 if TYPE_CHECKING:
     from robot_programs.core.program import Frame, Program
     from robot_programs.core.source import Source
-    from taskcal.correction.cell import Cell
-    from taskcal.correction.correction import Bounds, Correction
-    from taskcal.identification.calibration import Calibration
 
 
 MAX_SHOWN_TARGETS = 12
@@ -57,7 +55,7 @@ class DestinationOptions:
             return list(dict.fromkeys(self.output / path.name for path in programs))
         return [self.output]
 
-    def withholds(self, correction: "Correction") -> bool:
+    def withholds(self, correction: "taskcal.Correction") -> bool:
         """Whether the program is not written: for its uncertainty, or because every motion was refused."""
         uncertain = correction.uncertain and not self.accept_uncertain
         return (uncertain or bool(correction.why_unwritten)) and not self.dry_run
@@ -103,13 +101,11 @@ class BoundsOptions:
     )
     max_joint_deg: float = option(5.0, "DEG", "Maximum joint change at a target.", callback=above_zero)
 
-    def bounds(self) -> "Bounds":
+    def bounds(self) -> "taskcal.Bounds":
         """In metres and radians."""
         from math import radians
 
-        from taskcal.correction.correction import Bounds
-
-        return Bounds(
+        return taskcal.Bounds(
             tolerance=metres(self.tolerance_mm),
             shift=self.max_shift_mm * 1e-3,
             turn=radians(self.max_turn_deg),
@@ -149,17 +145,15 @@ def command(
     named = [("--output", path) for path in destination.files(programs)]
     outputs = page.begin("correct", named, [calibration, around.cell, *programs])
     from robot_programs.backup import check_place
-    from taskcal.correction.correct import correct
-    from taskcal.identification.calibration import load_calibration
 
-    calibrated = load_calibration(calibration)
+    calibrated = taskcal.load_calibration(calibration)
     cell, program = _read(programs, around, calibrated)
     if not again:
         check_not_corrected(program.sources)
     if program.backup is not None and destination.output is not None and not destination.dry_run:
         check_place(program.backup, destination.output)
     with bar_over(["reading the program"], 4) as begin:
-        correction = correct(
+        correction = taskcal.correct(
             calibrated,
             program,
             cell=cell,
@@ -196,13 +190,14 @@ def command(
         raise typer.Exit(1)
 
 
-def _read(programs: list[Path], around: CellOptions, calibration: "Calibration") -> "tuple[Cell, Program]":
+def _read(
+    programs: list[Path], around: CellOptions, calibration: "taskcal.Calibration"
+) -> "tuple[taskcal.Cell, Program]":
     from robot_programs.core.program import Frame
     from robot_programs.languages import language_of
     from robot_programs.reading import read_program
-    from taskcal.correction.cell import Cell, load_cell
 
-    cell = Cell() if around.cell is None else load_cell(around.cell)
+    cell = taskcal.Cell() if around.cell is None else taskcal.load_cell(around.cell)
     tool, part = _frame(cell, around.tool, "tool"), _frame(cell, around.part, "part")
     told = {m.name: Frame(name=m.name, T=m.controller) for m in cell.tools.values() if m.controller is not None}
     files = any(map(is_backup, programs))
@@ -220,7 +215,7 @@ def _new_program(program: Path, output: Path | None) -> Path | None:
     return None if language_of(output) == language_of(program) else output
 
 
-def _frame(cell: "Cell", name: str | None, kind: str) -> "Frame | None":
+def _frame(cell: "taskcal.Cell", name: str | None, kind: str) -> "Frame | None":
     """The controller's value of a tool or part of the cell file.
 
     Raises:
@@ -243,7 +238,7 @@ def _frame(cell: "Cell", name: str | None, kind: str) -> "Frame | None":
     return Frame(name=measured.name, T=measured.controller)
 
 
-def _result(correction: "Correction", written: tuple[Path, ...], page: PageOptions) -> dict[str, Any]:
+def _result(correction: "taskcal.Correction", written: tuple[Path, ...], page: PageOptions) -> dict[str, Any]:
     program = correction.program
     return {
         "program": [source.path for source in program.sources],
@@ -263,7 +258,7 @@ def _result(correction: "Correction", written: tuple[Path, ...], page: PageOptio
     }
 
 
-def _show(correction: "Correction", written: tuple[Path, ...], pages: str) -> None:
+def _show(correction: "taskcal.Correction", written: tuple[Path, ...], pages: str) -> None:
     from taskcal.report.correction import (
         group_remarks,
         state_expected,
@@ -315,7 +310,7 @@ def check_not_corrected(sources: "Iterable[Source]") -> None:
             )
 
 
-def remember_corrected(correction: "Correction") -> None:
+def remember_corrected(correction: "taskcal.Correction") -> None:
     """Note the files in which a correction changed something; where no note can be kept, they will not be known."""
     given = {source.path: source.encode() for source in correction.program.sources}
     for source in correction.sources:

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.common import OutputOptions, SeedOption
 from taskcal.cli.output import Outputs, say, show, started_as, tell, write_json
@@ -11,7 +12,6 @@ from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
     from taskcal.demo.procedure import Procedure
-    from taskcal.robot.robot import Robot
 
 HELD_OUT = 400
 
@@ -47,8 +47,6 @@ def command(
     from taskcal.demo.procedure import ROBOT, run_procedure
     from taskcal.demo.procedure_report import procedure_contents, procedure_files, procedure_json, procedure_page
     from taskcal.errors import FileError
-    from taskcal.robot.catalogue import load_robot
-    from taskcal.robot.error_model import ErrorModel
 
     try:
         output.mkdir(parents=True, exist_ok=True)
@@ -59,7 +57,7 @@ def command(
     paths = [*files.values(), *(closed_loop_files(output).values() if full else ())]
     outputs = out.begin("demo", [("--output", path) for path in paths])
     with bar_over(["starting"], 5 + FITS) as begin:
-        model = ErrorModel(load_robot(ROBOT))
+        model = taskcal.ErrorModel(taskcal.load_robot(ROBOT))
         procedure = run_procedure(model, count=count, seed=seed, held_out=HELD_OUT, progress=begin)
         begin("figures and page")
         commands = _next_steps(output, files)
@@ -83,7 +81,7 @@ def command(
 
 
 def _close_the_loop(
-    robot: "Robot", seeds: range, folder: Path, outputs: Outputs, *, quiet: bool
+    robot: "taskcal.Robot", seeds: range, folder: Path, outputs: Outputs, *, quiet: bool
 ) -> tuple[dict[str, Path], Any]:
     """Run virtual robots, write the results, and print them unless they are printed as JSON."""
     from taskcal.demo.closed_loop import prepare_closed_loop, run_closed_loops, summarise_runs

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+import taskcal
 from taskcal.cli.command import argument, option
 from taskcal.cli.options.common import OutputOptions
 from taskcal.cli.output import info, show, tell
@@ -19,7 +20,6 @@ from taskcal.report.content import Column, Table, millimetres
 
 if TYPE_CHECKING:
     from taskcal.diagnosis.diagnose import Diagnosis
-    from taskcal.robot.robot import Robot
 
 
 def command(
@@ -44,9 +44,8 @@ def command(
         raise typer.BadParameter("--robot is required with a campaign", param_hint="--robot")
     outputs = out.begin("doctor", [("--fix", fix)], [campaign, robot])
     from taskcal.reading.writer import campaign_text
-    from taskcal.robot.catalogue import load_robot
 
-    found = diagnose_file(campaign, load_robot(robot))
+    found = diagnose_file(campaign, taskcal.load_robot(robot))
     if found.scope:
         info(f"{campaign.name}: {found.scope}")
     if fix is not None and len(found.findings) > len(found.unmended):
@@ -83,23 +82,20 @@ def _show(diagnosis: "Diagnosis", campaign: Path) -> None:
         tell(f"{finding.id}: {finding.fix}")
 
 
-def diagnose_file(path: Path, robot: "Robot") -> "Diagnosis":
+def diagnose_file(path: Path, robot: "taskcal.Robot") -> "Diagnosis":
     """The diagnosis of a file, which may be outside the robot's limits, with progress on a terminal.
 
     Raises:
         FileError: it cannot be read as a campaign of so many joints.
     """
     from taskcal.diagnosis.hypotheses import open_limits
-    from taskcal.reading.reader import read_campaign
 
-    campaign = read_campaign(path, open_limits(robot))
+    campaign = taskcal.read_campaign(path, open_limits(robot))
     with bar_by_parts("testing the usual mistakes") as progress:
-        from taskcal.diagnosis.diagnose import diagnose  # only for what could be read: it takes a second to import
-
-        return diagnose(campaign, robot, progress=progress)
+        return taskcal.diagnose(campaign, robot, progress=progress)
 
 
-def with_first_finding(refusal: TaskcalError, path: Path, robot: "Robot") -> str:
+def with_first_finding(refusal: TaskcalError, path: Path, robot: "taskcal.Robot") -> str:
     """A refusal's message, with the doctor's first finding if it reduces the error."""
     message = str(refusal)
     if isinstance(refusal, UnitError):  # it has to be fixed before anything else can be tested
@@ -166,13 +162,11 @@ def _threads() -> str:
 
 
 def _catalogue() -> str:
-    from taskcal.robot.catalogue import catalogue_names, load_robot
-    from taskcal.robot.error_model import ErrorModel
 
-    names = catalogue_names()
+    names = taskcal.catalogue_names()
     if not names:
         raise RuntimeError("no robot file is installed with the package; install Taskcal again")
-    sizes = [f"{name} ({len(ErrorModel(load_robot(name)))})" for name in names]
+    sizes = [f"{name} ({len(taskcal.ErrorModel(taskcal.load_robot(name)))})" for name in names]
     return f"{len(names)} robots, with their parameters: {', '.join(sizes)}"
 
 

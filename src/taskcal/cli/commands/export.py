@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.common import (
     REACHING,
@@ -54,14 +55,12 @@ def command(
     if output is None and exporter is not None:
         raise typer.BadParameter(f"name the file to write as {form}", param_hint="--output")
     outputs = out.begin("export", [("--output", output)], [calibration, *files_of_task(task)])
-    from taskcal.identification.calibration import load_calibration
-    from taskcal.robot.error_model import ErrorModel
 
-    calibrated = load_calibration(calibration)
+    calibrated = taskcal.load_calibration(calibration)
     name, reached = calibrated.model.robot.name, None
     if task is not None:
         with bar_over([REACHING]) as begin:
-            reached = read_and_reach(ErrorModel(calibrated.model.robot), task, count, seed, begin)
+            reached = read_and_reach(taskcal.ErrorModel(calibrated.model.robot), task, count, seed, begin)
     if exporter is None:
         from taskcal.export.controller import fit_offsets
 

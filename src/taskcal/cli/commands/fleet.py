@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+import taskcal
 from taskcal.cli.command import argument, option
 from taskcal.cli.options.common import EngineOptions, OutputOptions, above_zero
 from taskcal.cli.output import count_as_written, info, show, show_facts, tell
@@ -92,8 +93,6 @@ def command(
 def _identify(folder: Path, options: IdentifyOptions, running: EngineOptions) -> list[tuple[str, str]]:
     """Identify campaigns; returns those that could not be, and why."""
     from taskcal.planning.fleet import find_fleet, identify_campaigns
-    from taskcal.robot.catalogue import load_robot
-    from taskcal.robot.error_model import ErrorModel
 
     assert options.robot is not None
     files = find_fleet(folder)
@@ -102,7 +101,7 @@ def _identify(folder: Path, options: IdentifyOptions, running: EngineOptions) ->
     if total == 0:
         info("--identify: every campaign has a calibration beside it")
         return refused
-    model = ErrorModel(load_robot(options.robot))
+    model = taskcal.ErrorModel(taskcal.load_robot(options.robot))
     with bar_by_parts("campaigns") as bar:
         bar("campaigns", 0, total)
         identified = identify_campaigns(

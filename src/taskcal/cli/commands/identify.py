@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.campaign import CampaignOptions
 from taskcal.cli.options.common import CampaignArgument, OutputOptions, RobotOption, read_effects
@@ -21,14 +22,9 @@ from taskcal.errors import CampaignError, FileError, FitError, TaskcalError
 from taskcal.report.content import Column, Table, millimetres
 
 if TYPE_CHECKING:
-    from taskcal.campaigns.campaign import Campaign
-    from taskcal.identification.calibration import Calibration
     from taskcal.identification.chunked_fit import ChunkedFit, ErrorsOfMany
     from taskcal.identification.effects import Explanation
-    from taskcal.observations.base import TrackerNoise
     from taskcal.robot.effects import Effect
-    from taskcal.robot.error_model import ErrorModel
-    from taskcal.robot.robot import Robot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,14 +84,12 @@ def command(
         result = {"calibration": output, **result}
         out.give(result, lambda: show_parts(result, chunked, parameters=parameters))
         return
-    from taskcal.robot.catalogue import load_robot
 
-    described = load_robot(robot)
+    described = taskcal.load_robot(robot)
     with _explained(campaign, described, FileError):
         read = reading.read(campaign, described, noise=fitting.noise())
-    from taskcal.robot.error_model import ErrorModel  # after the file was read: the compiler takes a while to import
 
-    model = ErrorModel(described, lengths_only=fitting.lengths_only)
+    model = taskcal.ErrorModel(described, lengths_only=fitting.lengths_only)
     if fitting.mpe_to_sigma is not None and read.whole.uncertainty is not None:
         info("--mpe-to-sigma has no effect: the campaign states its own uncertainties (u_mm)")
     fit = _Fit(model=model, fitting=fitting, search=search, effects=effects, seed=holdout.seed, fits=holdout.fits)
@@ -119,7 +113,7 @@ def command(
 
 
 @contextmanager
-def _explained(campaign: Path, robot: "Robot", *refusals: type[TaskcalError]) -> Generator[None, None, None]:
+def _explained(campaign: Path, robot: "taskcal.Robot", *refusals: type[TaskcalError]) -> Generator[None, None, None]:
     """Add to a refusal of the campaign what the doctor finds."""
     try:
         yield
@@ -135,7 +129,7 @@ def _explained(campaign: Path, robot: "Robot", *refusals: type[TaskcalError]) ->
 class _Fit:
     """The fit of some rows of the campaign; the first one is that of the calibration."""
 
-    model: "ErrorModel"
+    model: "taskcal.ErrorModel"
     fitting: FitCommandOptions
     search: SearchOptions
     effects: "list[Effect] | None"
@@ -144,18 +138,16 @@ class _Fit:
     explanation: "Explanation | None" = None
     done: int = 0
 
-    def __call__(self, measured: "Campaign") -> "Calibration":
+    def __call__(self, measured: "taskcal.Campaign") -> "taskcal.Calibration":
         """Fit all rows of a campaign."""
         options = self.fitting.options(self.model, measured)
         self.done += 1
         fold = f"fold {self.done - 1} of {self.fits - 1}"
         if not self.search.searching:
-            from taskcal.identification.identify import identify
-
             step = "identification" if self.done == 1 else fold
             with bar_by_parts(step) as show_step:
                 show_step(step, self.done - 1, self.fits)
-                return identify(self.model, measured, options=options)
+                return taskcal.identify(self.model, measured, options=options)
         from taskcal.identification.effects import EffectSearch, search_steps, select_effects
 
         for effect in self.effects or ():
@@ -170,7 +162,7 @@ class _Fit:
         self.explanation = self.explanation or explanation
         return explanation.calibration
 
-    def nominal(self, measured: "Campaign") -> "Calibration":
+    def nominal(self, measured: "taskcal.Campaign") -> "taskcal.Calibration":
         """Fit tracker frame and targets of the nominal robot."""
         from taskcal.identification.identify import fit_nominal
 
@@ -180,7 +172,7 @@ class _Fit:
 # The result for machines.
 
 
-def report(calibration: "Calibration", measured: "Campaign", fit: _Fit) -> dict[str, Any]:
+def report(calibration: "taskcal.Calibration", measured: "taskcal.Campaign", fit: _Fit) -> dict[str, Any]:
     """A fit in millimetres and milliradians.
 
     Args:
@@ -189,20 +181,19 @@ def report(calibration: "Calibration", measured: "Campaign", fit: _Fit) -> dict[
         fit: fits tracker frame and targets of the nominal robot.
     """
     from taskcal.identification.calibration import list_unknowns
-    from taskcal.identification.validation import validate
     from taskcal.report.calibration import describe_unobservable
     from taskcal.report.content import model_error_origin, prior_scale_origin
 
     wrong = {row.id for row in calibration.left_out}
     right = measured.take([i for i, name in enumerate(measured.ids) if name not in wrong])
     held_out, registration = calibration.held_out, calibration.layout.registration
-    before = validate(fit.nominal(right), right) if held_out is None else held_out.nominal_validation
+    before = taskcal.validate(fit.nominal(right), right) if held_out is None else held_out.nominal_validation
     tracked = calibration.layout.base_size > 0  # else the measuring frame is the robot's base
     return {
         **calibration.summary(),
         "rows": len(measured),
         "nominal": before.summary(),
-        "fitted": validate(calibration, right).summary(),
+        "fitted": taskcal.validate(calibration, right).summary(),
         "held_out": None if held_out is None else held_out.validation.summary(),
         "holdout": None if held_out is None else held_out.summary(),
         "model_error_origin": model_error_origin(calibration),
@@ -256,7 +247,7 @@ MIN_SIGNIFICANCE = 2.0
 
 
 def show_report(
-    calibration: "Calibration", result: Mapping[str, Any], *, tracker_mm: float, parameters: bool = False
+    calibration: "taskcal.Calibration", result: Mapping[str, Any], *, tracker_mm: float, parameters: bool = False
 ) -> None:
     """Print a calibration: the verdict, the errors, what to do next, and the rest.
 
@@ -288,7 +279,7 @@ def show_report(
     show_facts([*held, *_facts(result, parameters=parameters)])
 
 
-def next_steps(calibration: "Calibration", result: Mapping[str, Any], tracker_mm: float) -> list[str]:
+def next_steps(calibration: "taskcal.Calibration", result: Mapping[str, Any], tracker_mm: float) -> list[str]:
     """List the next steps, the most urgent first.
 
     Args:
@@ -345,7 +336,7 @@ def _rows(numbers: Collection[int]) -> str:
     return f"rows {', '.join(map(str, rows[:MAX_NAMED_ROWS]))}{more}"
 
 
-def _show_parameters(calibration: "Calibration", result: Mapping[str, Any]) -> None:
+def _show_parameters(calibration: "taskcal.Calibration", result: Mapping[str, Any]) -> None:
     from taskcal.report.calibration import tabulate_parameters
 
     unclear = _unclear_effects(calibration)
@@ -362,11 +353,9 @@ def _show_parameters(calibration: "Calibration", result: Mapping[str, Any]) -> N
     show_harmonics(result["parameters"])
 
 
-def _unclear_effects(calibration: "Calibration") -> set[str]:
+def _unclear_effects(calibration: "taskcal.Calibration") -> set[str]:
     """Parameters of effects that have a meaning alone and may be zero; harmonics are shown by their amplitudes."""
-    from taskcal.robot.error_model import ErrorModel
-
-    geometry = set(ErrorModel(calibration.model.robot).names)
+    geometry = set(taskcal.ErrorModel(calibration.model.robot).names)
     names = {calibration.model.names[i]: i for i in calibration.estimated}
     effects = {name: i for name, i in names.items() if name not in geometry}
     if len(effects) <= MAX_SHOWN_EFFECTS:
@@ -562,7 +551,9 @@ def refuse_what_needs_all_rows(groups: Sequence[Any], *, but: Sequence[str] = ()
                 )
 
 
-def identify_parts(campaign: Path, robot: str, noise: "TrackerNoise | None") -> tuple["ChunkedFit", dict[str, Any]]:
+def identify_parts(
+    campaign: Path, robot: str, noise: "taskcal.TrackerNoise | None"
+) -> tuple["ChunkedFit", dict[str, Any]]:
     """Identify a campaign in parts; returns the fit, and its report in millimetres.
 
     Raises:
@@ -571,19 +562,16 @@ def identify_parts(campaign: Path, robot: str, noise: "TrackerNoise | None") -> 
     from taskcal.identification.chunked_fit import identify_in_chunks
     from taskcal.identification.identify import fit_nominal
     from taskcal.identification.options import FitOptions
-    from taskcal.identification.validation import validate
     from taskcal.reading.chunked import campaign_in_chunks
-    from taskcal.robot.catalogue import load_robot
-    from taskcal.robot.error_model import ErrorModel
 
-    model = ErrorModel(load_robot(robot))
+    model = taskcal.ErrorModel(taskcal.load_robot(robot))
     reading, fitting = f"reading {campaign.name} in parts", "fitting all rows"
     with bar_over([reading, fitting]) as begin, campaign_in_chunks(campaign, model.robot) as chunked:
         for note in chunked.sample.notes:
             info(f"{campaign.name}: {note}")
         begin(fitting)
         fitted = identify_in_chunks(model, chunked, noise=noise)
-        nominal = validate(fit_nominal(model, chunked.sample, FitOptions(noise=noise)), chunked.sample)
+        nominal = taskcal.validate(fit_nominal(model, chunked.sample, FitOptions(noise=noise)), chunked.sample)
     for remark in fitted.calibration.remarks:
         info(remark)
     return fitted, {

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+import taskcal
 from taskcal.cli.command import argument, option
 from taskcal.cli.options.common import RobotOptions
 from taskcal.cli.options.page import PageOptions
@@ -84,21 +85,19 @@ def command(
     is_task = len(what) == 1 and what[0].suffix.lower() == ".toml"
     files = files_of_task(what[0]) if is_task else what
     outputs = page.begin("place", [("--output", output)], [*files, of.calibration, cell])
-    from taskcal.correction.cell import load_cell
     from taskcal.correction.part_placement import place
 
     region = where.grid()
     model, calibration = of.load()
     from robot_programs.reading import read_program
-    from taskcal.task.task import load_task
 
-    target = load_task(what[0]) if is_task else read_program(*what, robot=model.robot)
+    target = taskcal.load_task(what[0]) if is_task else read_program(*what, robot=model.robot)
     with bar_over(["placements"], len(region.grid())) as begin:
         found = place(
             calibration or model.robot,
             target,
             region,
-            cell=None if cell is None else load_cell(cell),
+            cell=None if cell is None else taskcal.load_cell(cell),
             force=force,
             touched_off=touched_off,
             progress=lambda done, of: begin("placements"),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import typer
 
+import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.campaign import MeasuredOptions
 from taskcal.cli.options.common import (
@@ -29,15 +30,8 @@ if TYPE_CHECKING:
 
     from robot_programs.core.program import Move
     from robot_programs.core.source import Source
-    from taskcal.campaigns.campaign import Campaign
-    from taskcal.identification.calibration import Calibration
     from taskcal.observations import Instrument
-    from taskcal.observations.point import Station
-    from taskcal.planning.plan import Plan
     from taskcal.report.page import Page
-    from taskcal.robot.error_model import ErrorModel
-    from taskcal.robot.robot import Robot
-    from taskcal.task.task import Task
 
 
 # Measuring programs that ``taskcal plan`` writes beside the plan.
@@ -75,7 +69,7 @@ class MeasuringOptions:
         """Files to write."""
         return tuple(self.program or ())
 
-    def compose(self, model: "ErrorModel", plan: "Plan") -> "tuple[Source, ...]":
+    def compose(self, model: "taskcal.ErrorModel", plan: "taskcal.Plan") -> "tuple[Source, ...]":
         """Programs that visit the poses of a plan: a file for each setup of fixtures, where there are several.
 
         Each motion has a comment that names the pose of the plan. A socket is entered slowly along its axis; the program waits
@@ -100,7 +94,7 @@ class MeasuringOptions:
             return tuple((path,) for path in self.paths)
         return tuple(tuple(path.with_stem(f"{path.stem}_{k + 1}") for k in range(count)) for path in self.paths)
 
-    def _visiting(self, path: Path, model: "ErrorModel", plan: "Plan", rows: "np.ndarray") -> "Source":
+    def _visiting(self, path: Path, model: "taskcal.ErrorModel", plan: "taskcal.Plan", rows: "np.ndarray") -> "Source":
         """The program of some of the poses."""
         import numpy as np
 
@@ -133,7 +127,7 @@ class MeasuringOptions:
         )
         return self._composed(path, model.robot, moves, [stop.note for stop in stops])
 
-    def _composed(self, path: Path, robot: "Robot", moves: "Sequence[Move]", notes: list[str]) -> "Source":
+    def _composed(self, path: Path, robot: "taskcal.Robot", moves: "Sequence[Move]", notes: list[str]) -> "Source":
         from robot_programs.reading import compose_program
 
         return compose_program(
@@ -146,7 +140,7 @@ class MeasuringOptions:
             joint_speed_percent=self.speed_percent,
         )
 
-    def check(self, robot: "Robot") -> None:
+    def check(self, robot: "taskcal.Robot") -> None:
         """Check, before anything is computed, that a program can be written to each file.
 
         Raises:
@@ -186,11 +180,11 @@ class PlanOptions:
 class Setting:
     """What a plan is chosen from, read."""
 
-    model: "ErrorModel"
-    calibration: "Calibration | None"
-    task: "Task"
-    station: "Station | None"
-    campaign: "Campaign | None"
+    model: "taskcal.ErrorModel"
+    calibration: "taskcal.Calibration | None"
+    task: "taskcal.Task"
+    station: "taskcal.Station | None"
+    campaign: "taskcal.Campaign | None"
     instrument: "Instrument | None" = None
     """What measures, if not a tracker."""
 
@@ -269,7 +263,7 @@ def command(
     page.give(result, show_plan)
 
 
-def _text(chosen: "Plan", setting: Setting) -> str:
+def _text(chosen: "taskcal.Plan", setting: Setting) -> str:
     """The table of joints, and without a tracker of what is to be filled in."""
     from taskcal.reading.writer import joints_text
 
@@ -300,12 +294,10 @@ def _check_sources(
 def _read(
     path: Path, of: ModelOptions, measured: ExtendedOptions, choice: PlanOptions, observing: ObservingOptions
 ) -> Setting:
-    from taskcal.observations.point import load_station
-    from taskcal.task.task import load_task
 
     model, calibration = of.load()
-    task = load_task(path)
-    station = None if choice.station is None else load_station(choice.station)
+    task = taskcal.load_task(path)
+    station = None if choice.station is None else taskcal.load_station(choice.station)
     instrument = observing.load(model, task, () if station is None else station.keep_out, measured)
     return Setting(
         model=model,
@@ -317,7 +309,9 @@ def _read(
     )
 
 
-def _plan(setting: Setting, choice: PlanOptions, source: Path | None, progress: Callable[[str], None]) -> "Plan":
+def _plan(
+    setting: Setting, choice: PlanOptions, source: Path | None, progress: Callable[[str], None]
+) -> "taskcal.Plan":
     """The plan.
 
     Raises:
@@ -325,10 +319,10 @@ def _plan(setting: Setting, choice: PlanOptions, source: Path | None, progress: 
         ReachError: fewer poses can be measured than were asked for, or the task's accuracy is out of reach.
     """
     from taskcal.errors import CampaignError, FileError
-    from taskcal.planning.plan import check_demands, plan
+    from taskcal.planning.plan import check_demands
 
     try:
-        chosen = plan(
+        chosen = taskcal.plan(
             setting.model,
             setting.task,
             choice.count,
@@ -350,7 +344,7 @@ def _plan(setting: Setting, choice: PlanOptions, source: Path | None, progress: 
     return chosen
 
 
-def _visible(chosen: "Plan", station: "Station | None") -> dict[str, Any]:
+def _visible(chosen: "taskcal.Plan", station: "taskcal.Station | None") -> dict[str, Any]:
     """Names of the reflectors seen at each pose, where a station says so."""
     if station is None:
         return {}
@@ -358,7 +352,7 @@ def _visible(chosen: "Plan", station: "Station | None") -> dict[str, Any]:
     return {"visible": [[name for name, seen in zip(names, row, strict=True) if seen] for row in chosen.visible]}
 
 
-def _clearance(chosen: "Plan", setting: Setting) -> dict[str, list[float] | None]:
+def _clearance(chosen: "taskcal.Plan", setting: Setting) -> dict[str, list[float] | None]:
     """Gaps at each pose, between links and from them to the station's boxes; None where there is nothing to keep clear of."""
     import numpy as np
 
@@ -370,7 +364,7 @@ def _clearance(chosen: "Plan", setting: Setting) -> dict[str, list[float] | None
     return {name: (gap * 1e3).tolist() if np.isfinite(gap).all() else None for name, gap in gaps.items()}
 
 
-def _in_words(clearance: Mapping[str, list[float] | None], model: "ErrorModel") -> str:
+def _in_words(clearance: Mapping[str, list[float] | None], model: "taskcal.ErrorModel") -> str:
     """The least gaps of all poses, and of what."""
     radii = model.robot.link_radii
     if radii is None:
@@ -380,7 +374,7 @@ def _in_words(clearance: Mapping[str, list[float] | None], model: "ErrorModel") 
     return f"at least {', '.join(gaps) or '–'}; links as capsules of {min(radii) * 1e3:g} to {max(radii) * 1e3:g} mm radius"
 
 
-def _show(result: Mapping[str, Any], chosen: "Plan", setting: Setting, pages: str) -> None:
+def _show(result: Mapping[str, Any], chosen: "taskcal.Plan", setting: Setting, pages: str) -> None:
     import numpy as np
 
     from taskcal.planning.plan import describe_accuracy, describe_lost

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import taskcal
 from taskcal.cli.command import argument, option
 from taskcal.cli.options.common import OutputOptions, RobotOptions
 from taskcal.cli.output import info, show, tell
@@ -12,8 +13,6 @@ from taskcal.report.content import Column, Table
 if TYPE_CHECKING:
     import numpy as np
 
-    from taskcal.identification.calibration import Calibration
-    from taskcal.robot.error_model import ErrorModel
     from taskcal.tables.table import Table as Read
 
 MAX_SHOWN_ROWS = 30
@@ -87,7 +86,11 @@ def _show(robot: str, ids: list[str], header: list[str], rows: list[list[float]]
 
 
 def _poses_at(
-    columns: "Read", q: "np.ndarray", model: "ErrorModel", calibration: "Calibration | None", angles: Angles
+    columns: "Read",
+    q: "np.ndarray",
+    model: "taskcal.ErrorModel",
+    calibration: "taskcal.Calibration | None",
+    angles: Angles,
 ) -> tuple[list[str], list[list[float]]]:
     """Poses at joints, and with a calibration how they differ."""
     import numpy as np
@@ -130,7 +133,7 @@ def _pose_cells(prefix: str, T: "np.ndarray", angles: Angles) -> tuple[list[str]
 
 
 def _joints_for(
-    columns: "Read", seed: "np.ndarray | None", model: "ErrorModel", calibration: "Calibration | None"
+    columns: "Read", seed: "np.ndarray | None", model: "taskcal.ErrorModel", calibration: "taskcal.Calibration | None"
 ) -> tuple[list[str], list[list[float]]]:
     """Joints for poses: nominal, and with a calibration those of the calibrated robot."""
     import numpy as np

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.campaign import CampaignOptions
 from taskcal.cli.options.common import CampaignArgument, OutputOptions, RobotOption
@@ -12,10 +13,8 @@ from taskcal.cli.output import placement, show, show_facts
 from taskcal.report.content import Column, Table
 
 if TYPE_CHECKING:
-    from taskcal.campaigns.campaign import Campaign
     from taskcal.registration.circles import AxisCircle
     from taskcal.registration.registration import Registration
-    from taskcal.robot.error_model import ErrorModel
 
 MAX_WORST = 5
 """Rows with the largest residuals that are shown."""
@@ -52,10 +51,8 @@ def command(
     outputs = out.begin("register", [("--output", output)], [campaign, robot, reading.rows])
     from taskcal.registration.circles import find_circles
     from taskcal.registration.registration_file import registration_text
-    from taskcal.robot.catalogue import load_robot
-    from taskcal.robot.error_model import ErrorModel
 
-    model = ErrorModel(load_robot(robot))
+    model = taskcal.ErrorModel(taskcal.load_robot(robot))
     read = reading.read(campaign, model.robot)
     registration = register_by(method, model, read.campaign)
     circles = find_circles(model, read.campaign) if method == "circles" else ()
@@ -71,7 +68,7 @@ def command(
     out.give(result, lambda: _show(result))
 
 
-def _frames(registration: "Registration", model: "ErrorModel", campaign: "Campaign") -> dict[str, Any]:
+def _frames(registration: "Registration", model: "taskcal.ErrorModel", campaign: "taskcal.Campaign") -> dict[str, Any]:
     """Frames and residuals, in millimetres."""
     from taskcal.registration.registration import registration_residuals
     from taskcal.report.calibration import describe_unobservable
@@ -95,7 +92,7 @@ def _frames(registration: "Registration", model: "ErrorModel", campaign: "Campai
     }
 
 
-def _circle(circle: "AxisCircle", model: "ErrorModel", campaign: "Campaign") -> dict[str, Any]:
+def _circle(circle: "AxisCircle", model: "taskcal.ErrorModel", campaign: "taskcal.Campaign") -> dict[str, Any]:
     import numpy as np
 
     return {

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.campaign import MeasuredOptions
 from taskcal.cli.options.common import CalibrationArgument, SeedOption
@@ -14,7 +15,6 @@ from taskcal.cli.progress import bar_over
 from taskcal.report.content import Column, Table
 
 if TYPE_CHECKING:
-    from taskcal.identification.calibration import Calibration
     from taskcal.identification.residual_analysis import ResidualAnalysis
     from taskcal.planning.selection import Rung
     from taskcal.planning.task_map import Uncertainty
@@ -51,11 +51,9 @@ def command(
     --campaign, residual analysis and the error reduction by model stage.
     """
     outputs = out.begin("report", [], [calibration, *files_of_task(task), *measured.inputs])
-    from taskcal.identification.calibration import load_calibration
-    from taskcal.task.task import load_task
 
-    calibrated = load_calibration(calibration)
-    described = None if task is None else load_task(task)
+    calibrated = taskcal.load_calibration(calibration)
+    described = None if task is None else taskcal.load_task(task)
     from taskcal.planning.task_map import uncertainty_over  # after the files were read: figures take a while
     from taskcal.report.calibration import calibration_page
 
@@ -88,7 +86,7 @@ def command(
 
 
 def _result(
-    calibration: "Calibration", uncertainty: "Uncertainty | None", remainder: "ResidualAnalysis | None"
+    calibration: "taskcal.Calibration", uncertainty: "Uncertainty | None", remainder: "ResidualAnalysis | None"
 ) -> dict[str, Any]:
     result: dict[str, Any] = {
         "robot": calibration.model.robot.name,
@@ -127,7 +125,7 @@ def show_remainder(remainder: "ResidualAnalysis") -> None:
 
 
 def _examine(
-    calibration: "Calibration", measured: MeasuredOptions, seed: int, begin: Callable[[str], None]
+    calibration: "taskcal.Calibration", measured: MeasuredOptions, seed: int, begin: Callable[[str], None]
 ) -> tuple["ResidualAnalysis | None", "Sequence[Rung]"]:
     """Residual analysis on the campaign, and the error there by model stage; nothing without a campaign.
 

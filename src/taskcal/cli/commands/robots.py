@@ -9,6 +9,7 @@ import numpy as np
 import typer
 from typer.core import TyperGroup
 
+import taskcal
 from taskcal.analysis.identifiability import describe_combination
 from taskcal.cli.command import Command, argument, laid_out, option
 from taskcal.cli.options.common import ROBOT, JsonOption, OutputOptions
@@ -56,9 +57,8 @@ def catalogue(context: typer.Context, as_json: JsonOption = False) -> None:
     context.obj = as_json
     if context.invoked_subcommand is not None:
         return
-    from taskcal.robot.catalogue import catalogue_names, load_robot
 
-    result = {"robots": [catalogue_entry(load_robot(name)) for name in catalogue_names()]}
+    result = {"robots": [catalogue_entry(taskcal.load_robot(name)) for name in taskcal.catalogue_names()]}
     if as_json:
         write_json(result)
         return
@@ -77,9 +77,7 @@ def show_robot(
     *, context: typer.Context, robot: str = argument(..., "NAME_OR_FILE", ROBOT), as_json: JsonOption = False
 ) -> None:
     """Show one robot (the word 'show' may be omitted)."""
-    from taskcal.robot.catalogue import load_robot
-
-    result = describe(load_robot(robot))
+    result = describe(taskcal.load_robot(robot))
     if as_json or context.obj:
         write_json(result)
     else:
@@ -122,10 +120,10 @@ def import_robot(
     if output.suffix != ".toml":
         raise typer.BadParameter(f"'{output}' does not end in .toml, as robot files do", param_hint="--output")
     outputs = out.begin("robots import", [("--output", output)], [source])
-    from taskcal.robot.catalogue import describe_robot, load_robot, robot_toml
+    from taskcal.robot.catalogue import describe_robot, robot_toml
 
     given = {name: value for name, value in asdict(reading).items() if name != "nominal"}
-    nominal = None if reading.nominal is None else load_robot(reading.nominal)
+    nominal = None if reading.nominal is None else taskcal.load_robot(reading.nominal)
     described = describe_robot(source, **given, nominal=nominal)
     outputs.write({output: robot_toml(described)})
     if out.as_json or context.obj:

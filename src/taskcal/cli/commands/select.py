@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.campaign import MeasuredOptions
 from taskcal.cli.options.common import (
@@ -19,11 +20,7 @@ from taskcal.cli.output import files_of_task, info, show, show_facts
 from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
-    from taskcal.campaigns.campaign import Campaign
-    from taskcal.planning.selection import Selection
     from taskcal.report.page import Page
-    from taskcal.robot.error_model import ErrorModel
-    from taskcal.task.task import Task
 
 
 MAPPING, PAGE = "maps over the task", "page"
@@ -50,11 +47,10 @@ def command(
     stated = check_one_model_error(model_error_mm, measured.campaign, of.calibration)
     outputs = page.begin("select", [], [of.robot, of.calibration, *files_of_task(task), *measured.inputs])
     from taskcal.planning.expected_error import known_hyperparameters, parameter_groups
-    from taskcal.planning.selection import SelectionOptions, select, selection_steps
-    from taskcal.task.task import load_task
+    from taskcal.planning.selection import SelectionOptions, selection_steps
 
     model, calibration = of.load()
-    described = load_task(task)
+    described = taskcal.load_task(task)
     known = None if calibration is None else known_hyperparameters(calibration)
     campaign = None if measured.campaign is None else measured.read(measured.campaign, model.robot).campaign
     if campaign is not None:
@@ -62,7 +58,7 @@ def command(
     accuracy = metres(accuracy_mm)
     options = SelectionOptions(seed=seed, hyperparameters=known, model_error=stated)
     with bar_over([*selection_steps(campaign), *([MAPPING, PAGE] if page.asked else [])]) as begin:
-        selection = select(model, described, campaign, accuracy, options=options, progress=begin)
+        selection = taskcal.select(model, described, campaign, accuracy, options=options, progress=begin)
 
         def make() -> "Page":
             begin(MAPPING)
@@ -76,28 +72,26 @@ def command(
 
 
 def _page(
-    model: "ErrorModel",
-    task: "Task",
-    campaign: "Campaign | None",
-    selection: "Selection",
+    model: "taskcal.ErrorModel",
+    task: "taskcal.Task",
+    campaign: "taskcal.Campaign | None",
+    selection: "taskcal.Selection",
     accuracy: float | None,
     seed: int,
 ) -> "Page":
-    from taskcal.analysis.sensitivity import sensitivity
     from taskcal.planning.task_map import map_task
     from taskcal.report.selection import selection_page
-    from taskcal.task.task import reach_task
 
-    reached = reach_task(model, task, seed=seed)
+    reached = taskcal.reach_task(model, task, seed=seed)
     assert selection.design is not None
     maps = map_task(model, task, selection.design, selection.kept, seed)
     assumed = "60 poses assumed in the task" if task.workspace is not None else "60 poses assumed around the task"
     poses = assumed if campaign is None else f"the {len(campaign)} rows of {campaign.source}"
-    effects = sensitivity(model, reached.q)
+    effects = taskcal.sensitivity(model, reached.q)
     return selection_page(model, task, selection, effects, maps, accuracy=accuracy, measured=poses)
 
 
-def _show(model: "ErrorModel", selection: "Selection", result: Mapping[str, Any], pages: str) -> None:
+def _show(model: "taskcal.ErrorModel", selection: "taskcal.Selection", result: Mapping[str, Any], pages: str) -> None:
     from taskcal.report.content import state_model_error
     from taskcal.report.selection import tabulate_dropped, tabulate_ladder
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
+import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.campaign import MeasuredOptions
 from taskcal.cli.options.common import REACHING, ModelErrorOption, RobotOption, SpreadOptions, metres, read_and_reach
@@ -19,9 +20,7 @@ if TYPE_CHECKING:
 
     from taskcal.analysis.identifiability import DistinguishableDirections, EliminationTable
     from taskcal.analysis.sensitivity import MeasuringNoise, Sensitivity
-    from taskcal.campaigns.campaign import Campaign
     from taskcal.report.page import Page
-    from taskcal.robot.error_model import ErrorModel
 
 
 TELLING, MAPPING, PAGE = "identifiability", "maps over the task", "page"
@@ -45,15 +44,13 @@ def command(
         raise typer.BadParameter("give exactly one of them, which has the poses", param_hint="--task / --campaign")
     outputs = page.begin("sensitivity", [("--output", output)], [robot, *files_of_task(task), *measured.inputs])
     from taskcal.analysis.identifiability import tabulate_elimination
-    from taskcal.analysis.sensitivity import measuring_noise, sensitivity
-    from taskcal.robot.catalogue import load_robot
-    from taskcal.robot.error_model import ErrorModel
+    from taskcal.analysis.sensitivity import measuring_noise
 
-    model = ErrorModel(load_robot(robot))
+    model = taskcal.ErrorModel(taskcal.load_robot(robot))
     with bar_over([*([REACHING] if task else []), TELLING, *([MAPPING, PAGE] if page.asked else [])]) as begin:
         q, unreachable, campaign = _poses(model, task, measured, spread, begin)
         begin(TELLING)
-        influence, elimination = sensitivity(model, q), tabulate_elimination(model, {"poses": q})
+        influence, elimination = taskcal.sensitivity(model, q), tabulate_elimination(model, {"poses": q})
         result = _result(influence, elimination, unreachable)
         noise = measuring_noise(model, q, campaign, metres(model_error_mm))
         told_apart = elimination.eliminations["poses"].distinguishable(noise=noise.total)
@@ -79,12 +76,12 @@ def command(
 
 
 def _poses(
-    model: "ErrorModel",
+    model: "taskcal.ErrorModel",
     task: Path | None,
     measured: MeasuredOptions,
     spread: SpreadOptions,
     begin: Callable[[str], None],
-) -> "tuple[Float[np.ndarray, 'n joints'], float, Campaign | None]":
+) -> "tuple[Float[np.ndarray, 'n joints'], float, taskcal.Campaign | None]":
     """Joint positions, the share of a task that is out of reach, and the campaign where it is one's."""
     if measured.campaign is not None:
         campaign = measured.read(measured.campaign, model.robot).campaign
@@ -109,12 +106,11 @@ def _page(
         from taskcal.planning.selection import SelectionOptions, design_for
         from taskcal.planning.task_map import map_task
         from taskcal.report.content import state_model_error
-        from taskcal.task.task import load_task, reach_task
 
-        asked = load_task(task)
+        asked = taskcal.load_task(task)
         poses = f"{len(found.matrix)} poses of {asked.name}"
         made, hyper, _ = design_for(
-            model, reach_task(model, asked, seed=seed), asked, options=SelectionOptions(seed=seed)
+            model, taskcal.reach_task(model, asked, seed=seed), asked, options=SelectionOptions(seed=seed)
         )
         poses += f", model error {state_model_error(hyper.model_error[0] * 1e3, hyper.origin)}"
         maps = map_task(model, asked, made, seed=seed)

@@ -10,6 +10,7 @@ import numpy as np
 import typer
 from jaxtyping import Float
 
+import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.common import (
     REACHING,
@@ -131,11 +132,10 @@ def command(
     )
     from taskcal.reading.stated_scale import distances_text
     from taskcal.reading.writer import campaign_text
-    from taskcal.robot.catalogue import load_robot
     from taskcal.robot.error_model import ErrorModel
-    from taskcal.virtual.cell import SimulationOptions, simulate
+    from taskcal.virtual.cell import SimulationOptions
 
-    model = ErrorModel(load_robot(robot))
+    model = ErrorModel(taskcal.load_robot(robot))
     drawn = None if truth_from is None else read_truth(truth_from, model)
     targets = {name: np.array(p) * 1e-3 for name, p in REFLECTORS_MM.items()} if reflectors.targets == 3 else None
     options = SimulationOptions(
@@ -151,7 +151,7 @@ def command(
     with bar_over([REACHING, MEASURING]) as begin:
         poses = read_and_reach(model, task, spread.count, spread.seed, begin)
         begin(MEASURING)
-        campaign, true = simulate(model, poses.q, rng=np.random.default_rng(spread.seed), options=options)
+        campaign, true = taskcal.simulate(model, poses.q, rng=np.random.default_rng(spread.seed), options=options)
     outputs.write({
         output: campaign_text(campaign, model.robot),
         truth: truth_text(true, campaign.targets),

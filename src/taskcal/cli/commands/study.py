@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
+import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.common import (
     EngineOptions,
@@ -25,11 +26,8 @@ from taskcal.cli.progress import bar_by_parts, is_watched
 from taskcal.observations import instrument_classes
 
 if TYPE_CHECKING:
-    from taskcal.identification.calibration import Calibration
-    from taskcal.planning.study import PlanKind, Study
+    from taskcal.planning.study import PlanKind
     from taskcal.report.page import Page
-    from taskcal.robot.error_model import ErrorModel
-    from taskcal.task.task import Task
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,10 +95,9 @@ def command(
         [of.robot, of.calibration, *files_of_task(task)],
         updated=("--resume",),
     )
-    from taskcal.task.task import load_task
 
     model, calibration = of.load()
-    described = load_task(task)
+    described = taskcal.load_task(task)
     study = _run(model, calibration, described, choice, running, resume)
 
     def make() -> "Page":
@@ -115,14 +112,14 @@ def command(
 
 
 def _run(
-    model: "ErrorModel",
-    calibration: "Calibration | None",
-    task: "Task",
+    model: "taskcal.ErrorModel",
+    calibration: "taskcal.Calibration | None",
+    task: "taskcal.Task",
     choice: StudyOptions,
     running: EngineOptions,
     resume: Path | None,
-) -> "Study":
-    from taskcal.planning.study import MODELS, PLANS, study
+) -> "taskcal.Study":
+    from taskcal.planning.study import MODELS, PLANS
 
     kinds = cast("list[PlanKind]", choose_names(choice.kinds, "--plans", PLANS))
     models = choose_names(choice.models, "--models", MODELS)
@@ -139,7 +136,7 @@ def _run(
                 tenths = 10 * done // total
                 info(f"{done} of {total} robots")
 
-        return study(
+        return taskcal.study(
             model,
             task,
             calibration=calibration,
@@ -168,7 +165,7 @@ def _numbers(text: str) -> list[int]:
     return [int(name) for name in names]
 
 
-def _result(robot: str, study: "Study") -> dict[str, Any]:
+def _result(robot: str, study: "taskcal.Study") -> dict[str, Any]:
     return {
         "robot": robot,
         "robots": study.robots,
@@ -182,7 +179,7 @@ def _result(robot: str, study: "Study") -> dict[str, Any]:
     }
 
 
-def _show(study: "Study", result: Mapping[str, Any], task: str, pages: str) -> None:
+def _show(study: "taskcal.Study", result: Mapping[str, Any], task: str, pages: str) -> None:
     from taskcal.report.content import state_model_error
     from taskcal.report.study import describe_unlearnt, tabulate_study
 

@@ -5,14 +5,13 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
+import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.campaign import CampaignOptions
 from taskcal.cli.options.common import CalibrationArgument, CampaignArgument, JsonOption, above_zero
 from taskcal.cli.output import info, show, show_facts, write_json
 
 if TYPE_CHECKING:
-    from taskcal.campaigns.campaign import Campaign
-    from taskcal.identification.calibration import Calibration
     from taskcal.identification.validation import Acceptance, Examination
 
 MAX_WORST = 10
@@ -51,10 +50,9 @@ def command(
     as_json: JsonOption = False,
 ) -> None:
     """Validate a calibration against a campaign; optional pass/fail decision."""
-    from taskcal.identification.calibration import load_calibration
     from taskcal.identification.validation import examine
 
-    calibrated = load_calibration(calibration)
+    calibrated = taskcal.load_calibration(calibration)
     measured = reading.read(campaign, calibrated.model.robot).campaign
     if reading.targets is None and not reregister:
         measured = _shared_targets(measured, calibrated)
@@ -100,7 +98,7 @@ def _show(title: str, examination: "Examination", decision: "Acceptance | None",
     show_facts(facts)
 
 
-def _shared_targets(measured: "Campaign", calibration: "Calibration") -> "Campaign":
+def _shared_targets(measured: "taskcal.Campaign", calibration: "taskcal.Calibration") -> "taskcal.Campaign":
     """The campaign without targets that the calibration does not know, where it knows others of it."""
     shared = [name for name in measured.targets if name in calibration.targets]
     if not shared or len(shared) == len(measured.targets):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import typer
 
+import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.common import split_names
 from taskcal.cli.output import info
@@ -15,10 +16,7 @@ from taskcal.errors import CampaignError, FileError, shown
 from taskcal.io.text_file import read_text
 
 if TYPE_CHECKING:
-    from taskcal.campaigns.campaign import Campaign
-    from taskcal.observations.base import TrackerNoise
     from taskcal.reading.reader import ReadOptions
-    from taskcal.robot.robot import Robot
     from taskcal.tables.text import DecimalMark
 
 
@@ -81,19 +79,21 @@ class TableOptions:
 class CampaignRead:
     """A campaign, and which of its rows are to be used."""
 
-    whole: "Campaign"
+    whole: "taskcal.Campaign"
     rows: tuple[int, ...]
     """Numbers of the rows to use, counted from 0."""
     drift: dict[str, Any] | None
     """Compensation by reference points; None where there was none."""
 
     @property
-    def campaign(self) -> "Campaign":
+    def campaign(self) -> "taskcal.Campaign":
         """The rows to use."""
         return self.whole if self.rows == tuple(range(len(self.whole))) else self.whole.take(list(self.rows))
 
 
-def compensate(campaign: "Campaign", noise: "TrackerNoise | None" = None) -> tuple["Campaign", dict[str, Any] | None]:
+def compensate(
+    campaign: "taskcal.Campaign", noise: "taskcal.TrackerNoise | None" = None
+) -> tuple["taskcal.Campaign", dict[str, Any] | None]:
     """The campaign in the frame of its reference points, and how far they moved; None where there are none."""
     if not campaign.reference_points:
         return campaign, None
@@ -133,10 +133,10 @@ class CampaignOptions(TableOptions):
     def read(
         self,
         path: Path,
-        robot: "Robot",
+        robot: "taskcal.Robot",
         *,
         targets: Sequence[str] | None = None,
-        noise: "TrackerNoise | None" = None,
+        noise: "taskcal.TrackerNoise | None" = None,
     ) -> CampaignRead:
         """Read a campaign of a robot.
 
@@ -150,9 +150,7 @@ class CampaignOptions(TableOptions):
             FileError: it cannot be read, or does not have what was asked for.
             CampaignError: it does not have such a row.
         """
-        from taskcal.reading.reader import read_campaign
-
-        whole = read_campaign(
+        whole = taskcal.read_campaign(
             path,
             robot,
             targets=split_names(self.targets, "--targets") or targets,

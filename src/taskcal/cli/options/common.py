@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import taskcal
 from taskcal.cli.command import Declared, option
 from taskcal.cli.output import Outputs, check_outputs, info, write_json
 from taskcal.errors import FileError
@@ -15,9 +16,7 @@ from taskcal.errors import FileError
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from taskcal.identification.calibration import Calibration
     from taskcal.robot.effects import Effect
-    from taskcal.robot.error_model import ErrorModel
     from taskcal.task.task import TaskPoses
 
 
@@ -250,21 +249,17 @@ class RobotOptions:
             both = "give one of them" if self.robot is None else "give one of them: a calibration contains its robot"
             raise typer.BadParameter(both, param_hint="--robot / --calibration")
 
-    def load(self) -> "tuple[ErrorModel, Calibration | None]":
+    def load(self) -> "tuple[taskcal.ErrorModel, taskcal.Calibration | None]":
         """The model, and the calibration that it is of, where it is of one.
 
         Raises:
             FileError: the calibration cannot be read.
             TaskcalError: there is no such robot.
         """
-        from taskcal.identification.calibration import load_calibration
-        from taskcal.robot.catalogue import load_robot
-        from taskcal.robot.error_model import ErrorModel
-
         if self.calibration is not None:
-            calibration = load_calibration(self.calibration)
+            calibration = taskcal.load_calibration(self.calibration)
             return calibration.model, calibration
-        return ErrorModel(load_robot(self.robot or "")), None
+        return taskcal.ErrorModel(taskcal.load_robot(self.robot or "")), None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -282,7 +277,7 @@ class ModelOptions(RobotOptions):
         if self.calibration is not None and self.effects is not None:
             raise typer.BadParameter("the calibration has its own effects", param_hint="--effects / --calibration")
 
-    def load(self) -> "tuple[ErrorModel, Calibration | None]":
+    def load(self) -> "tuple[taskcal.ErrorModel, taskcal.Calibration | None]":
         """The model with the named effects, and the calibration that it is of, where it is of one.
 
         Raises:
@@ -329,13 +324,13 @@ REACHING = "joints that reach the task's poses"
 """What is being done."""
 
 
-def read_and_reach(model: "ErrorModel", path: Path, count: int, seed: int, begin: Callable[[str], None]) -> "TaskPoses":
+def read_and_reach(
+    model: "taskcal.ErrorModel", path: Path, count: int, seed: int, begin: Callable[[str], None]
+) -> "TaskPoses":
     """Read a task and find the joints that reach it; a message states how many poses are out of reach."""
-    from taskcal.task.task import load_task, reach_task
-
-    task = load_task(path)
+    task = taskcal.load_task(path)
     begin(REACHING)
-    poses = reach_task(model, task, count, seed)
+    poses = taskcal.reach_task(model, task, count, seed)
     missing = int(poses.unreachable.sum())
     if missing:
         info(f"{missing} of {len(poses.unreachable)} poses of the task are out of the robot's reach and left out")

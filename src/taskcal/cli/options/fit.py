@@ -7,26 +7,23 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
+import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.campaign import CampaignRead
 from taskcal.cli.options.common import SeedOption, split_names, within
 
 if TYPE_CHECKING:
-    from taskcal.campaigns.campaign import Campaign
-    from taskcal.identification.calibration import Calibration
     from taskcal.identification.holdout import Holdout
     from taskcal.identification.options import FitOptions
-    from taskcal.observations.base import TrackerNoise
     from taskcal.registration.registration import Registration
-    from taskcal.robot.error_model import ErrorModel
 
-    Fit = Callable[[Campaign], Calibration]
+    Fit = Callable[[taskcal.Campaign], taskcal.Calibration]
 
 Method = Literal["poses", "circles"]
 """How tracker frame and targets are registered."""
 
 
-def register_by(method: Method, model: "ErrorModel", campaign: "Campaign") -> "Registration":
+def register_by(method: Method, model: "taskcal.ErrorModel", campaign: "taskcal.Campaign") -> "Registration":
     """The registration of a campaign.
 
     Raises:
@@ -34,9 +31,8 @@ def register_by(method: Method, model: "ErrorModel", campaign: "Campaign") -> "R
     """
     from taskcal.registration.circles import register_from_circles
     from taskcal.registration.consensus import check_plausible
-    from taskcal.registration.registration import register
 
-    registered = register_from_circles(model, campaign) if method == "circles" else register(model, campaign)
+    registered = register_from_circles(model, campaign) if method == "circles" else taskcal.register(model, campaign)
     check_plausible(registered, model, campaign)
     return registered
 
@@ -98,13 +94,11 @@ class FitCommandOptions:
         """The file that is read, if one is named."""
         return None if self.registration in ("poses", "circles") else Path(self.registration)
 
-    def noise(self) -> "TrackerNoise | None":
+    def noise(self) -> "taskcal.TrackerNoise | None":
         """The tracker's; None for the default."""
-        from taskcal.observations.base import TrackerNoise
+        return None if self.mpe_to_sigma is None else taskcal.TrackerNoise(mpe_to_sigma=self.mpe_to_sigma)
 
-        return None if self.mpe_to_sigma is None else TrackerNoise(mpe_to_sigma=self.mpe_to_sigma)
-
-    def options(self, model: "ErrorModel", campaign: "Campaign") -> "FitOptions":
+    def options(self, model: "taskcal.ErrorModel", campaign: "taskcal.Campaign") -> "FitOptions":
         """The options of the fit.
 
         Raises:
@@ -112,7 +106,7 @@ class FitCommandOptions:
             FileError: the registration's file is of another robot, or of other targets.
             TaskcalError: nothing is published of the robot.
         """
-        from taskcal.estimation.prior import Cauchy, Huber, Squared
+        from taskcal.estimation.prior import Cauchy, Squared
         from taskcal.identification.options import FitOptions
         from taskcal.registration.registration_file import load_registration
 
@@ -122,7 +116,7 @@ class FitCommandOptions:
         return FitOptions(
             keep=_kept(model, self._names),
             prior=None if self.prior == "none" else "tolerances",
-            loss={"squared": Squared, "huber": Huber, "cauchy": Cauchy}[self.loss](),
+            loss={"squared": Squared, "huber": taskcal.Huber, "cauchy": Cauchy}[self.loss](),
             noise=self.noise(),
             registration=registration,
             frames=self.frames,
@@ -133,7 +127,7 @@ class FitCommandOptions:
         )
 
 
-def _kept(model: "ErrorModel", names: list[str] | None) -> tuple[str, ...] | None:
+def _kept(model: "taskcal.ErrorModel", names: list[str] | None) -> tuple[str, ...] | None:
     """Parameters to fit; ``published`` stands for a publication's choice, ``none`` for the frames alone.
 
     Raises:
@@ -195,7 +189,7 @@ class HoldoutOptions:
 
         return Holdout(share=self.holdout, folds=self.folds, by=self.holdout_by, seed=self.seed)
 
-    def fit(self, read: CampaignRead, fit: "Fit", nominal: "Fit") -> "Calibration":
+    def fit(self, read: CampaignRead, fit: "Fit", nominal: "Fit") -> "taskcal.Calibration":
         """The calibration of the rows that are to be fitted, with its predictions of the others.
 
         Args:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.output import info, show
 from taskcal.observations import Fixtures, Instrument, Setting, instrument_classes, load_fixtures
@@ -16,10 +17,6 @@ if TYPE_CHECKING:
 
     from taskcal.cli.options.campaign import CampaignOptions
     from taskcal.kinematics.clearance import Box
-    from taskcal.planning.plan import Plan
-    from taskcal.robot.error_model import ErrorModel
-    from taskcal.robot.robot import Robot
-    from taskcal.task.task import Task
 
 
 STEM_MM = 100.0
@@ -105,7 +102,7 @@ class _Observing:
             None,
         )
 
-    def mounted(self, model: "ErrorModel") -> "np.ndarray":
+    def mounted(self, model: "taskcal.ErrorModel") -> "np.ndarray":
         """Pose of the mounted item in the tool frame."""
         import numpy as np
 
@@ -134,7 +131,7 @@ class _Observing:
                     )
 
     def load(
-        self, model: "ErrorModel", task: "Task", keep_out: "tuple[Box, ...]", also: "CampaignOptions"
+        self, model: "taskcal.ErrorModel", task: "taskcal.Task", keep_out: "tuple[Box, ...]", also: "CampaignOptions"
     ) -> Instrument | None:
         """The instrument in the task's cell; None for a tracker.
 
@@ -244,7 +241,7 @@ def describe_fixtures(fixtures: Fixtures) -> list[dict[str, Any]]:
     ]
 
 
-def tell_how_to_measure(plan: "Plan", robot: "Robot", *, stated: bool) -> None:
+def tell_how_to_measure(plan: "taskcal.Plan", robot: "taskcal.Robot", *, stated: bool) -> None:
     """Show the fixtures with their numbers of poses, and say what to check and to write down.
 
     Args:
@@ -278,7 +275,7 @@ def tell_how_to_measure(plan: "Plan", robot: "Robot", *, stated: bool) -> None:
         )
 
 
-def _show_fixtures(plan: "Plan", whose: str) -> None:
+def _show_fixtures(plan: "taskcal.Plan", whose: str) -> None:
     instrument, fixtures = plan.instrument, plan.instrument.fixtures
     turned = instrument.directed
     columns = (
