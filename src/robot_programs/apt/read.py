@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -15,7 +16,7 @@ from robot_programs.apt.circle import (
     read_arc,
     recorded_arcs,
 )
-from robot_programs.apt.rewrite import rewrite
+from robot_programs.apt.rewrite import AptProgram
 from robot_programs.apt.syntax import (
     BLOCKING,
     CLEARING,
@@ -31,7 +32,7 @@ from robot_programs.apt.syntax import (
 )
 from robot_programs.core import se3
 from robot_programs.core.errors import FileError
-from robot_programs.core.program import Diagnostic, Frame, Move, MoveKind, Program, Target, Waypoint, with_axis
+from robot_programs.core.program import Diagnostic, Frame, Move, MoveKind, Target, with_axis
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Place, Source
 
@@ -541,32 +542,6 @@ def _defines(statement: Statement) -> bool:
 # Reading tool paths in APT.
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class AptProgram(Program):
-    """Tool paths read from APT."""
-
-    instructions: tuple[Instruction, ...]
-    """Where each motion stands."""
-    tool: Frame
-    part: Frame
-    tools: Mapping[str, Frame]
-
-    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
-        """The files with some motions rewritten; see `Program.rewrite`.
-
-        A point without a tool axis keeps being one: its position changes, its axis stays. What counts from the end of a
-        motion that moved, an incremental motion or an arc, is written anew with its own end.
-
-        Raises:
-            InputError: a motion is to become one to joint positions, which APT does not know.
-        """
-        return rewrite(self.sources, self.moves, self.instructions, waypoints)
-
-    def reread(self, sources: tuple[Source, ...]) -> "AptProgram":
-        """The program of other texts of the same files; see `Program.reread`."""
-        return read_apt(sources, tool=self.tool, part=self.part, tools=self.tools)
-
-
 def read_apt(
     sources: Sequence[Source],
     *,
@@ -604,7 +579,5 @@ def read_apt(
         moves=tuple(reading.moves),
         diagnostics=tuple(reading.diagnostics),
         instructions=tuple(reading.instructions),
-        tool=own,
-        part=reading.part,
-        tools=named,
+        read=partial(read_apt, tool=own, part=reading.part, tools=named),
     )

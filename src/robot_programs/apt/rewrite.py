@@ -1,6 +1,6 @@
 """Rewriting motions of an APT program: points, and arcs as CATIA writes them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,48 +9,54 @@ from jaxtyping import Float
 from robot_programs.apt.circle import Arc, Instruction, arc_through
 from robot_programs.apt.syntax import Token
 from robot_programs.core.errors import InputError
-from robot_programs.core.program import SAME_POSE, Move, Waypoint
+from robot_programs.core.program import SAME_POSE, Move, Program, Waypoint
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Edit, Place, Source, numeral, renumbered
 
 MM, INCHES, AXIS = 5, 6, 7
 """Decimals written of lengths and of directions."""
 
 
-def rewrite(
-    sources: Sequence[Source],
-    moves: Sequence[Move],
-    instructions: Sequence[Instruction],
-    waypoints: Mapping[int, tuple[Waypoint, ...]],
-) -> tuple[Source, ...]:
-    """The files of a program with some motions rewritten.
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class AptProgram(Program):
+    """Tool paths read from APT."""
 
-    Args:
-        sources: the files.
-        moves: all motions.
-        instructions: where they stand.
-        waypoints: by number of the motion.
+    instructions: tuple[Instruction, ...]
+    """Where each motion stands."""
+    read: Callable[[tuple[Source, ...]], "AptProgram"]
+    """Reads other texts of the same files."""
 
-    Raises:
-        InputError: APT cannot say it.
-    """
-    edits: list[list[Edit]] = [[] for _ in sources]
-    for number, move in enumerate(moves):
-        instruction = instructions[number]
-        start = _start(move, instruction, waypoints)
-        path = waypoints.get(number)
-        if instruction.half:
-            kept = all(w not in waypoints or moves[w].stays(waypoints[w]) for w in (number, number + 1))
-            if kept and _same_point(start, instruction.begin):
-                continue
-            path = path or (move.own_waypoint(),)
-        if path is None:
-            leans = instruction.relative or instruction.circle is not None or instruction.record is not None
-            if not leans or _same_point(start, instruction.begin):
-                continue
-            path = (move.own_waypoint(),)
-        writing = _Writing(source=sources[instruction.source], instruction=instruction, move=move)
-        edits[instruction.source] += writing.edits(start, path)
-    return tuple(source.edited(e) for source, e in zip(sources, edits, strict=True))
+    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+        """The files with some motions rewritten; see `Program.rewrite`.
+
+        A point without a tool axis keeps being one: its position changes, its axis stays. What counts from the end of a
+        motion that moved, an incremental motion or an arc, is written anew with its own end.
+
+        Raises:
+            InputError: a motion is to become one to joint positions, which APT does not know.
+        """
+        edits: list[list[Edit]] = [[] for _ in self.sources]
+        for number, (move, instruction) in enumerate(zip(self.moves, self.instructions, strict=True)):
+            start = _start(move, instruction, waypoints)
+            path = waypoints.get(number)
+            if instruction.half:
+                halves = number, number + 1
+                kept = all(half not in waypoints or self.moves[half].stays(waypoints[half]) for half in halves)
+                if kept and _same_point(start, instruction.begin):
+                    continue
+                path = path or (move.own_waypoint(),)
+            if path is None:
+                leans = instruction.relative or instruction.circle is not None or instruction.record is not None
+                if not leans or _same_point(start, instruction.begin):
+                    continue
+                path = (move.own_waypoint(),)
+            writing = _Writing(source=self.sources[instruction.source], instruction=instruction, move=move)
+            edits[instruction.source] += writing.edits(start, path)
+        return tuple(source.edited(e) for source, e in zip(self.sources, edits, strict=True))
+
+    def reread(self, sources: tuple[Source, ...]) -> "AptProgram":
+        """The program of other texts of the same files; see `Program.reread`."""
+        return self.read(sources)
 
 
 def _start(

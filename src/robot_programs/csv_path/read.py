@@ -4,8 +4,9 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -714,9 +715,8 @@ class CsvProgram(Program):
     path_tables: tuple[PathTable, ...]
     written: tuple[tuple[int, Written], ...]
     """Where each motion stands: number of its table, and rows."""
-    robot: Robot | None
-    tool: Frame | None
-    part: Frame
+    read: Callable[[tuple[Source, ...]], "CsvProgram"]
+    """Reads other texts of the same files."""
 
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The files with some motions rewritten; see `Program.rewrite`.
@@ -732,7 +732,7 @@ class CsvProgram(Program):
 
     def reread(self, sources: tuple[Source, ...]) -> "CsvProgram":
         """The program of other texts of the same files; see `Program.reread`."""
-        return read_csv_path(sources, robot=self.robot, tool=self.tool, part=self.part)
+        return self.read(sources)
 
 
 def read_csv_path(
@@ -783,7 +783,5 @@ def read_csv_path(
         diagnostics=tuple(diagnostics),
         path_tables=path_tables,
         written=tuple(written),
-        robot=robot,
-        tool=tool,
-        part=part,
+        read=partial(read_csv_path, robot=robot, tool=tool, part=part),
     )

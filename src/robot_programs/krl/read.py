@@ -1,18 +1,17 @@
 """Reading KRL programs: from the routines that nothing calls through all that they call."""
 
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from robot_programs.core import flow
-from robot_programs.core.errors import FileError, InputError
+from robot_programs.core.errors import FileError
 from robot_programs.core.flow import MIN_LINES, Body, Counts, Group, Loop, Node, lines_in
-from robot_programs.core.program import Diagnostic, Frame, Program, Unresolved, Visit, Waypoint
-from robot_programs.core.robot import Robot
+from robot_programs.core.program import Diagnostic, Frame, Unresolved
 from robot_programs.core.source import Source
 from robot_programs.krl.data import Data, File, Routine, Text
 from robot_programs.krl.frames import UNREACHED, Frames, State
 from robot_programs.krl.resolve import Findings, Resolver
-from robot_programs.krl.rewrite import Sharing, Site, in_data_list, rewrite, visits_of
+from robot_programs.krl.rewrite import KrlProgram
 from robot_programs.krl.routines import (
     Actions,
     actions_of,
@@ -493,49 +492,6 @@ MAX_PASSES = 30
 routines set is taken as not known, and loops are not taken turn by turn."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class KrlProgram(Program):
-    """KRL program read from ``.src`` and ``.dat`` files."""
-
-    sites: tuple[Site, ...]
-    """Of the moves, in their order."""
-    files: tuple[File, ...] = ()
-
-    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
-        """The program's files with some motions rewritten.
-
-        Points of the program's own data list get new numbers there, or a copy beside them where other motions still need the old
-        ones; all others are written into the motion itself. Waypoints before the last become motions of their own in the
-        lines before.
-
-        Args:
-            robot: the robot, whose joint positions decide status and turn.
-            waypoints: by number of the motion.
-
-        Raises:
-            InputError: a motion is to be rewritten that cannot be, because others share its text.
-        """
-        shared = Sharing(sites=self.sites, moves=self.moves, robot=robot).unwritable(waypoints)
-        for number, why in shared.items():
-            raise InputError(f"motion {number} of {self.moves[number].place} cannot be rewritten: {why}; leave it out")
-        elements = in_data_list(self.sites, self.moves, waypoints)
-        return rewrite(self.sources, self.sites, self.moves, robot, waypoints, elements)
-
-    def unwritable(
-        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
-    ) -> dict[int, str]:
-        """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
-        return Sharing(sites=self.sites, moves=self.moves, robot=robot).unwritable(waypoints)
-
-    def visits(self) -> Iterable[Visit]:
-        """Motions of one routine that name one point; see `Program.visits`."""
-        return visits_of(self.sites, self.moves, self.files)
-
-    def reread(self, sources: tuple[Source, ...]) -> "KrlProgram":
-        """The program of other texts of the same files; see `Program.reread`."""
-        return read_krl(sources)
-
-
 def read_krl(sources: Sequence[Source]) -> KrlProgram:
     """Read a KRL program.
 
@@ -655,5 +611,6 @@ class _Reading:
             ),
             sites=tuple(site for _, site in found),
             files=self.files,
+            read=read_krl,
             T_world_base=T_world_base,
         )

@@ -2,7 +2,7 @@
 
 import re
 from collections import defaultdict
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import isnan
@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 
 from robot_programs.core import se3
 from robot_programs.core.errors import InputError
-from robot_programs.core.program import Composition, Move, MoveKind, Target, Visit, Waypoint, reject_in_turn
+from robot_programs.core.program import Composition, Move, MoveKind, Program, Target, Visit, Waypoint, reject_in_turn
 from robot_programs.core.robot import Robot, meeting_point
 from robot_programs.core.source import Edit, FreshNames, Place, Source, numeral
 from robot_programs.krl.data import (
@@ -230,44 +230,66 @@ class _Use:
     points: list[Written] = field(default_factory=list[Written])
 
 
-def rewrite(
-    sources: tuple[Source, ...],
-    sites: Sequence[Site],
-    moves: Sequence[Move],
-    robot: Robot,
-    waypoints: Mapping[int, tuple[Waypoint, ...]],
-    elements: Container[int],
-) -> tuple[Source, ...]:
-    """The sources with some motions rewritten; see `KrlProgram.rewrite`.
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class KrlProgram(Program):
+    """KRL program read from ``.src`` and ``.dat`` files."""
 
-    Args:
-        sources: the files.
-        sites: of the motions.
-        moves: the motions.
-        robot: the robot.
-        waypoints: by number of the motion.
-        elements: numbers of motions whose points get their numbers in the data list, because others share their text.
-    """
-    rewriting = _Rewriting(robot=robot, files=_files(sites))
-    changed = {number for number, path in waypoints.items() if not moves[number].stays(path)}
-    done: set[tuple[int, int]] = set()
-    for number, (site, move) in enumerate(zip(sites, moves, strict=True)):
-        path = waypoints.get(number)
-        if site.leans:
-            path = (path or (move.own_waypoint(),)) if number in changed or changed.intersection(site.before) else None
-        if path is None:
-            continue
-        if number in elements:
-            rewriting.elements(site, move, path)
-        elif move.texts_motions == 1:
-            rewriting.motion(site, move, path)
-        elif move.stays(path):
-            continue
-        elif site.text not in done:
-            done.add(site.text)
-            rewriting.motion(site, move, path)
-    rewriting.variables()
-    return tuple(source.edited(rewriting.edits.get(i, ())) for i, source in enumerate(sources))
+    sites: tuple[Site, ...]
+    """Of the moves, in their order."""
+    files: tuple[File, ...] = ()
+    read: Callable[[tuple[Source, ...]], "KrlProgram"]
+    """Reads other texts of the same files."""
+
+    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+        """The program's files with some motions rewritten.
+
+        Points of the program's own data list get new numbers there, or a copy beside them where other motions still need the old
+        ones; all others are written into the motion itself. Waypoints before the last become motions of their own in the
+        lines before.
+
+        Args:
+            robot: the robot, whose joint positions decide status and turn.
+            waypoints: by number of the motion.
+
+        Raises:
+            InputError: a motion is to be rewritten that cannot be, because others share its text.
+        """
+        for number, why in self.unwritable(robot, waypoints).items():
+            raise InputError(f"motion {number} of {self.moves[number].place} cannot be rewritten: {why}; leave it out")
+        elements = in_data_list(self.sites, self.moves, waypoints)
+        rewriting = _Rewriting(robot=robot, files=_files(self.sites))
+        changed = {number for number, path in waypoints.items() if not self.moves[number].stays(path)}
+        done: set[tuple[int, int]] = set()
+        for number, (site, move) in enumerate(zip(self.sites, self.moves, strict=True)):
+            path = waypoints.get(number)
+            if site.leans:
+                leaned_on = number in changed or changed.intersection(site.before)
+                path = (path or (move.own_waypoint(),)) if leaned_on else None
+            if path is None:
+                continue
+            if number in elements:
+                rewriting.elements(site, move, path)
+            elif move.texts_motions == 1:
+                rewriting.motion(site, move, path)
+            elif not move.stays(path) and site.text not in done:
+                done.add(site.text)
+                rewriting.motion(site, move, path)
+        rewriting.variables()
+        return tuple(source.edited(rewriting.edits.get(i, ())) for i, source in enumerate(self.sources))
+
+    def unwritable(
+        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float = 0.0
+    ) -> dict[int, str]:
+        """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
+        return Sharing(sites=self.sites, moves=self.moves, robot=robot).unwritable(waypoints)
+
+    def visits(self) -> Iterable[Visit]:
+        """Motions of one routine that name one point; see `Program.visits`."""
+        return visits_of(self.sites, self.moves, self.files)
+
+    def reread(self, sources: tuple[Source, ...]) -> "KrlProgram":
+        """The program of other texts of the same files; see `Program.reread`."""
+        return self.read(sources)
 
 
 def _files(sites: Sequence[Site]) -> tuple[File, ...]:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -16,11 +17,9 @@ from robot_programs.core.program import (
     Move,
     MoveKind,
     Posture,
-    Program,
     Target,
     Unresolved,
     Visit,
-    Waypoint,
 )
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Place, Source
@@ -37,7 +36,7 @@ from robot_programs.tp.listing import (
     parse_motion,
     read_variables,
 )
-from robot_programs.tp.rewrite import Site, Written, rewrite
+from robot_programs.tp.rewrite import Site, TpProgram, Written
 
 # User frames and tools by number: from a backup's variables, or given with the program.
 
@@ -527,46 +526,6 @@ class Resolver:
 # Reading TP programs with the frames and registers of a backup.
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class TpProgram(Program):
-    """TP program read from listings."""
-
-    robot: Robot
-    sites: tuple[Site, ...]
-    """Of the moves, in their order."""
-    tool: Frame | None
-    part: Frame | None
-    unresolved: tuple[Visit, ...] = ()
-    """Positions of motions that were not resolved."""
-
-    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
-        """The program's files with some motions rewritten.
-
-        Positions get new numbers where all motions that name one agree; where others still need the old ones, and in place of
-        registers, the motion names a new position, which stands behind all others. Waypoints before the last become motions
-        of their own in the lines before, and the lines behind are numbered anew.
-
-        Args:
-            robot: the robot, whose joint positions decide the configuration.
-            waypoints: by number of the motion.
-
-        Raises:
-            InputError: a motion is to become one of another kind.
-        """
-        return rewrite(self.sources, self.sites, self.moves, robot, waypoints)
-
-    def visits(self) -> Iterable[Visit]:
-        """Motions of one listing that name one position, whatever shifts it; see `Program.visits`."""
-        for number, (site, move) in enumerate(zip(self.sites, self.moves, strict=True)):
-            for written in site.written:
-                yield Visit(number=number, target=(site.file, written.operand.name), place=move.place)
-        yield from self.unresolved
-
-    def reread(self, sources: tuple[Source, ...]) -> "TpProgram":
-        """The program of other texts of the same files; see `Program.reread`."""
-        return read_tp(sources, robot=self.robot, tool=self.tool, part=self.part)
-
-
 def read_tp(
     sources: Sequence[Source], *, robot: Robot | None = None, tool: Frame | None = None, part: Frame | None = None
 ) -> TpProgram:
@@ -622,11 +581,9 @@ def read_tp(
         diagnostics=tuple(findings.diagnostics),
         T_world_base=se3.inverse(T_base_world),
         base_from="FANUC's world frame, on axis 1 at the height of axis 2",
-        robot=robot,
         sites=tuple(findings.sites),
         unresolved=tuple(findings.unresolved),
-        tool=tool,
-        part=part,
+        read=partial(read_tp, robot=robot, tool=tool, part=part),
     )
 
 

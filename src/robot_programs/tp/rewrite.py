@@ -1,7 +1,7 @@
 """Rewriting motions of a TP program: numbers of its positions, positions of their own, and motions before others."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from robot_programs.core import se3
 from robot_programs.core.errors import InputError
-from robot_programs.core.program import Composition, Move, Waypoint
+from robot_programs.core.program import Composition, Move, Program, Visit, Waypoint
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Edit, Source
 from robot_programs.tp.listing import (
@@ -63,28 +63,52 @@ class Site:
     written: tuple[Written, ...]
 
 
-def rewrite(
-    sources: Sequence[Source],
-    sites: Sequence[Site],
-    moves: Sequence[Move],
-    robot: Robot,
-    waypoints: Mapping[int, tuple[Waypoint, ...]],
-) -> tuple[Source, ...]:
-    """The files of a program with some motions rewritten; see `TpProgram.rewrite`.
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class TpProgram(Program):
+    """TP program read from listings."""
 
-    Raises:
-        InputError: TP cannot say it.
-    """
-    by_file: dict[int, list[int]] = {}
-    for number in sorted(waypoints):
-        by_file.setdefault(sites[number].file, []).append(number)
-    out = list(sources)
-    for file, numbers in by_file.items():
-        rewriting = _Rewriting(source=sources[file], listing=sites[numbers[0]].listing, robot=robot)
-        for number in numbers:
-            rewriting.motion(sites[number], moves[number], waypoints[number])
-        out[file] = rewriting.result()
-    return tuple(out)
+    sites: tuple[Site, ...]
+    """Of the moves, in their order."""
+    unresolved: tuple[Visit, ...] = ()
+    """Positions of motions that were not resolved."""
+    read: Callable[[tuple[Source, ...]], "TpProgram"]
+    """Reads other texts of the same files."""
+
+    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+        """The program's files with some motions rewritten.
+
+        Positions get new numbers where all motions that name one agree; where others still need the old ones, and in place of
+        registers, the motion names a new position, which stands behind all others. Waypoints before the last become motions
+        of their own in the lines before, and the lines behind are numbered anew.
+
+        Args:
+            robot: the robot, whose joint positions decide the configuration.
+            waypoints: by number of the motion.
+
+        Raises:
+            InputError: a motion is to become one of another kind.
+        """
+        by_file: dict[int, list[int]] = {}
+        for number in sorted(waypoints):
+            by_file.setdefault(self.sites[number].file, []).append(number)
+        out = list(self.sources)
+        for file, numbers in by_file.items():
+            rewriting = _Rewriting(source=out[file], listing=self.sites[numbers[0]].listing, robot=robot)
+            for number in numbers:
+                rewriting.motion(self.sites[number], self.moves[number], waypoints[number])
+            out[file] = rewriting.result()
+        return tuple(out)
+
+    def visits(self) -> Iterable[Visit]:
+        """Motions of one listing that name one position, whatever shifts it; see `Program.visits`."""
+        for number, (site, move) in enumerate(zip(self.sites, self.moves, strict=True)):
+            for written in site.written:
+                yield Visit(number=number, target=(site.file, written.operand.name), place=move.place)
+        yield from self.unresolved
+
+    def reread(self, sources: tuple[Source, ...]) -> "TpProgram":
+        """The program of other texts of the same files; see `Program.reread`."""
+        return self.read(sources)
 
 
 @dataclass(eq=False, kw_only=True)
