@@ -385,8 +385,8 @@ class Walk(ABC, Generic[S, R]):
         """State after a motion, an assignment, a call or another step."""
 
     @abstractmethod
-    def asked(self, line: Any, state: S) -> S:
-        """State after the functions in the conditions of a line."""
+    def asked(self, line: Any, state: S, node: Node) -> S:
+        """State after the functions in the conditions of a line, with which a node begins or ends."""
 
     @abstractmethod
     def truth(self, condition: Any, state: S) -> bool | None:
@@ -488,13 +488,13 @@ class Walk(ABC, Generic[S, R]):
             case Step():
                 return self.step(node.line, state)
             case Branches():
-                return self._branches(node, self.asked(node.line, state))
+                return self._branches(node, self.asked(node.line, state, node))
             case Loop():
-                return self._loop(node, self.asked(node.line, state))
+                return self._loop(node, self.asked(node.line, state, node))
             case Group():
                 return self.within(node, state)
             case Leave():
-                return self._leave(node, self.asked(node.line, state))
+                return self._leave(node, self.asked(node.line, state, node))
 
     def _leave(self, node: Leave, state: S) -> S:
         match node.way:
@@ -576,7 +576,7 @@ class Walk(ABC, Generic[S, R]):
         """State after one turn of a loop, and behind the functions that its conditions ask then."""
         state = self.block(loop.body, state)
         for line in (loop.line, loop.end) if state.reached else ():
-            state = self.asked(line, state) if line is not None else state
+            state = self.asked(line, state, loop) if line is not None else state
         return state
 
     def _counted(self, loop: Loop, state: S) -> S:

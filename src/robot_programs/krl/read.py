@@ -225,7 +225,7 @@ class _Walk(flow.Walk[State, Routine]):
 
     # Conditions, and loops that count.
 
-    def asked(self, line: Statement, state: State) -> State:
+    def asked(self, line: Statement, state: State, node: Node | None = None) -> State:
         """State after functions in the expressions of a line."""
         for name in calls_of(line):
             state = self.flow.forget(name, state)

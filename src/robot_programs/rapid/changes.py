@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from robot_programs.core.flow import with_called
+from robot_programs.core.flow import Node, bodies_of, lines_in, with_called
 from robot_programs.core.program import Unresolved
 from robot_programs.rapid.names import (
     CHANGING,
@@ -26,43 +26,24 @@ from robot_programs.rapid.resolve import CHANGED_BY, MOTION_FORMS, ONLY_EXTERNAL
 from robot_programs.rapid.syntax import (
     Argument,
     Assignment,
-    Branches,
     Call,
+    Control,
     Expression,
     Instruction,
     Label,
-    Leave,
-    Loop,
+    Line,
     Parameter,
     Reference,
     Routine,
-    Statement,
     Token,
     Unparsed,
+    expressions_of,
     inside,
     parts,
 )
 from robot_programs.rapid.values import Values
 
 # Which statements of a routine move the robot, and which call what.
-
-
-def nested(block: Iterable[Statement]) -> Iterator[Statement]:
-    """Some statements and all that stand in them."""
-    for statement in block:
-        yield statement
-        yield from nested(blocks_of(statement))
-
-
-def blocks_of(statement: Statement) -> tuple[Statement, ...]:
-    """The statements that stand in one, branch by branch."""
-    match statement:
-        case Branches():
-            return tuple(inner for branch in statement.branches for inner in branch)
-        case Loop():
-            return statement.body
-        case _:
-            return ()
 
 
 def is_read(instruction: Instruction, scope: Scope) -> bool:
@@ -97,28 +78,13 @@ def _is_target(node: Expression, scope: Scope) -> bool:
             return False
 
 
-def expressions_of(statement: Statement) -> Iterator[Expression]:
-    """The expressions of a statement itself, without those of the statements that stand in it."""
-    match statement:
-        case Instruction():
-            yield from (argument.value for argument in statement.arguments if argument.value is not None)
-        case Assignment():
-            yield from (statement.target, statement.value)
-        case Branches() | Loop():
-            yield from statement.conditions
-        case Leave() if statement.value is not None:
-            yield statement.value
-        case _:
-            pass
-
-
-def moves(block: Iterable[Statement], scope: Scope) -> bool:
-    """Whether some statement may move the robot, or be reached from elsewhere."""
+def moves(lines: Iterable[Line], scope: Scope) -> bool:
+    """Whether some line may move the robot, or be reached from elsewhere."""
     return any(
-        isinstance(statement, Label | Unparsed)
-        or (isinstance(statement, Instruction) and _may_move(statement.name.key, scope))
-        or any(calls(expression, scope) for expression in expressions_of(statement))
-        for statement in nested(block)
+        isinstance(line, Label | Unparsed)
+        or (isinstance(line, Instruction) and _may_move(line.name.key, scope))
+        or any(calls(expression, scope) for expression in expressions_of(line))
+        for line in lines
     )
 
 
@@ -148,11 +114,11 @@ ANY_ROUTINE = Routine(
 """Stands for the routine that is called by a name that is not known, which may be any."""
 
 
-def may_call(block: Iterable[Statement], scope: Scope) -> frozenset[Routine]:
-    """Routines that some statements call, as `called`, and `ANY_ROUTINE` where one is called by a name that is not known."""
-    block = tuple(block)
-    late = any(isinstance(s, Instruction) and is_late(s, scope) for s in nested(block))
-    return frozenset(called(block, scope)) | ({ANY_ROUTINE} if late else frozenset[Routine]())
+def may_call(lines: Iterable[Line], scope: Scope) -> frozenset[Routine]:
+    """Routines that some lines call, as `called`, and `ANY_ROUTINE` where one is called by a name that is not known."""
+    lines = tuple(lines)
+    late = any(isinstance(line, Instruction) and is_late(line, scope) for line in lines)
+    return frozenset(called(lines, scope)) | ({ANY_ROUTINE} if late else frozenset[Routine]())
 
 
 def is_late(instruction: Instruction, scope: Scope) -> bool:
@@ -160,18 +126,18 @@ def is_late(instruction: Instruction, scope: Scope) -> bool:
     return instruction.name.key in LATE and instruction.name.key not in scope.routines
 
 
-def called(block: Iterable[Statement], scope: Scope) -> Iterator[Routine]:
-    """Routines of the files that some statements may call, those in text that was not understood included."""
-    for statement in nested(block):
-        match statement:
+def called(lines: Iterable[Line], scope: Scope) -> Iterator[Routine]:
+    """Routines of the files that some lines may call, those in text that was not understood included."""
+    for line in lines:
+        match line:
             case Instruction():
-                yield from scope.routines.get(statement.name.key, ())
+                yield from scope.routines.get(line.name.key, ())
             case Unparsed():
-                for token in statement.tokens:
+                for token in line.tokens:
                     yield from scope.routines.get(token.key, ()) if token.kind == "name" else ()
             case _:
                 pass
-        for part in (part for expression in expressions_of(statement) for part in parts(expression)):
+        for part in (part for expression in expressions_of(line) for part in parts(expression)):
             if isinstance(part, Call):
                 yield from scope.routines.get(part.name.key, ())
 
@@ -426,13 +392,6 @@ def symbol_of(mention: Mention) -> Symbol | None:
         return None
 
 
-def mentions_in(
-    block: Iterable[Statement], scope: Scope, file: File, changed: frozenset[tuple[str, str]]
-) -> Iterator[Mention]:
-    """Every reference to data in some statements; see `mentions`."""
-    return _Walker(file, changed).statements(block, scope)
-
-
 def mentions(everywhere: Iterable[Context], changed: frozenset[tuple[str, str]] = frozenset()) -> Iterator[Mention]:
     """Every reference to data in modules and routines.
 
@@ -445,7 +404,11 @@ def mentions(everywhere: Iterable[Context], changed: frozenset[tuple[str, str]] 
         for symbol in context.declared:
             if symbol.declaration is not None and symbol.declaration.value is not None:
                 yield from walker.read(symbol.declaration.value, context.scope)
-        yield from walker.statements(context.statements, context.scope)
+        if context.routine is None:
+            for unparsed in context.module.unparsed:
+                yield from walker.unparsed(unparsed, context.scope)
+        else:
+            yield from walker.nodes(context.routine.nodes, context.scope)
 
 
 class _Walker:
@@ -459,21 +422,23 @@ class _Walker:
         for item in inside(reference):
             yield from self.read(item, scope)
 
-    def statements(self, block: Iterable[Statement], scope: Scope) -> Iterator[Mention]:
-        for statement in block:
-            match statement:
+    def nodes(self, nodes: Iterable[Node], scope: Scope) -> Iterator[Mention]:
+        for node in nodes:
+            line: Line = node.line
+            match line:
                 case Instruction():
-                    yield from self.arguments(statement.arguments, statement.name, instruction_may_change, scope)
+                    yield from self.arguments(line.arguments, line.name, instruction_may_change, scope)
                 case Assignment():
-                    yield from self.mention(statement.target, scope, True)
-                    yield from self.read(statement.value, scope)
+                    yield from self.mention(line.target, scope, True)
+                    yield from self.read(line.value, scope)
                 case Unparsed():
-                    yield from self.unparsed(statement, scope)
+                    yield from self.unparsed(line, scope)
                 case _:
-                    for expression in expressions_of(statement):
+                    for expression in expressions_of(line):
                         yield from self.read(expression, scope)
-                    own = scope.with_counter(statement.counter) if isinstance(statement, Loop) else scope
-                    yield from self.statements(blocks_of(statement), own)
+            own = scope.with_counter(line.counter) if isinstance(line, Control) else scope
+            for body in bodies_of(node):
+                yield from self.nodes(body, own)
 
     def unparsed(self, unparsed: Unparsed, scope: Scope) -> Iterator[Mention]:
         """Names in text that was not understood."""
@@ -551,24 +516,24 @@ class Effects:
     """Data that a routine may change, by itself or by those that it calls."""
     volatile: frozenset[Symbol]
     """Data that may change at any time: in a trap, or where an error is handled."""
-    _of_statement: dict[Statement, frozenset[Symbol]] = field(default_factory=dict[Statement, frozenset[Symbol]])
+    _of_line: dict[Line, frozenset[Symbol]] = field(default_factory=dict[Line, frozenset[Symbol]])
     _sets: dict[frozenset[Symbol], frozenset[Symbol]] = field(
         default_factory=dict[frozenset[Symbol], frozenset[Symbol]]
     )
-    """Each set once: those of most statements are alike."""
+    """Each set once: those of most lines are alike."""
 
-    def of(self, statement: Statement, scope: Scope, file: File) -> frozenset[Symbol]:
+    def of(self, node: Node, scope: Scope, file: File) -> frozenset[Symbol]:
         """Data that a statement may change, with all that stands in it and all that it calls."""
-        if statement not in self._of_statement:
-            own = _changed([statement], scope, file, self.changes)
-            others = (self.of_routine.get(routine, frozenset[Symbol]()) for routine in may_call([statement], scope))
+        if node.line not in self._of_line:
+            own = _changed([node], scope, file, self.changes)
+            others = (self.of_routine.get(r, frozenset[Symbol]()) for r in may_call(lines_in([node]), scope))
             changed = own.union(*others)
-            self._of_statement[statement] = self._sets.setdefault(changed, changed)
-        return self._of_statement[statement]
+            self._of_line[node.line] = self._sets.setdefault(changed, changed)
+        return self._of_line[node.line]
 
-    def of_arguments(self, statement: Statement, scope: Scope, file: File) -> frozenset[Symbol]:
+    def of_arguments(self, node: Node, scope: Scope, file: File) -> frozenset[Symbol]:
         """Data that a call may change by the parameters that it is given."""
-        return _changed([statement], scope, file, self.changes)
+        return _changed([node], scope, file, self.changes)
 
 
 def effects_of(everywhere: Iterable[Context], changes: Changes) -> Effects:
@@ -579,9 +544,8 @@ def effects_of(everywhere: Iterable[Context], changes: Changes) -> Effects:
         routine = context.routine
         if routine is None:
             continue
-        handlers = [statement for handler in routine.handlers for statement in handler]
-        handled[routine] = _own(handlers, context, changes)
-        own[routine] = _own([*routine.body, *handlers], context, changes)
+        handled[routine] = _own([node for handler in routine.handlers for node in handler], context, changes)
+        own[routine] = _own(routine.nodes, context, changes)
     own[ANY_ROUTINE] = frozenset[Symbol](), frozenset(own)
     of_routine = with_called(own)
     volatile = set[Symbol]()
@@ -592,23 +556,22 @@ def effects_of(everywhere: Iterable[Context], changes: Changes) -> Effects:
     return Effects(changes=changes, of_routine=of_routine, volatile=frozenset(volatile))
 
 
-def _own(
-    block: Iterable[Statement], context: Context, changes: Changes
-) -> tuple[frozenset[Symbol], frozenset[Routine]]:
-    block = tuple(block)
-    changed = _changed(block, context.scope, context.file, changes)
-    return changed, may_call(block, context.scope)
+def _own(nodes: Sequence[Node], context: Context, changes: Changes) -> tuple[frozenset[Symbol], frozenset[Routine]]:
+    changed = _changed(nodes, context.scope, context.file, changes)
+    return changed, may_call(lines_in(nodes), context.scope)
 
 
 SOFT = Symbol(name="SoftAct", type="bool")
 """Whether a servo gives way."""
 
 
-def _changed(block: Iterable[Statement], scope: Scope, file: File, changes: Changes) -> frozenset[Symbol]:
-    block = tuple(block)
-    symbols = (symbol_of(mention) for mention in mentions_in(block, scope, file, changes.parameters) if mention.changes)
+def _changed(nodes: Sequence[Node], scope: Scope, file: File, changes: Changes) -> frozenset[Symbol]:
+    walker = _Walker(file, changes.parameters)
+    symbols = (symbol_of(mention) for mention in walker.nodes(nodes, scope) if mention.changes)
     soft = any(
-        isinstance(s, Instruction) and s.name.key in (SOFTENING, STIFFENING) and s.name.key not in scope.routines
-        for s in nested(block)
+        isinstance(line, Instruction)
+        and line.name.key in (SOFTENING, STIFFENING)
+        and line.name.key not in scope.routines
+        for line in lines_in(nodes)
     )
     return frozenset(symbol for symbol in symbols if symbol is not None) | ({SOFT} if soft else frozenset[Symbol]())

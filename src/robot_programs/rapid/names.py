@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from robot_programs.core.program import Unresolved
 from robot_programs.core.source import Source
-from robot_programs.rapid.syntax import Declaration, Module, Routine, Statement, Token
+from robot_programs.rapid.syntax import Declaration, Line, Module, Routine, Token
 
 # What every RAPID program can use without declaring it: types, data, instructions and functions.
 #
@@ -239,9 +239,9 @@ class Context:
     """Data declared right here."""
 
     @property
-    def statements(self) -> tuple[Statement, ...]:
-        """Of a routine and its handlers; of a module the text between them that is not understood."""
-        return self.module.unparsed if self.routine is None else self.routine.statements
+    def lines(self) -> Iterable[Line]:
+        """Of a routine and its handlers, with all that stand in others; of a module the text that is not understood."""
+        return self.module.unparsed if self.routine is None else self.routine.lines
 
 
 def contexts(files: Iterable[File]) -> Iterator[Context]:

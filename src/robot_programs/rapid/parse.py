@@ -1,21 +1,22 @@
 """From the text of a file to its modules; what cannot be understood is passed over and reported."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
+from robot_programs.core.flow import Arm, Block, Branches, Leave, Loop, Node, Step, Unknown
 from robot_programs.rapid.syntax import (
+    UNDECIDED,
     Aggregate,
     Argument,
     Assignment,
-    Branches,
     Call,
     Component,
+    Control,
     Declaration,
     Expression,
     Index,
     Instruction,
     Label,
-    Leave,
-    Loop,
     Module,
     Number,
     Operation,
@@ -24,7 +25,6 @@ from robot_programs.rapid.syntax import (
     Record,
     Reference,
     Routine,
-    Statement,
     Text,
     Token,
     TooMuch,
@@ -361,17 +361,17 @@ class StatementParser(ExpressionParser):
             start=start, end=self.end, storage=storage, local=local, type=type_, name=name, array=array, value=value
         )
 
-    def body(self, declarations: list[Declaration]) -> tuple[Statement, ...]:
+    def body(self, declarations: list[Declaration]) -> Block:
         """Statements up to a handler or the end of the routine; an ENDIF or the like on the way closes nothing."""
-        statements = [*self._block(declarations)]
+        nodes = [*self._block(declarations)]
         while self.next.key in _INNER_ENDS:
             stray = self.take()
             noted = self.note(stray.start, f"'{stray.text}' closes nothing")
-            statements += [self.unparsed(stray.start, noted), *self._block(declarations)]
-        return tuple(statements)
+            nodes += [Unknown(line=self.unparsed(stray.start, noted)), *self._block(declarations)]
+        return tuple(nodes)
 
-    def _block(self, declarations: list[Declaration]) -> tuple[Statement, ...]:
-        statements: list[Statement] = []
+    def _block(self, declarations: list[Declaration]) -> Block:
+        nodes: list[Node] = []
         while self.next.kind != "end" and self.next.key not in _BLOCK_ENDS:
             if self.skip(";"):
                 continue
@@ -385,15 +385,15 @@ class StatementParser(ExpressionParser):
                         break
                     declarations.append(self.declaration())
                 else:
-                    statements.append(self._statement(declarations))
+                    nodes.append(self._statement(declarations))
             except NotUnderstood as problem:
                 self.depth = depth
                 noted = self.note(problem.position, problem.text)
                 self.recover(first, _ROUTINE_ENDS)
-                statements.append(self.unparsed(first, noted))
-        return tuple(statements)
+                nodes.append(Unknown(line=self.unparsed(first, noted)))
+        return tuple(nodes)
 
-    def _statement(self, declarations: list[Declaration]) -> Statement:
+    def _statement(self, declarations: list[Declaration]) -> Node:
         match self.next.key:
             case "if":
                 return self._if(declarations)
@@ -414,56 +414,56 @@ class StatementParser(ExpressionParser):
             case _:
                 return self._simple()
 
-    def _simple(self) -> Statement:
+    def _simple(self) -> Node:
         """An instruction, an assignment or a label."""
         name = self.name()
         start = name.start
         if self.skip(":"):
-            return Label(start=start, end=self.end)
+            return Unknown(line=Label(start=start, end=self.end))
         if self.next.key in (".", "{", ":="):
             target = self.selected(name)
             self.expect(":=")
             value = self.expression()
             self.expect(";")
-            return Assignment(start=start, end=self.end, target=target, value=value)
+            return Step(line=Assignment(start=start, end=self.end, target=target, value=value))
         arguments = self.arguments(";")
         self.expect(";")
-        return Instruction(start=start, end=self.end, name=name, arguments=arguments)
+        return Step(line=Instruction(start=start, end=self.end, name=name, arguments=arguments))
 
-    def _leave(self) -> Leave:
+    def _leave(self) -> Node:
         keyword = self.take()
-        value = None if self.next.key == ";" else self.expression()
+        read = () if self.next.key == ";" else (self.expression(),)
         self.expect(";")
-        return Leave(start=keyword.start, end=self.end, keyword=keyword.key, value=value)
+        line = Control(start=keyword.start, end=self.end, conditions=read)
+        return Leave(line=line, way="return" if keyword.key == "return" else "stop")
 
-    def _connect(self) -> Statement:
+    def _connect(self) -> Node:
         """CONNECT gives an interrupt its trap: an instruction without arguments that matter here."""
         name = self.take()
         self.selected(self.name())
         self.expect("with")
         self.name()
         self.expect(";")
-        return Instruction(start=name.start, end=self.end, name=name, arguments=())
+        return Step(line=Instruction(start=name.start, end=self.end, name=name, arguments=()))
 
-    def _late_bound(self) -> Statement:
+    def _late_bound(self) -> Node:
         """``%"name"% arguments;`` calls a procedure whose name is known only at run time."""
         name = self.take()
         self.expression()
         self.expect("%")
         arguments = self.arguments(";")
         self.expect(";")
-        return Instruction(start=name.start, end=self.end, name=name, arguments=arguments)
+        return Step(line=Instruction(start=name.start, end=self.end, name=name, arguments=arguments))
 
-    def _placeholder(self) -> Statement:
+    def _placeholder(self) -> Node:
         """``<SMT>`` and the like, where a statement is still to be written."""
         first = self.take().start
         name = self.name()
         self.expect(">")
-        return self.unparsed(
-            first, Problem(position=name.start, text=f"'<{name.text}>' stands for what is still to be written")
-        )
+        problem = Problem(position=name.start, text=f"'<{name.text}>' stands for what is still to be written")
+        return Unknown(line=self.unparsed(first, problem))
 
-    def _if(self, declarations: list[Declaration]) -> Statement:
+    def _if(self, declarations: list[Declaration]) -> Node:
         start = self.take().start
         conditions: list[Expression] = [self.expression()]
         if not self.skip("then"):
@@ -481,26 +481,39 @@ class StatementParser(ExpressionParser):
                 break
             branches.append(self._block(declarations))
         self._close("endif", start)
-        return Branches(
-            start=start, end=self.end, conditions=tuple(conditions), branches=tuple(branches), exhaustive=otherwise
-        )
+        return self._branches(start, conditions, branches, otherwise)
 
-    def _compact_if(self, start: int, condition: Expression, declarations: list[Declaration]) -> Statement:
+    def _compact_if(self, start: int, condition: Expression, declarations: list[Declaration]) -> Node:
         self.enter()
         self.count()
         inner = self._statement(declarations)
         self.depth -= 1
-        if isinstance(inner, Instruction):
-            inner = Instruction(
-                start=inner.start, end=inner.end, name=inner.name, arguments=inner.arguments, compact=True
-            )
-        return Branches(start=start, end=self.end, conditions=(condition,), branches=((inner,),), exhaustive=False)
+        if isinstance(inner, Step) and isinstance(inner.line, Instruction):
+            inner = Step(line=replace(inner.line, compact=True))
+        return self._branches(start, [condition], [(inner,)], False)
 
-    def _test(self, declarations: list[Declaration]) -> Statement:
+    def _branches(
+        self, start: int, conditions: Sequence[Expression], branches: Sequence[Block], otherwise: bool
+    ) -> Branches:
+        """Branches with their conditions; of a TEST, whose values are among them, they are not decided.
+
+        Args:
+            start: where they begin.
+            conditions: in the order of the text.
+            branches: the same.
+            otherwise: whether the last one is taken where none before it is.
+        """
+        decided = len(branches) - otherwise
+        own = [*(conditions if len(conditions) == decided else [UNDECIDED] * decided), *[None] * otherwise]
+        arms = tuple(Arm(condition=one, body=body) for one, body in zip(own, branches, strict=True))
+        line = Control(start=start, end=self.end, conditions=tuple(conditions))
+        return Branches(line=line, name="IF", arms=arms)
+
+    def _test(self, declarations: list[Declaration]) -> Node:
         start = self.take().start
         conditions: list[Expression] = [self.expression()]
         self.enter()
-        branches: list[tuple[Statement, ...]] = []
+        branches: list[Block] = []
         otherwise = False
         while True:
             if self.skip("case"):
@@ -515,11 +528,9 @@ class StatementParser(ExpressionParser):
                 break
             branches.append(self._block(declarations))
         self._close("endtest", start)
-        return Branches(
-            start=start, end=self.end, conditions=tuple(conditions), branches=tuple(branches), exhaustive=otherwise
-        )
+        return self._branches(start, conditions, branches, otherwise)
 
-    def _for(self, declarations: list[Declaration]) -> Statement:
+    def _for(self, declarations: list[Declaration]) -> Node:
         start = self.take().start
         counter = self.name()
         self.expect("from")
@@ -531,7 +542,7 @@ class StatementParser(ExpressionParser):
         self.expect("do")
         return self._loop(start, counter, conditions, "endfor", declarations)
 
-    def _while(self, declarations: list[Declaration]) -> Statement:
+    def _while(self, declarations: list[Declaration]) -> Node:
         start = self.take().start
         condition = self.expression()
         self.expect("do")
@@ -544,11 +555,14 @@ class StatementParser(ExpressionParser):
         conditions: list[Expression],
         closing: str,
         declarations: list[Declaration],
-    ) -> Loop:
+    ) -> Node:
         self.enter()
         body = self._block(declarations)
         self._close(closing, start)
-        return Loop(start=start, end=self.end, counter=counter, conditions=tuple(conditions), body=body)
+        line = Control(start=start, end=self.end, conditions=tuple(conditions), counter=counter)
+        if counter is None:
+            return Loop(line=line, name="WHILE", kind="while", condition=conditions[0], body=body)
+        return Loop(line=line, name="FOR", kind="counted", body=body)
 
     def _close(self, keyword: str, start: int) -> None:
         """Read the word that closes a block."""
@@ -676,7 +690,7 @@ class _Parser(StatementParser):
         parameters = self._parameters() if self.skip("(") else ()
         declarations: list[Declaration] = []
         body = self.body(declarations)
-        handlers: list[tuple[Statement, ...]] = []
+        handlers: list[Block] = []
         while self.next.key in HANDLERS:
             self.take()
             if self.skip("("):

@@ -3,8 +3,6 @@
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import zip_longest
-from typing import NamedTuple
 
 from robot_programs.core import flow as form
 from robot_programs.core.errors import FileError
@@ -21,14 +19,12 @@ from robot_programs.rapid.changes import (
     calls,
     changes,
     effects_of,
-    expressions_of,
     is_late,
     is_motion,
     is_read,
     is_strange,
     may_call,
     moves,
-    nested,
     returns_values,
     uses,
 )
@@ -66,12 +62,9 @@ from robot_programs.rapid.syntax import (
     Aggregate,
     Argument,
     Assignment,
-    Branches,
     Expression,
     Instruction,
-    Label,
-    Leave,
-    Loop,
+    Line,
     Module,
     Number,
     Operation,
@@ -79,10 +72,10 @@ from robot_programs.rapid.syntax import (
     Problem,
     Reference,
     Routine,
-    Statement,
     Token,
     TooMuch,
     Unparsed,
+    expressions_of,
     parts,
 )
 from robot_programs.rapid.values import UNREACHED, AbstractValue, PassedArgument, State, Values
@@ -249,58 +242,7 @@ def _argument_value(argument: Argument, scope: Scope, file: File, values: Values
     return AbstractValue(value=found.value, passed=passed, name=found.name)
 
 
-# The statements of a routine in the form of the core's interpreter.
-
-
-class Line(NamedTuple):
-    """A statement, and what names mean there."""
-
-    statement: Statement
-    scope: Scope
-    counter: Symbol | None = None
-    """What a FOR counts."""
-
-
-class Condition(NamedTuple):
-    """On what it depends whether a branch is taken, or a loop goes on."""
-
-    expression: Expression | None
-    """None of a TEST, which is not decided."""
-    scope: Scope
-
-
-def lowered(block: Iterable[Statement], scope: Scope) -> form.Block:
-    """Statements in the form of the core's interpreter."""
-    return tuple(_lowered(statement, scope) for statement in block)
-
-
-def _lowered(statement: Statement, scope: Scope) -> form.Node:
-    line = Line(statement, scope)
-    match statement:
-        case Instruction() | Assignment():
-            return form.Step(line=line)
-        case Label() | Unparsed():
-            return form.Unknown(line=line)
-        case Leave():
-            return form.Leave(line=line, way="return" if statement.keyword == "return" else "stop")
-        case Branches():
-            decided = len(statement.branches) - statement.exhaustive
-            tests = len(statement.conditions) != decided
-            nodes = [None] * decided if tests else statement.conditions
-            arms = zip_longest((Condition(node, scope) for node in nodes), statement.branches)
-            return form.Branches(
-                line=line,
-                name="IF",
-                arms=tuple(form.Arm(condition=node, body=lowered(block, scope)) for node, block in arms),
-            )
-        case Loop(counter=counter):
-            if counter is None:
-                condition, body = Condition(statement.conditions[0], scope), lowered(statement.body, scope)
-                return form.Loop(line=line, name="WHILE", kind="while", condition=condition, body=body)
-            inside = scope.with_counter(counter)
-            (symbol,) = inside.own[counter.key]
-            body = lowered(statement.body, inside)
-            return form.Loop(line=Line(statement, scope, symbol), name="FOR", kind="counted", body=body)
+# Going through the statements of a program.
 
 
 LEAVING = ("exitcycle", "systemstopaction")
@@ -329,17 +271,21 @@ class Flow(form.Flow[State, Routine]):
     findings: "Findings | None"
     """None where nothing is to be noted."""
     bodies: dict[Routine, form.Body] = field(default_factory=dict[Routine, form.Body])
+    scopes: dict[form.Loop, Scope] = field(default_factory=dict[form.Loop, Scope])
+    """What names mean in loops that declare their counters."""
 
     def body(self, routine: Routine) -> form.Body:
         """The statements of a routine; see `form.Flow.body`."""
         if routine not in self.bodies:
-            scope = self.contexts[routine].scope
-            self.bodies[routine] = form.Body(
-                nodes=lowered(routine.body, scope),
-                handlers=tuple(lowered(handler, scope) for handler in routine.handlers),
-                size=1 + sum(1 for _ in nested(routine.body)),
-            )
+            size = 1 + sum(1 for _ in form.lines_in(routine.body))
+            self.bodies[routine] = form.Body(nodes=routine.body, handlers=routine.handlers, size=size)
         return self.bodies[routine]
+
+    def inside(self, node: form.Node, scope: Scope) -> Scope:
+        """What names mean in a statement, given what they mean around it."""
+        if not isinstance(node, form.Loop) or node.line.counter is None:
+            return scope
+        return self.scopes.setdefault(node, scope.with_counter(node.line.counter))
 
     def name(self, routine: Routine) -> str:
         """Name of a routine."""
@@ -348,8 +294,8 @@ class Flow(form.Flow[State, Routine]):
     def walk(self, routine: Routine, inside: tuple[Routine, ...]) -> "_Walk":
         """A pass through a routine; see `form.Flow.walk`."""
         context = self.contexts[routine]
-        resumes = any(moves(handler, context.scope) for handler in routine.handlers)
-        return _Walk(flow=self, routine=routine, inside=inside, context=context, resumes=resumes)
+        resumes = any(moves(form.lines_in(handler), context.scope) for handler in routine.handlers)
+        return _Walk(flow=self, routine=routine, inside=inside, context=context, scope=context.scope, resumes=resumes)
 
     def anything(self, why: str) -> State:
         """State in which anything may hold."""
@@ -376,9 +322,9 @@ class Flow(form.Flow[State, Routine]):
         """Whether all motions of a routine were found."""
         scope = self.contexts[routine].scope
         return self.findings is None or all(
-            statement in self.findings.seen or not (is_read(statement, scope) or is_motion(statement, scope))
-            for statement in nested(routine.statements)
-            if isinstance(statement, Instruction)
+            line in self.findings.seen or not (is_read(line, scope) or is_motion(line, scope))
+            for line in routine.lines
+            if isinstance(line, Instruction)
         )
 
     def _begin(self, routine: Routine) -> None:
@@ -394,6 +340,8 @@ class _Walk(form.Walk[State, Routine]):
 
     flow: Flow  # pyright: ignore[reportIncompatibleVariableOverride]
     context: Context
+    scope: Scope
+    """What names mean in the innermost loop that is gone through."""
     resumes: bool
     """An error handler may move the robot and then resume anywhere."""
 
@@ -412,8 +360,15 @@ class _Walk(form.Walk[State, Routine]):
 
     def unknown(self, line: Line, state: State) -> State:
         """State after a label, or text that was not understood."""
-        self.flow.anywhere.update(called([line.statement], line.scope))
+        self.flow.anywhere.update(called([line], self.scope))
         return self._lost(state)
+
+    def turn(self, loop: form.Loop, state: State) -> State:
+        """State after one turn of a loop; see `form.Walk.turn`."""
+        outside, self.scope = self.scope, self.flow.inside(loop, self.scope)
+        state = super().turn(loop, state)
+        self.scope = outside
+        return state
 
     def _lost(self, state: State) -> State:
         """State where control may come from anywhere in the routine: only data that nothing changes are known."""
@@ -423,50 +378,52 @@ class _Walk(form.Walk[State, Routine]):
 
     # Conditions, and loops that count.
 
-    def asked(self, line: Line, state: State) -> State:
+    def asked(self, line: Line, state: State, node: form.Node) -> State:
         """State after the functions in the expressions of a statement."""
-        statement = line.statement
-        expressions = (statement.value,) if isinstance(statement, Assignment) else tuple(expressions_of(statement))
-        moving = any(calls(expression, line.scope) for expression in expressions)
+        return self._after_functions(expressions_of(line), state, node)
+
+    def _after_functions(self, expressions: Sequence[Expression], state: State, node: form.Node) -> State:
+        moving = any(calls(expression, self.scope) for expression in expressions)
         if not moving and not any(map(returns_values, expressions)):
             return state
-        self.flow.anywhere.update(called([line.statement], line.scope))
-        state = state.forgotten(self._changed_by(line))
+        self.flow.anywhere.update(called(form.lines_in([node]), self.scope))
+        state = state.forgotten(self._changed_by(node))
         return replace(state, last=None) if moving else state
 
-    def truth(self, condition: Condition, state: State) -> bool | None:
+    def truth(self, condition: Expression | str, state: State) -> bool | None:
         """Whether a condition holds; None where the text does not tell."""
-        expression, scope = condition
-        if self.flow.all_ways or expression is None:
+        if self.flow.all_ways or isinstance(condition, str):
             return None
         values = self.flow.values.at(state.variables)
         try:
-            value = None if values.settable(expression, scope) else values.of(expression, scope)
+            value = None if values.settable(condition, self.scope) else values.of(condition, self.scope)
         except Unresolved:
             return None
         return value if isinstance(value, bool) else None
 
-    def reads_data(self, condition: Condition) -> bool:
+    def reads_data(self, condition: Expression) -> bool:
         """Whether a condition names any data."""
-        return condition.expression is not None and any(isinstance(p, Reference) for p in parts(condition.expression))
+        return any(isinstance(part, Reference) for part in parts(condition))
 
     def widened(self, state: State, nodes: Sequence[form.Node], why: str) -> State:
         """State after lines that may have changed all that they change."""
-        lines: list[Line] = list(form.lines_in(nodes))
-        state = state.forgotten(frozenset[Symbol]().union(*map(self._changed_by, lines)))
-        moving = any(moves([line.statement], line.scope) for line in lines)
-        return replace(state, last=None) if moving else state
+        state = state.forgotten(frozenset[Symbol]().union(*self._all_changed_by(nodes, self.scope)))
+        return replace(state, last=None) if moves(form.lines_in(nodes), self.scope) else state
+
+    def _all_changed_by(self, nodes: Sequence[form.Node], scope: Scope) -> Iterator[frozenset[Symbol]]:
+        for node in nodes:
+            yield self.flow.effects.of(node, scope, self.context.file)
+            for body in form.bodies_of(node):
+                yield from self._all_changed_by(body, self.flow.inside(node, scope))
 
     def counts(self, loop: form.Loop, state: State) -> form.Counts | None:
         """Bounds and step of a FOR; None where the text does not tell."""
-        line: Line = loop.line
-        assert isinstance(line.statement, Loop)
-        bounds, scope = line.statement.conditions, line.scope
+        bounds = expressions_of(loop.line)
         values = self.flow.values.at(state.variables)
         try:
-            if any(values.settable(bound, scope) for bound in bounds):
+            if any(values.settable(bound, self.scope) for bound in bounds):
                 return None
-            first, last, *step = (values.number(bound, scope) for bound in bounds)
+            first, last, *step = (values.number(bound, self.scope) for bound in bounds)
         except Unresolved:
             return None
         by = step[0] if step else (1.0 if first <= last else -1.0)
@@ -474,43 +431,41 @@ class _Walk(form.Walk[State, Routine]):
 
     def counting(self, loop: form.Loop, state: State, count: float | None) -> State:
         """State in which the counter of a FOR has a value; None for any."""
-        line: Line = loop.line
-        if line.counter is None:
+        if loop.kind != "counted":
             return state
-        if count is None:
-            return state.forgotten([line.counter])
-        return state.holding({line.counter: AbstractValue(value=count)})
+        (counter,) = self.flow.inside(loop, self.scope).own[loop.line.counter.key]
+        return state.forgotten([counter]) if count is None else state.holding({counter: AbstractValue(value=count)})
 
-    def _changed_by(self, line: Line) -> frozenset[Symbol]:
-        return self.flow.effects.of(line.statement, line.scope, self.context.file)
+    def _changed_by(self, node: form.Node) -> frozenset[Symbol]:
+        return self.flow.effects.of(node, self.scope, self.context.file)
 
     # Statements.
 
     def step(self, line: Line, state: State) -> State:
         """State after an instruction or an assignment."""
-        match line.statement:
+        match line:
             case Instruction():
-                return self._instruction(line.statement, line, state)
+                return self._instruction(line, state)
             case Assignment():
-                return self._assignment(line.statement, line, state)
+                return self._assignment(line, state)
             case _:
                 return state
 
-    def _assignment(self, assignment: Assignment, line: Line, state: State) -> State:
-        state = self.asked(Line(assignment, line.scope), state)
+    def _assignment(self, assignment: Assignment, state: State) -> State:
+        state = self._after_functions((assignment.value,), state, form.Step(line=assignment))
         values = self.flow.values.at(state.variables)
-        return after_assignment(assignment, line.scope, state, values, self.flow.effects.volatile)
+        return after_assignment(assignment, self.scope, state, values, self.flow.effects.volatile)
 
-    def _instruction(self, instruction: Instruction, line: Line, state: State) -> State:
-        key, scope, effects = instruction.name.key, line.scope, self.flow.effects
+    def _instruction(self, instruction: Instruction, state: State) -> State:
+        key, scope, effects, node = instruction.name.key, self.scope, self.flow.effects, form.Step(line=instruction)
         if is_read(instruction, scope):
             number = self._resolve(instruction, scope, state)
-            state = state.forgotten(self._changed_by(line))
+            state = state.forgotten(self._changed_by(node))
             return replace(state, last=number if MOTION_FORMS[key].ends_there else None)
         if key in scope.routines:
-            return self._call(instruction, line, state)
+            return self._call(instruction, node, state)
         if (counted := counting(instruction)) is not None:
-            return self._assignment(counted, line, state)
+            return self._assignment(counted, state)
         if key in LEAVING:
             return UNREACHED
         if is_late(instruction, scope):
@@ -520,7 +475,7 @@ class _Walk(form.Walk[State, Routine]):
             self._resolve(instruction, scope, state)
         moved = key == ONLY_EXTERNAL or is_motion(instruction, scope) or moves([instruction], scope)
         self.flow.anywhere.update(called([instruction], scope))
-        state = state.forgotten(self._changed_by(line))
+        state = state.forgotten(self._changed_by(node))
         if key in (SOFTENING, STIFFENING) and SOFT not in effects.volatile:
             state = state.holding({SOFT: AbstractValue(value=key == SOFTENING)})
         return replace(state, last=None) if moved else state
@@ -531,13 +486,13 @@ class _Walk(form.Walk[State, Routine]):
             return None
         return findings.resolve(instruction, scope, self.context, state, self.flow.values.at(state.variables))
 
-    def _call(self, instruction: Instruction, line: Line, state: State) -> State:
-        program, file, scope = self.flow, self.context.file, line.scope
+    def _call(self, instruction: Instruction, node: form.Node, state: State) -> State:
+        program, file, scope = self.flow, self.context.file, self.scope
         routines = scope.routines[instruction.name.key]
         asked = [a.value for a in instruction.arguments if a.value is not None]
         if any(calls(node, scope) for node in asked):
             program.anywhere.update(r for r in called([instruction], scope) if r is not routines[0])
-        changed = program.effects.of_arguments(instruction, scope, file)
+        changed = program.effects.of_arguments(node, scope, file)
 
         def entry(routine: Routine) -> State:
             values = program.values.at(state.variables)
@@ -549,7 +504,7 @@ class _Walk(form.Walk[State, Routine]):
         followed = None if hidden else self.follow(routines, entry)
         if followed is None:
             program.anywhere.update(routines)
-            return replace(state.forgotten(self._changed_by(line)), last=None)
+            return replace(state.forgotten(self._changed_by(node)), last=None)
         behind, _ = followed
         return behind.forgotten(changed | own_symbols(context))
 
@@ -631,7 +586,7 @@ def _meaning(target: TargetArgument) -> tuple[object, ...]:
 def follow_program(everywhere: Sequence[Context], effects: Effects, values: Values, findings: Findings) -> None:
     """Go through a program from each routine that nothing calls, and find its motions."""
     contexts = {context.routine: context for context in everywhere if context.routine is not None}
-    size = sum(1 for routine in contexts for _ in nested(routine.statements))
+    size = sum(1 for routine in contexts for _ in routine.lines)
     flow = Flow(
         everywhere=everywhere, contexts=contexts, effects=effects, declared=values, values=values, findings=findings,
         lent=_lent(contexts, effects), left=MAX_PASSES * size + MIN_LINES,
@@ -652,7 +607,7 @@ def _lent(contexts: Mapping[Routine, Context], effects: Effects) -> dict[Routine
     own = effects.changes.lent
     if not own:
         return {}
-    calls = {routine: may_call(routine.statements, context.scope) for routine, context in contexts.items()}
+    calls = {routine: may_call(routine.lines, context.scope) for routine, context in contexts.items()}
     if any(ANY_ROUTINE in others for others in calls.values()):
         calls[ANY_ROUTINE] = frozenset(contexts)
     within = with_called({r: (frozenset(own.get(r, {}).items()), others) for r, others in calls.items()})
@@ -669,7 +624,7 @@ def _roots(contexts: Mapping[Routine, Context]) -> frozenset[Routine]:
     own = frozenset(
         other
         for routine, context in contexts.items()
-        for other in called(routine.statements, context.scope)
+        for other in called(routine.lines, context.scope)
         if other is not routine
     )
     return frozenset(r for r in contexts if r not in own or r.kind != "proc" or r.name.key == MAIN)
@@ -845,7 +800,7 @@ def _cautions(everywhere: Sequence[Context]) -> Iterator[Diagnostic]:
             continue
         yield Diagnostic(place=file.source.place(name.start), text=text)
     for context in everywhere:
-        for statement in nested(context.statements):
+        for statement in context.lines:
             if not isinstance(statement, Instruction):
                 continue
             name = statement.name.text
@@ -867,7 +822,7 @@ def _cautions(everywhere: Sequence[Context]) -> Iterator[Diagnostic]:
 def _words(everywhere: Iterable[Context]) -> Iterator[tuple[File, Token, frozenset[str]]]:
     """Names of instructions with the options they are given; all names in text that is not understood."""
     for context in everywhere:
-        for statement in nested(context.statements):
+        for statement in context.lines:
             match statement:
                 case Instruction():
                     options = frozenset(a.option for a in statement.arguments if a.option)
@@ -883,7 +838,7 @@ def _words(everywhere: Iterable[Context]) -> Iterator[tuple[File, Token, frozens
 
 def _lost_motions(context: Context) -> Iterator[Diagnostic]:
     """Motions in text that was not understood."""
-    for unparsed in (statement for statement in nested(context.statements) if isinstance(statement, Unparsed)):
+    for unparsed in (statement for statement in context.lines if isinstance(statement, Unparsed)):
         for token in unparsed.tokens:
             if token.kind == "name" and token.key.startswith(MOVING) and token.key not in MOTIONLESS:
                 why = unparsed.trouble(context.file.source)

@@ -15,7 +15,7 @@ from robot_programs.core.errors import InputError
 from robot_programs.core.program import Composition, Frame, Move, MoveKind, Target, Visit, Waypoint, reject_in_turn
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Edit, FreshNames, Place, Source
-from robot_programs.rapid.changes import Use, nested
+from robot_programs.rapid.changes import Use
 from robot_programs.rapid.names import DATA, Context, File, Symbol
 from robot_programs.rapid.parse import RESERVED
 from robot_programs.rapid.resolve import (
@@ -471,7 +471,7 @@ class _RoutineText:
     def stops(self, routine: Routine, unresolved: Container[Instruction]) -> Iterator[_Stop]:
         """Motions in the order of the text."""
         made_of: dict[Symbol, frozenset[tuple[Symbol, tuple[int, ...] | None]]] = {}
-        for statement in nested(routine.statements):
+        for statement in routine.lines:
             if isinstance(statement, Assignment) and not statement.target.selectors:
                 own = {symbol for symbol, _ in self._names(statement.target)}
                 named = self._names(statement.value)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from robot_programs.core.flow import Block, lines_in
 from robot_programs.core.source import Source
 
 # The words of a RAPID module: names, numbers, strings and symbols, each with its place in the text.
@@ -293,23 +294,13 @@ class Assignment(Node):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Branches(Node):
-    """IF or TEST: one of several branches is taken."""
+class Control(Node):
+    """What steers where control goes on, with all that it governs: IF, TEST, FOR, WHILE, RETURN, GOTO, RAISE and the like."""
 
     conditions: tuple[Expression, ...]
-    branches: tuple[tuple["Statement", ...], ...]
-    exhaustive: bool
-    """One of the branches is always taken."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Loop(Node):
-    """FOR or WHILE."""
-
-    counter: Token | None
+    """What it reads: conditions, bounds, or what is returned."""
+    counter: Token | None = None
     """Variable that a FOR declares."""
-    conditions: tuple[Expression, ...]
-    body: tuple["Statement", ...]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -317,12 +308,8 @@ class Label(Node):
     """Label of a GOTO."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Leave(Node):
-    """RETURN, GOTO, RAISE, RETRY, TRYNEXT or EXIT: what follows in the text is not what follows in time."""
-
-    keyword: str
-    value: Expression | None
+UNDECIDED = "undecided"
+"""In place of the condition of a branch: that of a TEST, which is not decided."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -346,7 +333,21 @@ class Unparsed(Node):
         return f"line {source.place(self.problem.position).line}: {self.problem.text}"
 
 
-Statement = Instruction | Assignment | Branches | Loop | Label | Leave | Unparsed
+Line = Instruction | Assignment | Control | Label | Unparsed
+"""A statement without those that stand in it; `flow` has the form in which they do."""
+
+
+def expressions_of(line: Line) -> tuple[Expression, ...]:
+    """The expressions of a statement itself."""
+    match line:
+        case Instruction():
+            return tuple(argument.value for argument in line.arguments if argument.value is not None)
+        case Assignment():
+            return (line.target, line.value)
+        case Control():
+            return line.conditions
+        case _:
+            return ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -359,14 +360,19 @@ class Routine(Node):
     local: bool
     parameters: tuple[Parameter, ...]
     declarations: tuple[Declaration, ...]
-    body: tuple[Statement, ...]
-    handlers: tuple[tuple[Statement, ...], ...]
+    body: Block
+    handlers: tuple[Block, ...]
     """What ERROR, UNDO and BACKWARD lead to."""
 
     @property
-    def statements(self) -> "tuple[Statement, ...]":
+    def nodes(self) -> Block:
         """Statements of the body and of all handlers."""
-        return (*self.body, *(statement for handler in self.handlers for statement in handler))
+        return (*self.body, *(node for handler in self.handlers for node in handler))
+
+    @property
+    def lines(self) -> Iterator[Line]:
+        """The same with all that stand in them."""
+        return lines_in(self.nodes)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)

@@ -4,9 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_programs.core.flow import Branches, Loop
 from robot_programs.rapid.parse import parse
 from robot_programs.rapid.read import read_rapid
-from robot_programs.rapid.syntax import Branches, Instruction, Loop, number, tokenize
+from robot_programs.rapid.syntax import Instruction, number, tokenize
 from tests.laws.robots import generators
 from tests.robot_programs.rapid.generator import generate
 from tests.robot_programs.rapid.samples import module
@@ -75,9 +76,9 @@ def test_the_tree_of_a_routine():
     assert [(p.name.text, p.optional, p.changed) for p in function.parameters] == [
         ("x", False, False), ("y", True, False), ("z", False, False), ("p", False, True),
     ]  # fmt: skip
-    assert [type(statement) for statement in main.body] == [Branches, Loop, Loop, Branches]
+    assert [type(node) for node in main.body] == [Branches, Loop, Loop, Branches]
     assert [len(handler) for handler in main.handlers] == [1, 1]
-    assert isinstance(trap.body[0], Instruction)
+    assert isinstance(trap.body[0].line, Instruction)
 
 
 # Words of RAPID: each stands where it says, and nothing but blanks, comments and the header lies between them.
