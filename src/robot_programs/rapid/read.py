@@ -7,14 +7,12 @@ from dataclasses import dataclass, field, replace
 from robot_programs.core import flow as form
 from robot_programs.core.errors import FileError
 from robot_programs.core.flow import MIN_LINES, with_called
-from robot_programs.core.program import Diagnostic, Program, Unresolved, Visit, Waypoint
-from robot_programs.core.robot import Robot
+from robot_programs.core.program import Diagnostic, Unresolved
 from robot_programs.core.source import Source
 from robot_programs.rapid.changes import (
     ANY_ROUTINE,
     SOFT,
     Effects,
-    Use,
     called,
     calls,
     changes,
@@ -57,7 +55,7 @@ from robot_programs.rapid.resolve import (
     following,
     resolve,
 )
-from robot_programs.rapid.rewrite import Sharing, rewrite_files, visits_of
+from robot_programs.rapid.rewrite import RapidProgram
 from robot_programs.rapid.syntax import (
     Aggregate,
     Argument,
@@ -664,47 +662,6 @@ def _start(flow: Flow, context: Context) -> State:
 # From the files of a RAPID program to its motions.
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class RapidProgram(Program):
-    """A program of one or several RAPID modules."""
-
-    motions: tuple[Motion, ...]
-    """The moves with their text, in the same order."""
-    uses: Mapping[Symbol, tuple[Use, ...]]
-    """All references to declared data."""
-    everywhere: tuple[Context, ...] = ()
-    """Modules and routines."""
-    unresolved: frozenset[Instruction] = frozenset()
-    """Motions that were not resolved, on no way that leads to them."""
-
-    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
-        """The program's files with some motions rewritten.
-
-        Args:
-            robot: the robot, whose joint positions decide the configuration data that are written.
-            waypoints: by number of the motion.
-
-        Raises:
-            InputError: the robot has not six joints.
-        """
-        return rewrite_files(self.sources, self.motions, self.uses, robot, waypoints)
-
-    def unwritable(
-        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
-    ) -> dict[int, str]:
-        """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
-        return Sharing(motions=self.motions, uses=self.uses, robot=robot, tolerance=tolerance).unwritable(waypoints)
-
-    def visits(self) -> Iterable[Visit]:
-        """Motions of one routine to one target; see `Program.visits`."""
-        read = ((symbol, use) for symbol, own in self.uses.items() for use in own)
-        return visits_of(self.everywhere, self.motions, self.unresolved, read)
-
-    def reread(self, sources: tuple[Source, ...]) -> "RapidProgram":
-        """The program of other texts of the same files; see `Program.reread`."""
-        return read_rapid(sources)
-
-
 def read_rapid(sources: Sequence[Source]) -> RapidProgram:
     """Read the modules of a program: those with its routines and those with its tools, work objects and targets.
 
@@ -744,7 +701,7 @@ def read_rapid(sources: Sequence[Source]) -> RapidProgram:
     diagnostics.sort(key=lambda diagnostic: (order[diagnostic.place.path], diagnostic.place.line))
     return RapidProgram(
         sources=tuple(sources), moves=tuple(motion.move for motion in motions), diagnostics=tuple(diagnostics),
-        motions=tuple(motions), uses=uses(everywhere, values), everywhere=everywhere, T_world_base=T_world_base,
+        motions=tuple(motions), uses=uses(everywhere, values), everywhere=everywhere, read=read_rapid, T_world_base=T_world_base,
         unresolved=frozenset(findings.reasons).difference(motion.instruction for motion in motions),
     )  # fmt: skip
 

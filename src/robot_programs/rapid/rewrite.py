@@ -3,7 +3,7 @@
 import math
 from bisect import bisect_left
 from collections import Counter, defaultdict
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import zip_longest
 
@@ -12,7 +12,17 @@ from jaxtyping import Float
 
 from robot_programs.core import se3
 from robot_programs.core.errors import InputError
-from robot_programs.core.program import Composition, Frame, Move, MoveKind, Target, Visit, Waypoint, reject_in_turn
+from robot_programs.core.program import (
+    Composition,
+    Frame,
+    Move,
+    MoveKind,
+    Program,
+    Target,
+    Visit,
+    Waypoint,
+    reject_in_turn,
+)
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Edit, FreshNames, Place, Source
 from robot_programs.rapid.changes import Use
@@ -413,37 +423,6 @@ class _Stop:
     place: Place
 
 
-def visits_of(
-    everywhere: Iterable[Context],
-    motions: Sequence[Motion],
-    unresolved: Container[Instruction],
-    uses: Iterable[tuple[Symbol, Use]],
-) -> Iterator[Visit]:
-    """Motions of one routine to one target in one tool and work object.
-
-    A motion goes to the target that it names or shifts, and to those from which a variable was set last that it names.
-
-    Args:
-        everywhere: modules and routines.
-        motions: those that were resolved.
-        unresolved: motions that were not, on no way that leads to them.
-        uses: all references to data.
-    """
-    numbers: dict[Instruction, list[int]] = defaultdict(list)
-    for i, motion in enumerate(motions):
-        numbers[motion.instruction].append(i)
-    read: dict[int, list[tuple[int, Symbol, Use]]] = defaultdict(list)
-    for symbol, use in uses:
-        if use.type in ("robtarget", "jointtarget"):
-            read[id(use.file)].append((use.start, symbol, use))
-    for own in read.values():
-        own.sort(key=lambda one: one[0])
-    for context in everywhere:
-        if context.routine is not None:
-            text = _RoutineText(file=context.file, read=read[id(context.file)], motions=motions, numbers=numbers)
-            yield from _visits(context.routine, text.stops(context.routine, unresolved))
-
-
 def _visits(routine: Routine, stops: Iterable[_Stop]) -> Iterator[Visit]:
     by_name: dict[object, list[_Stop]] = defaultdict(list)
     for stop in stops:
@@ -535,40 +514,75 @@ class _Edits:
         self.by_path.setdefault(str(source.path), []).append(Edit(start=start, end=end, text=text))
 
 
-def rewrite_files(
-    sources: Sequence[Source],
-    motions: Sequence[Motion],
-    uses: Mapping[Symbol, tuple[Use, ...]],
-    robot: Robot,
-    waypoints: Mapping[int, tuple[Waypoint, ...]],
-) -> tuple[Source, ...]:
-    """Files with motions rewritten.
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class RapidProgram(Program):
+    """A program of one or several RAPID modules."""
 
-    Args:
-        sources: the files.
-        motions: all resolved motions.
-        uses: all references to each piece of data.
-        robot: the robot, whose joint positions decide the configuration data.
-        waypoints: by number of the motion.
+    motions: tuple[Motion, ...]
+    """The moves with their text, in the same order."""
+    uses: Mapping[Symbol, tuple[Use, ...]]
+    """All references to declared data."""
+    everywhere: tuple[Context, ...] = ()
+    """Modules and routines."""
+    unresolved: frozenset[Instruction] = frozenset()
+    """Motions that were not resolved, on no way that leads to them."""
+    read: Callable[[tuple[Source, ...]], "RapidProgram"]
+    """Reads other texts of the same files."""
 
-    Raises:
-        InputError: the robot has not six joints.
-    """
-    if len(robot.joint_names) != JOINTS:
-        raise InputError(
-            f"{robot.name} has {len(robot.joint_names)} joints; a RAPID program of it is not written, only of six"
-        )
-    edits = _Edits()
-    wants: list[Want] = []
-    for number in sorted(waypoints):
-        path, motion = waypoints[number], motions[number]
-        if not path:
-            raise ValueError(f"motion {number} has no waypoint; it needs one at least")
-        wants += _end(motion, path[-1], robot, edits)
-        if len(path) > 1:
-            _insert(motion, path[:-1], robot, edits)
-    _write_targets(wants, sources, uses, edits)
-    return tuple(source.edited(edits.by_path.get(str(source.path), ())) for source in sources)
+    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+        """The program's files with some motions rewritten.
+
+        Args:
+            robot: the robot, whose joint positions decide the configuration data that are written.
+            waypoints: by number of the motion.
+
+        Raises:
+            InputError: the robot has not six joints.
+        """
+        if len(robot.joint_names) != JOINTS:
+            count = len(robot.joint_names)
+            raise InputError(f"{robot.name} has {count} joints; a RAPID program of it is not written, only of six")
+        edits = _Edits()
+        wants: list[Want] = []
+        for number in sorted(waypoints):
+            path, motion = waypoints[number], self.motions[number]
+            if not path:
+                raise ValueError(f"motion {number} has no waypoint; it needs one at least")
+            wants += _end(motion, path[-1], robot, edits)
+            if len(path) > 1:
+                _insert(motion, path[:-1], robot, edits)
+        _write_targets(wants, self.sources, self.uses, edits)
+        return tuple(source.edited(edits.by_path.get(str(source.path), ())) for source in self.sources)
+
+    def unwritable(
+        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
+    ) -> dict[int, str]:
+        """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
+        return Sharing(motions=self.motions, uses=self.uses, robot=robot, tolerance=tolerance).unwritable(waypoints)
+
+    def visits(self) -> Iterator[Visit]:
+        """Motions of one routine to one target in one tool and work object; see `Program.visits`.
+
+        A motion goes to the target that it names or shifts, and to those from which a variable was set last that it names.
+        """
+        numbers: dict[Instruction, list[int]] = defaultdict(list)
+        for i, motion in enumerate(self.motions):
+            numbers[motion.instruction].append(i)
+        read: dict[int, list[tuple[int, Symbol, Use]]] = defaultdict(list)
+        for symbol, use in ((symbol, use) for symbol, own in self.uses.items() for use in own):
+            if use.type in ("robtarget", "jointtarget"):
+                read[id(use.file)].append((use.start, symbol, use))
+        for own in read.values():
+            own.sort(key=lambda one: one[0])
+        for context in self.everywhere:
+            if context.routine is not None:
+                own = read[id(context.file)]
+                text = _RoutineText(file=context.file, read=own, motions=self.motions, numbers=numbers)
+                yield from _visits(context.routine, text.stops(context.routine, self.unresolved))
+
+    def reread(self, sources: tuple[Source, ...]) -> "RapidProgram":
+        """The program of other texts of the same files; see `Program.reread`."""
+        return self.read(sources)
 
 
 def _type(kind: MoveKind) -> TargetType:
