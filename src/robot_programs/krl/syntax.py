@@ -547,7 +547,7 @@ def parse_operand(words: Sequence[Word]) -> Operand:
 
 
 def _statement(words: list[Word]) -> Statement:
-    start, end = words[0].start, words[-1].end
+    span = {"start": words[0].start, "end": words[-1].end}
     shared = False
     while len(words) > 1 and words[0].upper in {"GLOBAL", "DECL", "CONST"}:
         shared = shared or words[0].upper == "GLOBAL"
@@ -555,62 +555,52 @@ def _statement(words: list[Word]) -> Statement:
     first = words[0]
     keyword = first.upper
     if first.kind != "name" or keyword in _HARMLESS:
-        return Statement(start=start, end=end)
+        return Statement(**span)
     if keyword in _BESIDE:
         return _beside(words, shared)
     if keyword in _BEGINS:
         names = [word for word in words[1:] if word.kind == "name"]
         chosen = names[min(len(names) - 1, 1 if keyword == "DEFFCT" else 0)] if names else first
         given = _parameters(words)
-        return Begin(
-            start=start,
-            end=end,
-            name=chosen.upper,
-            parameters=tuple(name for name, _ in given),
-            by_value=tuple(value for _, value in given),
-        )
+        parameters, by_value = tuple(name for name, _ in given), tuple(value for _, value in given)
+        return Begin(**span, name=chosen.upper, parameters=parameters, by_value=by_value)
     if keyword in _ENDS:
-        return End(start=start, end=end)
+        return End(**span)
     if keyword in POINT_MOTIONS | OTHER_MOTIONS:
         return _motion(words)
     if keyword in _STEERING:
-        return Control(
-            start=start, end=end, keyword=keyword, words=tuple(words[1:]), changed=_passed_to_calls(words[1:])
-        )
+        return Control(**span, keyword=keyword, words=tuple(words[1:]), changed=_passed_to_calls(words[1:]))
     if len(words) == 2 and words[1].text == ":":
-        return Control(start=start, end=end, keyword="LABEL", words=(first,))
+        return Control(**span, keyword="LABEL", words=(first,))
     if len(words) > 1 and words[1].kind == "name":
         return _declaration(words, shared)
     if len(words) > 1 and words[1].text == "(":
-        return Call(start=start, end=end, name=keyword, arguments=arguments_of(words[1:]))
+        return Call(**span, name=keyword, arguments=arguments_of(words[1:]))
     return _assignment(words)
 
 
 def _beside(words: list[Word], shared: bool) -> Beside:
     upper = [word.upper for word in words]
-    start, end, keyword = words[0].start, words[-1].end, words[0].upper
+    keyword, verb, number, action = upper[0], "".join(upper[1:2]), words[2:], None
     if keyword in ("ANIN", "ANOUT"):
-        verb, rest = "".join(upper[1:2]), words[2:]
-        action = _assignment(rest) if verb == "ON" and rest else None
-        return Beside(
-            start=start, end=end, keyword=keyword, verb=verb, number=tuple(rest), shared=shared, action=action
-        )
-    if keyword == "TRIGGER" or "DECL" in upper:
+        action = _assignment(number) if verb == "ON" and number else None
+    elif keyword == "TRIGGER" or "DECL" in upper:
         first = upper.index("DECL") + 1 if "DECL" in upper else len(words)
         number = words[first : upper.index("WHEN", first)] if "WHEN" in upper[first:] else words[first:]
         verb = "ON" if keyword == "TRIGGER" else "DECL"
         rest = words[upper.index("DO") + 1 :] if "DO" in upper else []
-        return Beside(
-            start=start,
-            end=end,
-            keyword=keyword,
-            verb=verb,
-            number=tuple(number),
-            shared=shared,
-            action=_action(rest) if rest else None,
-        )
-    verb = _VERBS.get("".join(upper[1:2]), "")
-    return Beside(start=start, end=end, keyword=keyword, verb=verb, number=tuple(words[2:]), shared=shared)
+        action = _action(rest) if rest else None
+    else:
+        verb = _VERBS.get(verb, "")
+    return Beside(
+        start=words[0].start,
+        end=words[-1].end,
+        keyword=keyword,
+        verb=verb,
+        number=tuple(number),
+        shared=shared,
+        action=action,
+    )
 
 
 def _action(words: list[Word]) -> Statement:
