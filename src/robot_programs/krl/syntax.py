@@ -571,7 +571,7 @@ def _statement(words: list[Word]) -> Statement:
     if keyword in _STEERING:
         return Control(**span, keyword=keyword, words=tuple(words[1:]), changed=_passed_to_calls(words[1:]))
     if len(words) == 2 and words[1].text == ":":
-        return Control(**span, keyword="LABEL", words=(first,))
+        return Control(**span, keyword="LABEL", words=(first,), changed=())
     if len(words) > 1 and words[1].kind == "name":
         return _declaration(words, shared)
     if len(words) > 1 and words[1].text == "(":

@@ -69,11 +69,7 @@ def _is_target(node: Expression, scope: Scope) -> bool:
         case Call():
             return node.name.key in ("offs", "reltool")
         case Reference():
-            try:
-                symbol = scope.find(node.name.text)
-            except Unresolved:
-                return False
-            return symbol is not None and symbol.type in ("robtarget", "jointtarget")
+            return type_of(node.name.text, scope) in ("robtarget", "jointtarget")
         case _:
             return False
 
@@ -144,9 +140,6 @@ def called(lines: Iterable[Line], scope: Scope) -> Iterator[Routine]:
 
 # What an instruction, a function, or text that was not understood may change.
 
-MayChange = Callable[[str, str], bool]
-"""Whether an instruction or a function, by its key, may change data of a type that it is given."""
-
 _DECLARING = frozenset({"const", "pers", "var", "inout", "for"})
 """Words behind which a name is declared."""
 
@@ -175,9 +168,11 @@ def instruction_may_change(instruction: str, type_: str) -> bool:
     return instruction not in MOTIONLESS and (not moves or instruction in CHANGED_BY)
 
 
-def function_may_change(function: str, type_: str) -> bool:
-    """Whether a function may change data that it is given, of any type."""
-    return function not in FUNCTIONS or function in CHANGING
+def may_change(called: str, type_: str, *, function: bool) -> bool:
+    """Whether an instruction or a function of the system may change data of a type that it is given."""
+    if function:
+        return called not in FUNCTIONS or called in CHANGING
+    return instruction_may_change(called, type_)
 
 
 def is_strange(called: str, scope: Scope) -> bool:
@@ -189,15 +184,12 @@ def is_strange(called: str, scope: Scope) -> bool:
 
 def type_of(name: str, scope: Scope) -> str:
     """Type of the data of a name; empty where it is not known."""
-    try:
-        symbol = scope.find(name)
-    except Unresolved:
-        return ""
-    return symbol.type if symbol else ""
+    symbol = scope.known(name)
+    return "" if symbol is None else symbol.type
 
 
 def names_in_unparsed_text(
-    tokens: Sequence[Token], scope: Scope, instruction: MayChange, function: MayChange
+    tokens: Sequence[Token], scope: Scope, changes: Callable[[str, bool, str], bool]
 ) -> Iterator[tuple[Token, bool]]:
     """Names in text that was not understood, and whether their data may change there.
 
@@ -208,11 +200,10 @@ def names_in_unparsed_text(
     Args:
         tokens: the text.
         scope: what names mean in it.
-        instruction: whether an instruction may change what it is given.
-        function: the same of functions.
+        changes: whether an instruction, or a function, by its key, may change data of a type that it is given.
     """
     assigned = _assigned_by_change(tokens)
-    callers: set[tuple[MayChange, str]] = set()
+    callers: set[tuple[str, bool]] = set()
     begins, declares, valued = True, False, False
     for i, token in enumerate(tokens):
         behind = tokens[i + 1] if i + 1 < len(tokens) else None
@@ -223,7 +214,7 @@ def names_in_unparsed_text(
             continue
         if token.kind != "name":
             if begins:  # no known statement begins so, and a procedure may be called by the value of a string
-                callers = {(instruction, "")}
+                callers = {("", False)}
             begins, declares = token.key == ";", False
             callers = set() if begins else callers
             valued = token.kind in ("number", "text") or token.key in ("]", ")", "}")
@@ -233,12 +224,12 @@ def names_in_unparsed_text(
             continue
         data = _is_data(token, scope)
         if not data and behind is not None and behind.key == "(":
-            callers.add((function, token.key))
+            callers.add((token.key, True))
         elif not data and not declares and (begins or valued or _is_value(behind)):
-            callers, begins, valued = {(instruction, token.key)}, False, False
+            callers, begins, valued = {(token.key, False)}, False, False
             continue
         type_ = type_of(token.text, scope)
-        given = any(may_change(key, type_) for may_change, key in callers)
+        given = any(changes(key, function, type_) for key, function in callers)
         yield token, begins or declares or given or i in assigned
         begins, valued = False, True
 
@@ -302,6 +293,11 @@ class Mention:
     lent_to: str = ""
     """The routine that is not in the files, to which it gives a tool or a work object; empty otherwise."""
 
+    @property
+    def symbol(self) -> Symbol | None:
+        """Data that it names; None where that is not known."""
+        return self.scope.known(self.reference.name.text)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Use:
@@ -342,7 +338,7 @@ def changes(everywhere: Iterable[Context]) -> Changes:
         more: set[tuple[str, str]] = set()
         for context in everywhere:
             for mention in mentions([context], parameters):
-                symbol = symbol_of(mention) if mention.changes else None
+                symbol = mention.symbol if mention.changes else None
                 if symbol is None:
                     continue
                 if symbol.declaration is not None and symbol.declaration.storage != "const":
@@ -360,7 +356,7 @@ def uses(everywhere: Iterable[Context], values: Values) -> Mapping[Symbol, tuple
     """All references to each piece of data and each parameter."""
     uses_of: dict[Symbol, list[Use]] = {}
     for mention in mentions(everywhere):
-        symbol = symbol_of(mention)
+        symbol = mention.symbol
         if symbol is None or not (symbol.declaration or symbol.parameter_of):
             continue
         try:
@@ -382,14 +378,6 @@ def _assignment(mention: Mention) -> str:
     if mention.unparsed is None:
         return f"is assigned to in {place}"
     return f"may be assigned to in {place}, which is not understood ({mention.unparsed.trouble(source)})"
-
-
-def symbol_of(mention: Mention) -> Symbol | None:
-    """Data that a reference names; None where that is not known."""
-    try:
-        return mention.scope.find(mention.reference.name.text)
-    except Unresolved:
-        return None
 
 
 def mentions(everywhere: Iterable[Context], changed: frozenset[tuple[str, str]] = frozenset()) -> Iterator[Mention]:
@@ -427,7 +415,7 @@ class _Walker:
             line: Line = node.line
             match line:
                 case Instruction():
-                    yield from self.arguments(line.arguments, line.name, instruction_may_change, scope)
+                    yield from self.arguments(line.arguments, line.name, scope)
                 case Assignment():
                     yield from self.mention(line.target, scope, True)
                     yield from self.read(line.value, scope)
@@ -443,21 +431,17 @@ class _Walker:
     def unparsed(self, unparsed: Unparsed, scope: Scope) -> Iterator[Mention]:
         """Names in text that was not understood."""
 
-        def given(otherwise: MayChange) -> MayChange:
-            def may_change(key: str, type_: str) -> bool:
-                if key not in scope.routines:
-                    return otherwise(key, type_)
-                return any(self.sets(key, p) for routine in scope.routines[key] for p in routine.parameters)
+        def may(key: str, function: bool, type_: str) -> bool:
+            if key not in scope.routines:
+                return may_change(key, type_, function=function)
+            return any(self.sets(key, p) for routine in scope.routines[key] for p in routine.parameters)
 
-            return may_change
-
-        may_change = given(instruction_may_change), given(function_may_change)
-        for token, changes in names_in_unparsed_text(unparsed.tokens, scope, *may_change):
+        for token, changes in names_in_unparsed_text(unparsed.tokens, scope, may):
             reference = Reference(start=token.start, end=token.end, name=token, selectors=())
             yield Mention(reference=reference, scope=scope, file=self.file, changes=changes, unparsed=unparsed)
 
     def arguments(
-        self, arguments: Iterable[Argument], name: Token, may_change: MayChange, scope: Scope
+        self, arguments: Iterable[Argument], name: Token, scope: Scope, *, function: bool = False
     ) -> Iterator[Mention]:
         """References in the arguments of an instruction or a function."""
         key = name.key
@@ -476,7 +460,7 @@ class _Walker:
                     yield from self.mention(reference, scope, changes)
                 case Reference() as reference:
                     type_ = type_of(reference.name.text, scope)
-                    changes = may_change(key, type_) or argument.option in RETURNING
+                    changes = may_change(key, type_, function=function) or argument.option in RETURNING
                     lent = changes and type_ in ("tooldata", "wobjdata") and is_strange(key, scope)
                     yield from self.mention(reference, scope, changes, lent_to=name.text if lent else "")
                 case value:
@@ -494,7 +478,7 @@ class _Walker:
                 arguments = expression.arguments
                 if expression.name.key == "dim" and "dim" not in scope.routines:
                     arguments = arguments[1:]  # it reads how many elements there are, not what they hold
-                yield from self.arguments(arguments, expression.name, function_may_change, scope)
+                yield from self.arguments(arguments, expression.name, scope, function=True)
             case _:
                 for part in inside(expression):
                     yield from self.read(part, scope)
@@ -567,7 +551,7 @@ SOFT = Symbol(name="SoftAct", type="bool")
 
 def _changed(nodes: Sequence[Node], scope: Scope, file: File, changes: Changes) -> frozenset[Symbol]:
     walker = _Walker(file, changes.parameters)
-    symbols = (symbol_of(mention) for mention in walker.nodes(nodes, scope) if mention.changes)
+    symbols = (mention.symbol for mention in walker.nodes(nodes, scope) if mention.changes)
     soft = any(
         isinstance(line, Instruction)
         and line.name.key in (SOFTENING, STIFFENING)

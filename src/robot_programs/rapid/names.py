@@ -216,6 +216,13 @@ class Scope:
             return Symbol(name=name, type=type_, value=value)
         return None
 
+    def known(self, name: str) -> Symbol | None:
+        """Symbol of a name; None where nothing of that name is known, or it is declared several times."""
+        try:
+            return self.find(name)
+        except Unresolved:
+            return None
+
     def with_counter(self, counter: Token | None) -> "Scope":
         """The scope inside a FOR, which declares its counter."""
         if counter is None:

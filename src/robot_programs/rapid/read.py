@@ -93,11 +93,7 @@ def after_assignment(
         values: of data there.
         volatile: data that may change at any time, of which nothing is kept.
     """
-    target = assignment.target
-    try:
-        symbol = scope.find(target.name.text)
-    except Unresolved:
-        return state
+    symbol = scope.known(assignment.target.name.text)
     if symbol is None:
         return state
     known = None if symbol in volatile else _assigned(assignment, symbol, scope, values)
