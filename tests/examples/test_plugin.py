@@ -5,7 +5,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
@@ -51,11 +51,17 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def run(site: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """Run Python in a folder with a robot and a task, in a process of its own that has the package."""
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a robot and a task, in which everything runs."""
     folder = tmp_path_factory.mktemp("work")
     (folder / "arm.json").write_text(json.dumps(ARM), encoding="utf-8")
     (folder / "task.toml").write_text(TASK, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def run(site: Path, folder: Path) -> Run:
+    """Run Python in a process of its own that has the package."""
 
     def run(*arguments: str, status: int = 0, others: tuple[Path, ...] = ()) -> str:
         places = [*map(str, others), str(site), str(ROOT / "src")]
@@ -73,17 +79,45 @@ def run(site: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
     return run
 
 
-def taskcal(run: Run, *arguments: str, **options) -> str:
-    return run("-m", "taskcal", *arguments, **options)
+SERVE = """
+import contextlib, io, json, sys
+from taskcal.cli import main
+for line in sys.stdin:
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
+        status = main(json.loads(line))
+    print(json.dumps([status, out.getvalue(), err.getvalue()]), flush=True)
+"""
 
 
-def test_importer_of_a_package_reads_a_robot(run: Run) -> None:
-    made = json.loads(taskcal(run, "robots", "import", "arm.json", "-o", "arm.toml", "--force", "--json"))
+@pytest.fixture(scope="module")
+def taskcal(site: Path, folder: Path) -> Generator[Run, None, None]:
+    """Run commands in one process that has the package, since every process imports a second's worth."""
+    command, environment = (
+        [sys.executable, "-c", SERVE],
+        {**os.environ, "PYTHONPATH": f"{site}{os.pathsep}{ROOT / 'src'}"},
+    )
+    with subprocess.Popen(
+        command, cwd=folder, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, encoding="utf-8"
+    ) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+
+        def taskcal(*arguments: str, status: int = 0) -> str:
+            process.stdin.write(json.dumps(arguments) + "\n")
+            process.stdin.flush()
+            ended, out, err = json.loads(process.stdout.readline())
+            assert ended == status, err
+            return out + err if status else out
+
+        yield taskcal
+        process.stdin.close()
+
+
+def test_importer_of_a_package_reads_a_robot(run: Run, taskcal: Run) -> None:
+    made = json.loads(taskcal("robots", "import", "arm.json", "-o", "arm.toml", "--force", "--json"))
     assert (made["name"], made["joints"]) == ("arm", [f"J{k}" for k in range(1, 7)])
     run("-c", "import taskcal as tc; assert tc.load_robot('arm.json').digest == tc.load_robot('arm.toml').digest")
-    assert "has no use for --tip" in taskcal(
-        run, "robots", "import", "arm.json", "-o", "b.toml", "--tip", "x", status=1
-    )
+    assert "has no use for --tip" in taskcal("robots", "import", "arm.json", "-o", "b.toml", "--tip", "x", status=1)
 
 
 CALIBRATE = """
@@ -108,9 +142,9 @@ def calibrated(run: Run) -> Run:
     return run
 
 
-def test_effect_of_a_package_is_identified_and_loaded(calibrated: Run) -> None:
+def test_effect_of_a_package_is_identified_and_loaded(calibrated: Run, taskcal: Run) -> None:
     options = ("--robot", "arm.json", "campaign.csv", "-o", "drift.json", "--force", "--json")
-    taskcal(calibrated, "identify", *options, "--effects", "drift")
+    taskcal("identify", *options, "--effects", "drift")
     code = """
 import taskcal as tc
 calibration = tc.load_calibration("drift.json")  # nothing of the package was imported
@@ -141,18 +175,18 @@ else:
     calibrated("-c", code)
 
 
-def test_exporter_of_a_package_writes_a_calibration(calibrated: Run) -> None:
+def test_exporter_of_a_package_writes_a_calibration(calibrated: Run, taskcal: Run) -> None:
     report = ("-o", "report.txt", "--force")
-    taskcal(calibrated, "export", "plain.json", "--form", "dh-report", "--accept-loss", *report)
+    taskcal("export", "plain.json", "--form", "dh-report", "--accept-loss", *report)
     calibrated("-c", "text = open('report.txt', encoding='utf-8').read(); assert text.count(' theta ') == 6, text")
-    said = taskcal(calibrated, "export", "plain.json", "--form", "dh-repor", *report, status=2)
+    said = taskcal("export", "plain.json", "--form", "dh-repor", *report, status=2)
     assert "no form 'dh-repor'; did you mean 'dh-report'" in said
 
 
 PROGRAM = "; three lines\r\nLIN 500 -100 400 180 0 0\r\nLIN 500.0 100.0 400.0 180 0 0 \r\nLIN 600 100 450 180 10 0\r\nWAIT\r\n"
 
 
-def test_language_of_a_package_is_corrected(calibrated: Run) -> None:
+def test_language_of_a_package_is_corrected(calibrated: Run, taskcal: Run) -> None:
     code = f"""
 import numpy as np, taskcal as tc
 open("part.pts", "w", newline="").write({PROGRAM!r})
@@ -161,7 +195,7 @@ program = tc.read_program("part.pts", robot=calibration.model.robot)
 assert np.allclose(program.moves[0].end.T[:3, 3], [0.5, -0.1, 0.4]), program
 """
     calibrated("-c", code)
-    result = json.loads(taskcal(calibrated, "correct", "--calibration", "plain.json", "part.pts", "-o", "new.pts",
+    result = json.loads(taskcal("correct", "--calibration", "plain.json", "part.pts", "-o", "new.pts",
                                 "--force", "--accept-uncertain", "--json"))  # fmt: skip
     assert result["written"] == ["new.pts"]
     code = """
@@ -173,28 +207,25 @@ assert all(0.0 < max(row[:3]) < 20.0 for row in moved), moved
     calibrated("-c", code)
 
 
-def test_observation_of_a_package_is_simulated_and_identified(run: Run) -> None:
+def test_observation_of_a_package_is_simulated_and_identified(folder: Path, taskcal: Run) -> None:
     options = ("--robot", "arm.json", "--task", "task.toml", "--observe", "gauge", "--count", "90", "--force")
-    taskcal(run, "simulate", *options, "-o", "heights.csv", "--json")
-    code = """
-import csv
-rows = list(csv.DictReader(open("heights.csv", encoding="utf-8")))
-assert {row["plate"] for row in rows} == {"1", "2", "3"} and all(0 <= float(r["height_mm"]) <= 20 for r in rows), rows[:3]
-"""
-    run("-c", code)
-    taskcal(run, "identify", "--robot", "arm.json", "heights.csv", "-o", "heights.json", "--force", "--json")
-    told = json.loads(taskcal(run, "validate", "heights.json", "heights.csv", "--json"))
+    taskcal("simulate", *options, "-o", "heights.csv", "--json")
+    rows = list(csv.DictReader((folder / "heights.csv").read_text(encoding="utf-8").splitlines()))
+    assert {row["plate"] for row in rows} == {"1", "2", "3"}
+    assert all(0 <= float(row["height_mm"]) <= 20 for row in rows)
+    taskcal("identify", "--robot", "arm.json", "heights.csv", "-o", "heights.json", "--force", "--json")
+    told = json.loads(taskcal("validate", "heights.json", "heights.csv", "--json"))
     assert told["mean_mm"] < 0.05, told
 
 
-def test_observation_of_a_package_is_planned(run: Run) -> None:
+def test_observation_of_a_package_is_planned(folder: Path, taskcal: Run) -> None:
     """A kind without an instrument of its own is planned in the postures of its virtual cell."""
     cell = ("--robot", "arm.json", "--task", "task.toml", "--observe", "gauge")
     options = (*cell, "--count", "30", "--candidates", "90", "--force")
-    told = json.loads(taskcal(run, "plan", *options, "-o", "plan.csv", "--program", "plan.mod", "--json"))
+    told = json.loads(taskcal("plan", *options, "-o", "plan.csv", "--program", "plan.mod", "--json"))
     assert told["observe"] == "gauge"
     assert told["expected_error_mm"] < told["before_mm"], told
-    rows = list(csv.DictReader(run("-c", "print(open('plan.csv').read())").splitlines()))
+    rows = list(csv.DictReader((folder / "plan.csv").read_text(encoding="utf-8").splitlines()))
     assert set(rows[0]) - {"id", *(f"J{k}_deg" for k in range(1, 7))} == {"height_mm", "plate"}
     assert {row["height_mm"] for row in rows} == {""}
     assert {row["plate"] for row in rows} == {"1", "2", "3"}
@@ -245,36 +276,36 @@ assert abs(square - 1.0) < 5.0 / np.sqrt(at.residual.size / 2.0), square
     run("-c", code)
 
 
-def test_plugin_angles_alone_are_refused(run: Run) -> None:
+def test_plugin_angles_alone_are_refused(taskcal: Run) -> None:
     """Angles do not tell where the tool is: nothing is fitted, planned or studied by them alone."""
     cell = ("--robot", "arm.json", "--task", "task.toml", "--observe", "inclinometer")
-    taskcal(run, "simulate", *cell, "--count", "60", "-o", "alone.csv", "--force", "--json")
+    taskcal("simulate", *cell, "--count", "60", "-o", "alone.csv", "--force", "--json")
     identify = ("identify", "--robot", "arm.json", "alone.csv", "-o", "alone.json", "--force")
     plan = ("plan", *cell, "--count", "30", "--candidates", "90", "-o", "alone_plan.csv", "--force")
     study = ("study", *cell, "--counts", "30", "--robots", "2", "--force")
     for command in (identify, plan, study):
-        said = " ".join(taskcal(run, *command, status=1).split())
+        said = " ".join(taskcal(*command, status=1).split())
         assert "angles alone do not tell where the tool is; measure positions or lengths beside them" in said, said
 
 
 @pytest.mark.parametrize(
     "observe", [pytest.param("tracker+inclinometer", marks=pytest.mark.long), "socket+inclinometer"]
 )
-def test_plugin_angles_are_fitted_beside_lengths(run: Run, observe: str) -> None:
+def test_plugin_angles_are_fitted_beside_lengths(taskcal: Run, observe: str) -> None:
     """A kind that reads angles in degrees goes through files, fit, validation, report and study without a length of its own."""
     cell = ("--robot", "arm.json", "--task", "task.toml", "--observe", observe)
-    taskcal(run, "simulate", *cell, "--count", "120", "-o", "tilts.csv", "--force", "--json")
+    taskcal("simulate", *cell, "--count", "120", "-o", "tilts.csv", "--force", "--json")
     options = ("--robot", "arm.json", "tilts.csv", "-o", "tilts.json", "--force", "--json", "--holdout", "0.3")
-    told = json.loads(taskcal(run, "identify", *options))
+    told = json.loads(taskcal("identify", *options))
     assert "locate every target" not in " ".join(told["remarks"])
     unknowns = told["observations"][-1]["unknowns"]
     assert {name: list(values) for name, values in unknowns.items()} == {
         f"vertical.g{axis}": ["value", "standard_error"] for axis in "xyz"
     }
-    judged = json.loads(taskcal(run, "validate", "tilts.json", "tilts.csv", "--json"))
+    judged = json.loads(taskcal("validate", "tilts.json", "tilts.csv", "--json"))
     assert judged["max_mrad"] < 0.4, judged
-    taskcal(run, "report", "tilts.json", "-o", "tilts.html", "--force")
-    assert "no mistake found" in taskcal(run, "doctor", "--robot", "arm.json", "tilts.csv")
+    taskcal("report", "tilts.json", "-o", "tilts.html", "--force")
+    assert "no mistake found" in taskcal("doctor", "--robot", "arm.json", "tilts.csv")
 
 
 def write_package(folder: Path, name: str, module: str, entries: str) -> None:
@@ -342,4 +373,4 @@ def test_name_of_another_package_is_refused_naming_both(run: Run, tmp_path: Path
 def test_help_loads_no_package(run: Run, tmp_path: Path) -> None:
     entries = "".join(f"[{group}]\nthing = aaa_loud:THING\n" for group in GROUPS)
     write_package(tmp_path, "aaa_loud", "print('loaded')\nTHING = None\n", entries)
-    assert "loaded" not in taskcal(run, "--help", others=(tmp_path,))
+    assert "loaded" not in run("-m", "taskcal", "--help", others=(tmp_path,))

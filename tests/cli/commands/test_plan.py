@@ -38,7 +38,7 @@ Alone = tuple[dict[str, Any], bytes]
 @pytest.fixture
 def ask(cell: Path, tmp_path: Path) -> list[object]:
     """A small plan."""
-    small = ["--count", "12", "--candidates", "300", "-o", tmp_path / "plan.csv"]
+    small = ["--count", "12", "--candidates", "120", "-o", tmp_path / "plan.csv"]
     return ["plan", "--robot", IRB6660, "--task", cell / "list.toml", *small]
 
 
@@ -46,7 +46,7 @@ def ask(cell: Path, tmp_path: Path) -> list[object]:
 def alone(cell: Path, tmp_path_factory: pytest.TempPathFactory) -> Alone:
     """What that plan says, and its file."""
     path = tmp_path_factory.mktemp("alone") / "plan.csv"
-    small = ["--count", "12", "--candidates", "300", "-o", str(path), "--json"]
+    small = ["--count", "12", "--candidates", "120", "-o", str(path), "--json"]
     with contextlib.redirect_stdout(io.StringIO()) as out:
         assert main(["plan", "--robot", IRB6660, "--task", str(cell / "list.toml"), *small]) == 0
     return json.loads(out.getvalue()), path.read_bytes()
