@@ -42,8 +42,8 @@ def test_the_chosen_model_is_the_smallest_that_suffices(model):
 def test_every_dropped_parameter_carries_a_reason_that_holds(model):
     chosen = select(model, reference_task(np.radians(20.0)), model_error=0.0)
     assert "no effect" in chosen.dropped["tool.rx"]
-    assert chosen.dropped["J4.tz"] == "repeats J3.ty"
-    assert chosen.dropped["J4.rz"] == "repeats 0.28·J1.ty + J3.ry"
+    assert chosen.dropped["J4.tz"] == "equal to J3.ty"
+    assert chosen.dropped["J4.rz"] == "equal to 0.28·J1.ty + J3.ry"
     assert all(reason for reason in chosen.dropped.values())
 
 

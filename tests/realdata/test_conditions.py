@@ -114,8 +114,7 @@ def test_irb120_reference_points_drift_and_are_followed(data_folder):
     assert found.noise == pytest.approx(2.7e-6, rel=0.1)
     assert found.largest == pytest.approx(6.7e-5, rel=0.1)
     assert (
-        found.remarks[0]
-        == "reference point base3 does not fit the others in 3 rows (id 50, 399, 720): taken for lost there"
+        found.remarks[0] == "reference point base3 does not fit the others in 3 rows (id 50, 399, 720): rejected there"
     )
     effects = (EncoderGain(), Compliance(), Settling())
     ignored, followed = (held_out_mm(c, "abb-irb120", effects, 430) for c in (campaign, found.campaign))

@@ -442,6 +442,6 @@ def _check_observed_rows(campaign: Campaign, parameters: int) -> None:
         measured += one.width * seen
     if measured <= unknown:
         raise CampaignError(
-            f"{named_file(campaign)}{measured} measured numbers in {len(campaign)} rows are too few: what stands, and what is on "
-            f"the tool, alone need more than {unknown}; measure more postures, better 30 or more"
+            f"{named_file(campaign)}{measured} measured numbers in {len(campaign)} rows are too few: fixed objects and tool "
+            f"offsets alone need more than {unknown}; measure more poses, better 30 or more"
         )

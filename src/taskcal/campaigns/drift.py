@@ -323,7 +323,7 @@ def compensate_drift(campaign: Campaign, noise: TrackerNoise | None = None) -> D
     centred = np.stack([np.nanmedian(points, axis=0) for points in moved.values()])
     largest = float(np.linalg.norm(se3.apply(T[:, None], centred[None]) - centred, axis=2).max())
     remarks += (
-        f"the reference points moved by up to {largest * 1e3:.3f} mm (their noise: {deviation * 1e3:.4f} mm) and were followed: "
+        f"the reference points moved by up to {largest * 1e3:.3f} mm (their noise: {deviation * 1e3:.4f} mm) and were compensated: "
         "the calibration holds in the frame of their mean places",
     )
     if not motion.rigid:
@@ -370,7 +370,7 @@ def _misplaced(campaign: Campaign, motion: ReferenceMotion) -> tuple[str, ...]:
                 ", …" if len(rows) > MAX_NAMED_ROWS else ""
             )
             out.append(
-                f"reference point {name} does not fit the others in {len(rows)} rows (id {named}): taken for lost there"
+                f"reference point {name} does not fit the others in {len(rows)} rows (id {named}): rejected there"
             )
     return tuple(out)
 

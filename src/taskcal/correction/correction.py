@@ -156,12 +156,12 @@ class ErrorBudget:
         """
         return budget_of_parts(
             [
-                ("parameters and tracker frame, as the data tell them", "A", self.variances["geometry"]),
+                ("parameters and tracker frame: posterior covariance", "A", self.variances["geometry"]),
                 (UNEXPLAINED, model_error, self.variances["model error"]),
                 ("where the tool is on the flange", "B", self.variances["tool"]),
                 ("where the part is", "B", self.variances["part"]),
                 (
-                    "what is left of the predicted error: digits of the numbers, motions that stay as they are",
+                    "remaining predicted error: rounding of the numbers, unchanged motions",
                     "B",
                     self.left,
                 ),

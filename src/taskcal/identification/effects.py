@@ -309,7 +309,7 @@ def select_effects(
     parts = split_postures(campaign.q, search.folds, search.seed)
     trial = _Trial(campaign=campaign, parts=parts, progress=progress)
     errors = trial.errors_left_out(model, options)
-    start = _stage("geometry", best, None, errors, None, accepted=True, reason="the start")
+    start = _stage("geometry", best, None, errors, None, accepted=True, reason="baseline")
     selection = _Selection(model=model, options=options, calibration=best, errors=errors, stages=(start,))
     if search.effects:
         selection = _add(selection, search.effects, trial)

@@ -60,9 +60,9 @@ def budget_at(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> Unc
     own_error = 3.0 * calibration.model_error[0] ** 2
     rest = max(all_in_all - fitted - own_error, 0.0)
     parts: list[tuple[str, Evaluation, float]] = [
-        ("parameters, tracker frame and target, as the data tell them", "A", fitted),
+        ("parameters, tracker frame and target: posterior covariance", "A", fitted),
         (UNEXPLAINED, evaluation_of_model_error(calibration), own_error),
-        ("joints that stand off at a single pose", "A", rest),
+        ("pose-to-pose errors of the joints", "A", rest),
     ]
     return budget_of_parts(parts)
 

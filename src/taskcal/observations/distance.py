@@ -330,8 +330,8 @@ class WireInstrument(Instrument):
         steep = (way * tip[:, :3, 2]).sum(axis=1) < np.cos(self.angle) * length
         return {
             "the wire too short or too long": ~within,
-            "the wire leaning on the tool": steep,
-            "the wire across the robot": ~self.sight_is_free(tip, of, links),
+            "wire leans on the tool": steep,
+            "wire crosses the robot": ~self.sight_is_free(tip, of, links),
         }
 
     def observation(self, of: Int[np.ndarray, " n"]) -> Lengths:

@@ -268,5 +268,5 @@ class CameraInstrument(Instrument):
         faces = -(sight * self.fixtures.direction[of]).sum(axis=1) >= (np.cos(self.tilt) - edge) * distance
         return {
             "the landmark too near, too far, out of the picture or too flat": ~(within & seen & faces),
-            "the landmark behind the robot": ~self.sight_is_free(tip, of, links),
+            "landmark hidden by the robot": ~self.sight_is_free(tip, of, links),
         }

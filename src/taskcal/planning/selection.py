@@ -117,9 +117,9 @@ def reasons_of(
         if all(name in elimination.zero for name in own):
             reason = "no effect on the position at any of these poses"
         elif alone <= 1e-6 * expected[0]:
-            reason = "moves the task only as tracker frame and targets do, which are fitted in any case"
+            reason = "its effect on the task is absorbed by tracker frame and targets"
         elif relation:
-            reason = f"repeats {describe_combination(relation, {})}"
+            reason = f"equal to {describe_combination(relation, {})}"
         elif alone <= 0.1 * expected[0]:
             reason = f"{whose} the task by {alone * 1e3:.2g} mm rms, once tracker frame and targets are fitted"
         else:

@@ -94,7 +94,7 @@ def _of(shown: int, all_in_all: int) -> str:
 def _changed(row: Mapping[str, Any]) -> str:
     if not row["change"]:
         return "–"
-    words = {"unchanged": "nothing", "small": f"{row['change_mm']:.3f} (little)", "changed": f"{row['change_mm']:.3f}"}
+    words = {"unchanged": "nothing", "small": f"{row['change_mm']:.3f} (small)", "changed": f"{row['change_mm']:.3f}"}
     return words[row["change"]]
 
 

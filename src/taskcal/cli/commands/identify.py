@@ -304,7 +304,7 @@ def next_steps(calibration: "taskcal.Calibration", result: Mapping[str, Any], tr
     of_model = {row for row, of_model in judged if of_model} - wrong
     if of_model:
         steps.append(
-            f"do not measure {_rows(of_model)} again: model error, since their neighbours err alike; see below"
+            f"do not measure {_rows(of_model)} again: neighbouring rows deviate alike, so the cause is model error; see below"
         )
     left, fitted = (held_out or result["fitted"])["mean_mm"], result["fitted"]["mean_mm"]
     if held_out is None:

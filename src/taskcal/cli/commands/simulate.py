@@ -112,7 +112,7 @@ def command(
     task: TaskOption,
     output: Path = option(..., "CAMPAIGN.csv", "Output CSV: the campaign.", also="-o"),
     spread: SpreadOptions,
-    truth: Path | None = option(None, "TRUTH.json", "Write the true defects, tracker frame and targets here."),
+    truth: Path | None = option(None, "TRUTH.json", "Write the true parameters, tracker frame and targets here."),
     truth_from: Path | None = option(
         None, "TRUTH.json", "Measure the robot of this truth again; another --seed gives other noise."
     ),
@@ -185,7 +185,7 @@ def _tell(result: Mapping[str, Any], lengths: str) -> None:
     elif lengths:
         tell(f"{lengths}, which determine the robot's scale, are not written; name a file with --distances")
     if result["truth"] is not None:
-        tell(f"wrote {result['truth']}: the defects, tracker frame and targets it was made from")
+        tell(f"wrote {result['truth']}: the true parameters, tracker frame and targets")
 
 
 # The file of a virtual robot's truth: defects, tracker frame and targets; written and read back.

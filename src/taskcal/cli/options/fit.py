@@ -82,7 +82,8 @@ class FitCommandOptions:
         names = self._names
         if self.lengths_only and names == ["published"]:
             raise typer.BadParameter(
-                "the published choice is one of defects, not of lengths", param_hint="--lengths-only / --keep"
+                "--keep published selects geometric errors, not lengths; omit one",
+                param_hint="--lengths-only / --keep",
             )
 
     @property

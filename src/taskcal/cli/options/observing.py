@@ -254,24 +254,24 @@ def tell_how_to_measure(plan: "taskcal.Plan", robot: "taskcal.Robot", *, stated:
         _show_fixtures(plan, "as stated" if stated else "assumed")
     info(instrument.instructions)
     if instrument.label and not stated:
-        info(f"nobody said where the {instrument.label}s stand: put them there, or say where they do and plan anew")
+        info(f"default {instrument.label} positions assumed: place them as listed, or state theirs and plan again")
     x, y, z = instrument.T_tool_tip[:3, 3] * 1e3
-    info(f"what the tool carries is taken to be at {x:g}, {y:g}, {z:g} mm in its frame (--mounted-mm)")
+    info(f"mounting on the tool assumed at {x:g}, {y:g}, {z:g} mm in the tool frame (--mounted-mm)")
     if robot.link_radii is None:
-        info("the robot's file states no link radii, so that nothing was checked for collisions: drive the plan slowly")
+        info("collisions not checked: the robot file states no link_radii_mm; drive the plan slowly")
     else:
         info(
-            "the links were checked against each other, blocks and keep-out boxes, on the ways between poses too; cables, tool "
-            "and cell were not: drive slowly"
+            "collisions of the links with each other, blocks and keep-out boxes were checked, between poses, too; cables, tool and "
+            "cell were not: drive slowly"
         )
     round_about, none = (
         [one.pose for one in plan.blocked if (one.via is not None) == found] for found in (True, False)
     )
     if round_about:
-        info(f"not clear from the pose before if all joints turn at once: {_some(round_about)}; a program goes round")
+        info(f"not clear from the previous pose by a joint motion: {_some(round_about)}; a program takes a way around")
     if none:
         info(
-            f"not clear from the pose before, and no way round was found: {_some(none)}; drive there by hand, not by a program"
+            f"not clear from the previous pose, and no way around found: {_some(none)}; drive there by hand, not by a program"
         )
 
 
@@ -284,7 +284,7 @@ def _show_fixtures(plan: "taskcal.Plan", whose: str) -> None:
         *(Column(axis, lambda k, i=i: fixtures.direction[k, i], ".2f") for i, axis in enumerate("ijk") if turned),
         Column("poses", lambda k: plan.names.count(fixtures.names[k]), "d"),
     )
-    title = f"Where every {instrument.label} stands in the base, {whose}: mm{', and its direction' if turned else ''}"
+    title = f"Positions of the {instrument.label}s in the base frame, {whose}, mm{', and their directions' if turned else ''}"
     show(Table.of(title, columns, range(len(fixtures.names))))
 
 

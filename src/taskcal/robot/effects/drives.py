@@ -34,7 +34,7 @@ class Coupling(Effect):
     key = "coupling"
     label = "coupling"
     asks_for = "the last three axes do not meet in a point, and the last joints are not of one shaft"
-    summary = "joints of the wrist that move a little by each other"
+    summary = "coupling of the wrist: each joint moves a little with another"
 
     pairs: tuple[tuple[str, str], ...] | None = None
     """Names of the joint that drives and of the joint that it moves; those of the wrist by default."""
@@ -302,7 +302,7 @@ class Compliance(Effect):
 
     key = "compliance"
     label = "compliance"
-    summary = "drives that yield under the weight of what they carry, and under forces at the tool"
+    summary = "joint deflection under gravity and process forces"
 
     load: Load | None = None
     """Payload, force and moment; by default the robot file's payload, and no force. It needs masses in the robot file."""
@@ -401,7 +401,7 @@ class Spring(Effect):
     key = "spring"
     label = "spring"
     asks_for = "the robot file states no spring"
-    summary = "the drive of axis 2 yields to a spring: that of the robot file, or one of unknown size"
+    summary = "deflection of the drive of axis 2 by a spring: the robot file's, or one of unknown size"
 
     def suits(self, robot: Robot) -> bool:
         """Whether the robot file states a spring."""

@@ -21,7 +21,7 @@ class EncoderGain(Effect):
 
     key = "gain"
     label = "encoder gain"
-    summary = "joints that turn a little more or less than the controller says"
+    summary = "encoder scale error"
 
     def term(self, robot: Robot) -> LinearTerm:
         """Parameters ``J2.gain``, radians per radian."""
@@ -73,9 +73,9 @@ class Harmonics(Effect):
     def spellings(cls) -> Mapping[str, str]:
         """Some orders by a word, others by their numbers."""
         return {
-            "harmonics": "gears and encoders that err once and twice in a turn of the joint: orders 1 and 2",
-            "harmonics:1-4": "the same for these orders",
-            "periodic": "orders 3 to 30, each small",
+            "harmonics": "gear and encoder errors of orders 1 and 2 per turn of the joint",
+            "harmonics:1-4": "the same with the given orders",
+            "periodic": "gear errors of orders 3 to 30, each with a small tolerance",
         }
 
     @classmethod
@@ -141,7 +141,7 @@ class MotorHarmonics(Effect):
     key = "motor"
     label = "motor harmonics"
     asks_for = "the robot file states no gear ratio"
-    summary = "once and twice in a turn of the motor, for joints whose `gear_ratio` the robot file states"
+    summary = "gear errors of orders 1 and 2 per turn of the motor, for joints with `gear_ratio` in the robot file"
 
     orders: tuple[int, ...] = (1, 2)
     """Periods in a turn of the motor."""
@@ -200,7 +200,7 @@ class JointField(Effect):
 
     key = "field"
     label = "smooth field"
-    summary = "each joint turns by a smooth function of all joints, of no form that is known beforehand"
+    summary = "smooth field: each joint turns by a smooth function of all joint values"
 
     tolerance: float = 3e-5
     """Standard deviation expected of each function, radians (metres where the joint slides)."""

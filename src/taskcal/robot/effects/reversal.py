@@ -59,7 +59,7 @@ class Backlash(DriveRest):
 
     key = "backlash"
     label = "backlash"
-    summary = "joints that stop elsewhere when they come from above than from below"
+    summary = "lost motion, which depends on the approach direction"
     uses = ("approach",)
 
     def motion(self, conditions: Conditions) -> Float[np.ndarray, "n joints"] | None:
@@ -78,7 +78,7 @@ class Overshoot(DriveRest):
 
     key = "overshoot"
     label = "overshoot"
-    summary = "overshoot: residual joint error proportional to the speed at the end of the last move"
+    summary = "residual joint error proportional to the speed at the end of the last move"
     uses = ("move",)
 
     def motion(self, conditions: Conditions) -> Float[np.ndarray, "n joints"] | None:
@@ -100,7 +100,7 @@ class Settling(DriveRest):
 
     key = "settling"
     label = "settling"
-    summary = "settling: residual joint error proportional to the length of the last move"
+    summary = "residual joint error proportional to the length of the last move"
     uses = ("move",)
     is_share: ClassVar[bool] = True
 

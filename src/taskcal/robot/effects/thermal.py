@@ -152,7 +152,7 @@ class Thermal(ThermalExpansion):
 
     key = "thermal"
     label = "thermal expansion"
-    summary = "lengths that grow, and a base that drifts, with the temperature"
+    summary = "expansion of lengths and drift of the base with temperature"
     needs = ("temperature",)
 
     tolerance: float = ALUMINIUM_EXPANSION
@@ -231,8 +231,8 @@ class WarmUp(ThermalExpansion):
     @classmethod
     def spellings(cls) -> Mapping[str, str]:
         """With or without minutes."""
-        growing = "lengths that grow, and a base that drifts, while the robot warms up"
-        return {"warmup": f"{growing} in an hour", "warmup:20": f"{growing} in so many minutes"}
+        growing = "expansion of lengths and drift of the base during warm-up"
+        return {"warmup": f"{growing}, time constant 60 min", "warmup:20": f"{growing}, time constant in minutes"}
 
     @classmethod
     def parse(cls, text: str) -> "WarmUp | None":
