@@ -1,6 +1,6 @@
 """Rewriting motions of an APT program: points, and arcs as CATIA writes them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,8 +23,6 @@ class AptProgram(Program):
 
     instructions: tuple[Instruction, ...]
     """Where each motion stands."""
-    read: Callable[[tuple[Source, ...]], "AptProgram"]
-    """Reads other texts of the same files."""
 
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The files with some motions rewritten; see `Program.rewrite`.
@@ -53,10 +51,6 @@ class AptProgram(Program):
             writing = _Writing(source=self.sources[instruction.source], instruction=instruction, move=move)
             edits[instruction.source] += writing.edits(start, path)
         return tuple(source.edited(e) for source, e in zip(self.sources, edits, strict=True))
-
-    def reread(self, sources: tuple[Source, ...]) -> "AptProgram":
-        """The program of other texts of the same files; see `Program.reread`."""
-        return self.read(sources)
 
 
 def _start(

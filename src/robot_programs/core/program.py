@@ -253,6 +253,8 @@ class Program(ABC):
     """What says it."""
     backup: Backup | None = None
     """The folder or zip file that it was found in; None of files that were named."""
+    read: Callable[[tuple[Source, ...]], "Program"] | None = None
+    """Reads other texts of the same files; None of a language that says so by `reread` itself."""
 
     def __repr__(self) -> str:
         paths = shortened(", ".join(str(source.path) for source in self.sources), 120)
@@ -290,13 +292,15 @@ class Program(ABC):
         """
         return ()
 
-    @abstractmethod
     def reread(self, sources: tuple[Source, ...]) -> "Program":
         """The program of other texts of the same files, such as `rewrite` gives.
 
         Raises:
             InputError: they cannot be read.
         """
+        if self.read is None:
+            raise NotImplementedError(f"{type(self).__name__} does not say how it is read again")
+        return self.read(sources)
 
 
 # What a language of robot programs can do.

@@ -4,7 +4,7 @@ import csv
 import io
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -715,8 +715,6 @@ class CsvProgram(Program):
     path_tables: tuple[PathTable, ...]
     written: tuple[tuple[int, Written], ...]
     """Where each motion stands: number of its table, and rows."""
-    read: Callable[[tuple[Source, ...]], "CsvProgram"]
-    """Reads other texts of the same files."""
 
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The files with some motions rewritten; see `Program.rewrite`.
@@ -729,10 +727,6 @@ class CsvProgram(Program):
             s, written = self.written[number]
             edits[s] += rewrite(self.path_tables[s], written, path)
         return tuple(path_table.source.edited(e) for path_table, e in zip(self.path_tables, edits, strict=True))
-
-    def reread(self, sources: tuple[Source, ...]) -> "CsvProgram":
-        """The program of other texts of the same files; see `Program.reread`."""
-        return self.read(sources)
 
 
 def read_csv_path(

@@ -2,7 +2,7 @@
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import isnan
@@ -237,8 +237,6 @@ class KrlProgram(Program):
     sites: tuple[Site, ...]
     """Of the moves, in their order."""
     files: tuple[File, ...] = ()
-    read: Callable[[tuple[Source, ...]], "KrlProgram"]
-    """Reads other texts of the same files."""
 
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
@@ -286,10 +284,6 @@ class KrlProgram(Program):
     def visits(self) -> Iterable[Visit]:
         """Motions of one routine that name one point; see `Program.visits`."""
         return visits_of(self.sites, self.moves, self.files)
-
-    def reread(self, sources: tuple[Source, ...]) -> "KrlProgram":
-        """The program of other texts of the same files; see `Program.reread`."""
-        return self.read(sources)
 
 
 def _files(sites: Sequence[Site]) -> tuple[File, ...]:

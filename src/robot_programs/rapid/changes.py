@@ -509,15 +509,11 @@ class Effects:
     def of(self, node: Node, scope: Scope, file: File) -> frozenset[Symbol]:
         """Data that a statement may change, with all that stands in it and all that it calls."""
         if node.line not in self._of_line:
-            own = _changed([node], scope, file, self.changes)
+            own = changed_by([node], scope, file, self.changes)
             others = (self.of_routine.get(r, frozenset[Symbol]()) for r in may_call(lines_in([node]), scope))
             changed = own.union(*others)
             self._of_line[node.line] = self._sets.setdefault(changed, changed)
         return self._of_line[node.line]
-
-    def of_arguments(self, node: Node, scope: Scope, file: File) -> frozenset[Symbol]:
-        """Data that a call may change by the parameters that it is given."""
-        return _changed([node], scope, file, self.changes)
 
 
 def effects_of(everywhere: Iterable[Context], changes: Changes) -> Effects:
@@ -541,7 +537,7 @@ def effects_of(everywhere: Iterable[Context], changes: Changes) -> Effects:
 
 
 def _own(nodes: Sequence[Node], context: Context, changes: Changes) -> tuple[frozenset[Symbol], frozenset[Routine]]:
-    changed = _changed(nodes, context.scope, context.file, changes)
+    changed = changed_by(nodes, context.scope, context.file, changes)
     return changed, may_call(lines_in(nodes), context.scope)
 
 
@@ -549,7 +545,8 @@ SOFT = Symbol(name="SoftAct", type="bool")
 """Whether a servo gives way."""
 
 
-def _changed(nodes: Sequence[Node], scope: Scope, file: File, changes: Changes) -> frozenset[Symbol]:
+def changed_by(nodes: Sequence[Node], scope: Scope, file: File, changes: Changes) -> frozenset[Symbol]:
+    """Data that statements may change by themselves and by the parameters that they give, not by what they call."""
     walker = _Walker(file, changes.parameters)
     symbols = (mention.symbol for mention in walker.nodes(nodes, scope) if mention.changes)
     soft = any(

@@ -15,6 +15,7 @@ from robot_programs.rapid.changes import (
     Effects,
     called,
     calls,
+    changed_by,
     changes,
     effects_of,
     is_late,
@@ -486,7 +487,7 @@ class _Walk(form.Walk[State, Routine]):
         asked = [a.value for a in instruction.arguments if a.value is not None]
         if any(calls(node, scope) for node in asked):
             program.anywhere.update(r for r in called([instruction], scope) if r is not routines[0])
-        changed = program.effects.of_arguments(node, scope, file)
+        changed = changed_by([node], scope, file, program.effects.changes)
 
         def entry(routine: Routine) -> State:
             values = program.values.at(state.variables)

@@ -3,7 +3,7 @@
 import math
 from bisect import bisect_left
 from collections import Counter, defaultdict
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import zip_longest
 
@@ -526,8 +526,6 @@ class RapidProgram(Program):
     """Modules and routines."""
     unresolved: frozenset[Instruction] = frozenset()
     """Motions that were not resolved, on no way that leads to them."""
-    read: Callable[[tuple[Source, ...]], "RapidProgram"]
-    """Reads other texts of the same files."""
 
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
@@ -579,10 +577,6 @@ class RapidProgram(Program):
                 own = read[id(context.file)]
                 text = _RoutineText(file=context.file, read=own, motions=self.motions, numbers=numbers)
                 yield from _visits(context.routine, text.stops(context.routine, self.unresolved))
-
-    def reread(self, sources: tuple[Source, ...]) -> "RapidProgram":
-        """The program of other texts of the same files; see `Program.reread`."""
-        return self.read(sources)
 
 
 def _type(kind: MoveKind) -> TargetType:

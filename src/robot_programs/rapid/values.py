@@ -624,17 +624,6 @@ class Values:
             return Found(value=value, type=type_, origin=None, passed=None, literal=None, name=name)
         return _through(known.passed, value, path, type_, reference)
 
-    def origin(self, reference: Reference, scope: Scope, depth: int = 0) -> Origin:
-        """Declaration of the value of a reference.
-
-        Raises:
-            Unresolved: it is not declared in the files, or its value is not known from the text, or was assigned.
-        """
-        origin = self.found(reference, scope, depth).origin
-        if origin is None:
-            raise Unresolved(f"'{reference.name.text}' holds what was assigned to it")
-        return origin
-
     def path(self, reference: Reference, symbol: Symbol, scope: Scope, depth: int = 0) -> tuple[tuple[int, ...], str]:
         """Which component or element of its data a reference means, and the type of that.
 

@@ -87,11 +87,7 @@ class Frames:
         Raises:
             Unresolved: it is not known.
         """
-        made = self.made.get(("UFRAME", number))
-        if made is None:
-            frame = self._frame("UFRAME", number, self.variables.frames, self.part, self.changed_frames)
-            made = self.made["UFRAME", number] = replace(frame, T=self.T_base_world @ frame.T)
-        return made
+        return self._made("UFRAME", number, self.variables.frames, self.part, self.changed_frames, self.T_base_world)
 
     def tool_frame(self, number: int) -> Frame:
         """A tool, in the flange.
@@ -99,33 +95,30 @@ class Frames:
         Raises:
             Unresolved: it is not known.
         """
-        made = self.made.get(("UTOOL", number))
-        if made is None:
-            made = self.made["UTOOL", number] = self._frame(
-                "UTOOL", number, self.variables.tools, self.tool, self.changed_tools
-            )
-        return made
+        return self._made("UTOOL", number, self.variables.tools, self.tool, self.changed_tools, None)
 
-    def _frame(
+    def _made(
         self,
         kind: str,
         number: int,
         stated: Mapping[int, Float[np.ndarray, "4 4"]],
         given: Frame | None,
         changed: Set[int | None],
+        T_around: Float[np.ndarray, "4 4"] | None,
     ) -> Frame:
-        if {number, None} & changed:
-            raise Unresolved(f"{kind}[{number}] is set in the program, to what is known only at run time")
-        T = np.eye(4) if number == 0 else stated.get(number)
-        if T is None:
-            if given is not None:
-                return given
-            option = "--part" if kind == "UFRAME" else "--tool"
-            raise Unresolved(
-                f"{kind} {number} is not known; pass the backup's sysframe.va with the program, or name one of the cell file "
-                f"({option})"
-            )
-        return Frame(name=f"{kind} {number}", T=T)
+        if (kind, number) not in self.made:
+            if {number, None} & changed:
+                raise Unresolved(f"{kind}[{number}] is set in the program, to what is known only at run time")
+            T = np.eye(4) if number == 0 else stated.get(number)
+            frame = given if T is None else Frame(name=f"{kind} {number}", T=T)
+            if frame is None:
+                option = "--part" if kind == "UFRAME" else "--tool"
+                raise Unresolved(
+                    f"{kind} {number} is not known; pass the backup's sysframe.va with the program, or name one of the cell "
+                    f"file ({option})"
+                )
+            self.made[kind, number] = frame if T_around is None else replace(frame, T=T_around @ frame.T)
+        return self.made[kind, number]
 
 
 KINDS: dict[str, MoveKind] = {"J": "joint", "L": "linear", "C": "circular", "A": "linear"}

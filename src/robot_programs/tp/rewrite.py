@@ -1,7 +1,7 @@
 """Rewriting motions of a TP program: numbers of its positions, positions of their own, and motions before others."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -71,8 +71,6 @@ class TpProgram(Program):
     """Of the moves, in their order."""
     unresolved: tuple[Visit, ...] = ()
     """Positions of motions that were not resolved."""
-    read: Callable[[tuple[Source, ...]], "TpProgram"]
-    """Reads other texts of the same files."""
 
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
@@ -105,10 +103,6 @@ class TpProgram(Program):
             for written in site.written:
                 yield Visit(number=number, target=(site.file, written.operand.name), place=move.place)
         yield from self.unresolved
-
-    def reread(self, sources: tuple[Source, ...]) -> "TpProgram":
-        """The program of other texts of the same files; see `Program.reread`."""
-        return self.read(sources)
 
 
 @dataclass(eq=False, kw_only=True)
