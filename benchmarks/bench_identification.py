@@ -8,11 +8,9 @@ import pytest
 from scipy.optimize import least_squares
 
 from taskcal.estimation.least_squares import fit
-from taskcal.identification.batch import fit_together
 from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
 from taskcal.identification.layout import BASE_PRIOR, TARGET_PRIOR, layout_of
-from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, problem_of, whitener
 from taskcal.identification.validation import validate
 from taskcal.kernels import walk
@@ -106,26 +104,6 @@ def test_identification_against_scipy(race, model, campaign, fixed):
             "SciPy, 2-point Jacobian": lambda: fixed.scipys("2-point"),
         },
         rounds=7,
-    )
-
-
-@pytest.mark.guard
-@pytest.mark.parametrize("given", [False, True])
-def test_campaigns_together_against_each_by_itself(race, smoke, model, joints, given):
-    """As a study fits them, and with hyperparameters given; of each robot what the single fit finds."""
-    campaigns = [
-        simulate(model, joints(60), rng=np.random.default_rng(seed), model_error=3e-5)[0]
-        for seed in range(4 if smoke else 48)
-    ]
-    options, known = FitOptions(), FitOptions(model_error=3e-5, prior_scale=1.0)
-    for found, alone in zip(fit_together(model, campaigns[:4], known), campaigns, strict=False):
-        assert found is not None
-        single = identify(model, alone, options=known)
-        assert (np.abs(found.z - single.z) < 1e-6 * np.sqrt(np.diag(single.z_covariance))).all()
-    race(
-        f"identify, 48 together{', hyperparameters given' * given}",
-        lambda: fit_together(model, campaigns, known if given else options),
-        {"4 one by one": lambda: [identify(model, one) for one in campaigns[:4]]},
     )
 
 

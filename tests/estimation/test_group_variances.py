@@ -10,13 +10,12 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from taskcal.estimation.group_variances import (
+    SCALE_RANGE,
+    STATED_WITHIN,
+    GroupEquations,
     Groups,
-    _scores,
+    expected_variance,
     find_sizes,
-    log_integrated,
-    reduce_normal,
-    reduce_rows,
-    without,
 )
 
 GROUP = np.array([0, 0, 0, 1, 1, -1, -1, 2])
@@ -38,41 +37,44 @@ def prior(groups: Groups, theta):
 
 
 @pytest.mark.parametrize("rows", [4, 30])
-def test_evidence_and_estimate_are_the_textbooks_in_both_forms(rows):
+def test_evidence_and_estimate_are_the_textbooks(rows):
+    """With more parameters than rows, and with fewer."""
     A, y, groups = problem(rows)
-    theta, nothing = np.array([1.0, -2.0, 0.3]), np.full(3, -np.inf)
+    theta = np.array([1.0, -2.0, 0.3])
     D = prior(groups, theta)
     K = np.eye(rows) + A @ D @ A.T
-    expected = multivariate_normal(cov=K).logpdf(y) + 0.5 * rows * np.log(2.0 * np.pi)
-    mean, S = D @ A.T @ np.linalg.solve(K, y), D - D @ A.T @ np.linalg.solve(K, A @ D)
-    for reduced in (reduce_rows(A, y, groups), reduce_normal(A.T @ A, A.T @ y, float(y @ y), groups)):
-        at = reduced.at(theta)
-        assert at.log + reduced.log_alone == pytest.approx(expected)
-        assert reduced.at(nothing).log == pytest.approx(0.0, abs=1e-12)
-        np.testing.assert_allclose(reduced.mean(at.mean(groups.own)), mean, atol=1e-8)
-        np.testing.assert_allclose(reduced.covariance(at.spread), S, atol=1e-8)
+    at = GroupEquations.of_rows(A, y, groups).at(theta)
+    assert at.log == pytest.approx(multivariate_normal(cov=K).logpdf(y) + 0.5 * rows * np.log(2.0 * np.pi))
+    np.testing.assert_allclose(at.mean, D @ A.T @ np.linalg.solve(K, y), atol=1e-8)
+    np.testing.assert_allclose(at.covariance, D - D @ A.T @ np.linalg.solve(K, A @ D), atol=1e-8)
+
+
+def test_equations_without_some_rows_are_those_of_the_others():
+    A, y, groups = problem(30)
+    less, others = GroupEquations.of_rows(A, y, groups).less(A[:7], y[:7]), GroupEquations.of_rows(A[7:], y[7:], groups)
+    np.testing.assert_allclose(less.H, others.H, atol=1e-9)
+    np.testing.assert_allclose(less.b, others.b, atol=1e-9)
+    assert less.square == pytest.approx(others.square)
 
 
 def test_the_gradient_is_that_of_the_evidence():
     A, y, groups = problem(30)
     groups = replace(groups, spread=np.array([[9.0, 4.0, 0.0], [4.0, 5.0, 0.0], [0.0, 0.0, 4.0]]))
-    reduced, theta = reduce_rows(A, y, groups), np.array([0.5, -1.0, 0.2])
-    precision = np.linalg.inv(groups.spread)
-    numeric = approx_fprime(theta, lambda t: reduced.at(t).log - 0.5 * t @ precision @ t, 1e-6)
-    np.testing.assert_allclose(_scores(reduced.at(theta), groups)[0], numeric, rtol=1e-4)
+    equations, theta = GroupEquations.of_rows(A, y, groups), np.array([0.5, -1.0, 0.2])
+    numeric = approx_fprime(theta, lambda t: equations.at(t).log_posterior, 1e-6)
+    np.testing.assert_allclose(equations.at(theta).scores()[0], numeric, rtol=1e-4)
 
 
 def test_group_variances_maximise_evidence_and_null_is_small():
     """Group variances maximise the evidence, and the variance of an absent group is small."""
     A, y, groups = problem(400)
-    fit = find_sizes(reduce_rows(A, y, groups), np.zeros(3))
-    gradient, _ = _scores(fit.evidence, groups)
-    np.testing.assert_allclose(gradient, 0.0, atol=0.3)
-    sizes = np.exp(0.5 * fit.evidence.log_variances)
+    at = find_sizes(GroupEquations.of_rows(A, y, groups), np.zeros(3))
+    np.testing.assert_allclose(at.scores()[0], 0.0, atol=0.3)
+    sizes = np.exp(0.5 * at.log_variances)
     assert 1.0 < sizes[0] < 9.0
     assert sizes[1] < 0.2
-    assert fit.evidence.log - without(fit, np.array([0])).log > 10.0
-    assert fit.evidence.log - without(fit, np.array([1])).log < 3.0
+    assert at.log - at.without([0]).log > 10.0
+    assert at.log - at.without([1]).log < 3.0
 
 
 def test_absent_groups_shrink_similar_groups_only():
@@ -85,20 +87,19 @@ def test_absent_groups_shrink_similar_groups_only():
         y = A @ x + 3.0 * rng.normal(size=80)
         for k, spread in enumerate((9.0 * np.eye(20), 16.0 + np.eye(20))):
             groups = Groups(group=own, held=np.zeros((0, 0)), location=np.zeros(20), spread=spread)
-            fit = find_sizes(reduce_rows(A / 3.0, y / 3.0, groups), np.zeros(20))
-            errors[k] += np.sum(fit.evidence.mean(own)[3:] ** 2)
-            sizes = np.exp(0.5 * fit.evidence.log_variances)
+            at = find_sizes(GroupEquations.of_rows(A / 3.0, y / 3.0, groups), np.zeros(20))
+            errors[k] += np.sum(at.mean[3:] ** 2)
+            sizes = np.exp(0.5 * at.log_variances)
         assert sizes[0] > 3.0 * sizes[1:].max()
     assert errors[1] < 0.75 * errors[0], errors
 
 
 def test_averaging_over_the_sizes_adds_their_uncertainty():
     A, y, groups = problem(12)
-    fit = find_sizes(reduce_rows(A, y, groups), np.zeros(3))
-    plain = fit.reduced.covariance(fit.evidence.spread)
-    mean, S = fit.averaged(200, np.random.default_rng(0))
-    assert np.trace(S) > np.trace(plain)
-    np.testing.assert_array_equal(mean, fit.reduced.mean(fit.evidence.mean(groups.own)))
+    at = find_sizes(GroupEquations.of_rows(A, y, groups), np.zeros(3))
+    mean, S = at.averaged(200, np.random.default_rng(0))
+    assert np.trace(S) > np.trace(at.covariance)
+    np.testing.assert_array_equal(mean, at.mean)
     assert np.linalg.eigvalsh(S).min() > 0.0
 
 
@@ -110,20 +111,20 @@ def test_covariance_is_nowhere_negative_where_rows_are_precise(rows, precision):
     A = precision * rng.normal(size=(rows, 20))
     A[:, 1] = A[:, 0] + 1e-4 * A[:, 2]
     groups = Groups(group=np.arange(20) // 4 - 1, held=np.eye(4), location=np.zeros(4), spread=np.eye(4))
-    fit = find_sizes(reduce_rows(A, A @ rng.normal(size=20) + rng.normal(size=rows), groups), np.zeros(4))
-    for S in (fit.reduced.covariance(fit.evidence.spread), fit.averaged(12, rng)[1]):
+    at = find_sizes(GroupEquations.of_rows(A, A @ rng.normal(size=20) + rng.normal(size=rows), groups), np.zeros(4))
+    for S in (at.covariance, at.averaged(12, rng)[1]):
         deviation = np.sqrt(np.diag(S))
         assert np.linalg.eigvalsh(S / deviation / deviation[:, None]).min() > -1e-13
-    prior = np.concatenate([np.ones(4), fit.evidence.root])
+    prior = at.root
     inverse = np.linalg.inv(np.linalg.qr(np.concatenate([A, np.diag(1.0 / prior)])).R)
-    variance = np.diag(fit.reduced.covariance(fit.evidence.spread))
+    variance = np.diag(at.covariance)
     np.testing.assert_allclose(variance, np.square(inverse).sum(axis=1), rtol=2e-2)
 
 
 def test_a_held_group_keeps_its_size():
     A, y, groups = problem(60)
     held = Groups(group=GROUP, held=groups.held, location=np.array([0.0, 1.5, 0.0]), spread=np.diag([9.0, 0.0, 9.0]))
-    assert find_sizes(reduce_rows(A, y, held), np.zeros(3)).evidence.log_variances[1] == 1.5
+    assert find_sizes(GroupEquations.of_rows(A, y, held), np.zeros(3)).log_variances[1] == 1.5
 
 
 def test_the_sizes_are_integrated_out():
@@ -131,16 +132,49 @@ def test_the_sizes_are_integrated_out():
     A, y, groups = problem(60)
     spread = np.array([[9.0, 0.0, 0.0], [0.0, 2.0, 1.0], [0.0, 1.0, 2.0]])
     groups = replace(groups, spread=spread)
-    fit = find_sizes(reduce_rows(A, y, groups), np.zeros(3))
+    at = find_sizes(GroupEquations.of_rows(A, y, groups), np.zeros(3))
     steps, expected = np.linspace(-12.0, 9.0, 22), np.linalg.inv(spread)
     logs = []
     for point in product(steps, repeat=3):
         sizes = np.array(point)
-        logs.append(fit.reduced.at(sizes).log - 0.5 * sizes @ expected @ sizes)
+        logs.append(at.equations.at(sizes).log - 0.5 * sizes @ expected @ sizes)
     total = logsumexp(logs) + 3.0 * np.log(steps[1] - steps[0]) + 0.5 * np.log(np.linalg.det(expected / (2.0 * np.pi)))
-    assert log_integrated(fit) == pytest.approx(
+    assert at.log_integrated() == pytest.approx(
         total, abs=0.6
     )  # Laplace's approximation takes a flat side for a steep one
-    assert log_integrated(fit) < fit.evidence.log - 2.0
-    assert log_integrated(fit, [0, 1, 2]) == without(fit, np.arange(3)).log == pytest.approx(0.0)
-    assert log_integrated(fit) - log_integrated(fit, [0]) > 10.0
+    assert at.log_integrated() < at.log - 2.0
+    assert at.log_integrated([0, 1, 2]) == at.without(np.arange(3)).log
+    assert at.log_integrated() - at.log_integrated([0]) > 10.0
+
+
+def alone(parameters: int, spread: float = 1e12) -> Groups:
+    """One group of all parameters, of whose size nothing is expected."""
+    return Groups(
+        group=np.zeros(parameters, dtype=int), held=np.zeros((0, 0)), location=np.zeros(1), spread=np.array([[spread]])
+    )
+
+
+def test_expected_variance_is_the_mean_of_its_posterior():
+    """Against the evidence on a grid, of parameters of one group beside others without."""
+    rng = np.random.default_rng(1)
+    A = rng.normal(size=(40, 9))
+    y = A @ np.concatenate([1.4 * rng.normal(size=6), 5.0 * rng.normal(size=3)]) + rng.normal(size=40)
+    groups = replace(alone(9), group=np.repeat([0, -1], [6, 3]), held=1e-4 * np.eye(3))
+    equations, logarithm = GroupEquations.of_rows(A, y, groups), np.linspace(*np.log(SCALE_RANGE), 151)
+    posterior = np.array([equations.at(np.array([one])).log for one in logarithm])
+    posterior -= 0.5 * (logarithm / np.log(STATED_WITHIN**2)) ** 2
+    weight = np.exp(posterior - posterior.max())
+    assert expected_variance(equations) == pytest.approx(weight @ np.exp(logarithm) / weight.sum(), rel=1e-2)
+
+
+def test_unobserved_parameter_coverage_is_nominal():
+    """Five of six parameters are seen: 95 % of the sixth lie within 1.96 of what is expected, not of what is most probable."""
+    seen, inside = np.diag([100.0] * 5 + [0.0]), np.zeros(2)
+    draws = np.random.default_rng(0).normal(size=(1500, 6))
+    for x in draws:
+        equations = GroupEquations.of_rows(seen, seen @ x, alone(6))
+        likeliest = float(np.exp(find_sizes(equations, np.zeros(1), gain=1e-6).log_variances[0]))
+        inside += np.abs(x[5]) < 1.959964 * np.sqrt([likeliest, expected_variance(equations)])
+    most_probable, expected = inside / len(draws)
+    assert most_probable < 0.91
+    assert 0.93 < expected < 0.97

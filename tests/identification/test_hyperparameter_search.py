@@ -1,14 +1,19 @@
-"""The search for hyperparameters comes to the same end from a sample of the rows, on rows that are kept and on streamed ones."""
+"""Hyperparameters are those of the largest marginal likelihood; of very many rows, of some of them."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.optimize
 
 from taskcal.identification import hyperparameters as hyperparameter_search
 from taskcal.identification import identify as gross_errors
-from taskcal.identification import problem
+from taskcal.identification.hyperparameters import fit_with_hyperparameters
 from taskcal.identification.identify import identify
+from taskcal.identification.layout import layout_of, prior_of
+from taskcal.identification.options import FitOptions
+from taskcal.identification.problem import problem_of
+from taskcal.registration.registration import register
 from tests.identification.arms import arm, defects
 from tests.laws.campaigns import measure
 from tests.laws.robots import industrial_positions
@@ -22,44 +27,49 @@ def measured(kind: str, rows: int, seed: int = 0):
     return model, campaign
 
 
-def assert_alike(found, expected) -> None:
-    """Both within what the search itself ends at: a thousandth of the variances."""
-    deviation = np.sqrt(np.diag(expected.z_covariance))
-    np.testing.assert_allclose(found.z / deviation, expected.z / deviation, atol=5e-3)
-    np.testing.assert_allclose(np.sqrt(np.diag(found.z_covariance)), deviation, rtol=5e-3)
-    np.testing.assert_allclose(found.model_error, expected.model_error, rtol=2e-3)
-    np.testing.assert_allclose(found.studentised, expected.studentised, rtol=2e-2)
-    assert found.log_evidence == pytest.approx(expected.log_evidence, abs=1e-2)
-
-
 @pytest.mark.parametrize("kind", KINDS)
-def test_rows_that_are_kept_and_streamed_ones_end_alike(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    model, campaign = measured(kind, 60)
-    kept = identify(model, campaign)
-    monkeypatch.setattr(problem, "MAX_CACHED_NUMBERS", 0)
-    streamed = identify(model, campaign)
-    assert streamed.rounds > 1
-    assert_alike(kept, streamed)
+def test_model_error_and_prior_scale_maximise_the_marginal_likelihood(kind: str) -> None:
+    """Against SciPy on the likelihood written out: what was measured is normal with covariance J·Σ·Jᵀ + R."""
+    model, campaign = measured(kind, 50)
+    layout = layout_of(model, np.arange(len(model)), register(model, campaign), campaign, fixed=False)
+    problem, options = problem_of(layout, campaign, None), FitOptions()
+    prior = prior_of(layout, options.prior)
+    fitted = fit_with_hyperparameters(problem, prior, options)
+    at = problem.linearise(fitted.solution.z)
+    seen = at.seen.ravel()
+    J = at.by_entry.reshape(len(seen), -1)[seen]
+    y = at.residual.ravel()[seen] + J @ (fitted.solution.z - prior.mean)
+    n, targets, b = problem.noise.shape[:3]
+    N = np.zeros((n, targets * b, n, targets * b))
+    for i in range(n):
+        for t in range(targets):
+            N[i, t * b : (t + 1) * b, i, t * b : (t + 1) * b] = problem.noise[i, t]
+    N = N.reshape(n * targets * b, -1)[np.ix_(seen, seen)]
+    group = np.tile(np.repeat(np.arange(b // 3), 3), n * targets)[seen]
+
+    def negative(logs: np.ndarray) -> float:
+        K = J @ prior.covariance(np.exp(logs[-1])) @ J.T + N + np.diag(np.exp(logs[:-1])[group])
+        L = np.linalg.cholesky(K)
+        white = np.linalg.solve(L, y)
+        return float(np.log(np.diag(L)).sum() + 0.5 * white @ white)
+
+    found = np.log([*fitted.hyper.variances, fitted.likeliest_factor])
+    best = scipy.optimize.minimize(negative, found, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-6}).x
+    # a tenth of their standard errors: 0.1 of either variance's logarithm and more
+    np.testing.assert_allclose(found, best, atol=1.5e-2)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_many_rows_begin_from_some_of_them_and_end_as_all_do(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    model, campaign = measured(kind, 400)
+def test_hyperparameters_of_many_rows_are_sought_on_some(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What 300 rows say of them is near what 400 say, and the estimate is that of all."""
+    model, campaign = measured("points", 400)
     expected = identify(model, campaign)
-    begun: list[int] = []
-    whole = hyperparameter_search.fit_with_hyperparameters
-
-    def noted(part, *others):
-        begun.append(len(part.q))
-        return whole(part, *others)
-
     monkeypatch.setattr(hyperparameter_search, "SAMPLED_FROM", 300)
-    monkeypatch.setattr(hyperparameter_search, "SAMPLE", 100)
-    monkeypatch.setattr(hyperparameter_search, "fit_with_hyperparameters", noted)
     found = identify(model, campaign)
-    assert begun == [100]
-    assert found.rounds <= expected.rounds
-    assert_alike(found, expected)
+    deviation = np.sqrt(np.diag(expected.z_covariance))
+    np.testing.assert_allclose(found.z / deviation, expected.z / deviation, atol=0.2)
+    np.testing.assert_allclose(found.model_error, expected.model_error, rtol=0.05)
+    np.testing.assert_allclose(found.prior_scale, expected.prior_scale, rtol=0.1)
+    assert len(found.residuals) == 400
 
 
 def test_sampling_of_large_campaign_rejects_same_gross_errors(

@@ -94,16 +94,6 @@ def test_rows_taken_in_parts_are_those_taken_at_once(kind, monkeypatch):
     assert_same_equations(problem.equations(W, SQUARED, 1.0)(z), with_stated, 1e-9)
 
 
-@pytest.mark.parametrize("kind", [*KINDS, "socket"])
-def test_the_cache_holds_the_rows_of_the_latest_estimate(kind):
-    model, campaign = tracked(5, kind) if kind in KINDS else observed(kind, 5)[:2]
-    problem, z = problem_about(model, campaign, 5)
-    rows = problem.cached(z)
-    assert problem.cached(z) is rows
-    assert problem.cached(z + 1e-6) is not rows
-    np.testing.assert_array_equal(problem.rows(z).linearise().by_entry, rows.by_entry)
-
-
 def test_the_prior_of_the_frames_holds_what_no_row_tells():
     model, campaign, _ = observed("socket", 1)
     registration = replace(register(model, campaign), unobservable=np.diag([0.0, 0.0, 1.0]))

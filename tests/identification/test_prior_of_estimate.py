@@ -41,7 +41,7 @@ def test_the_priors_scale_is_that_of_the_defects(factor):
 def test_a_prior_of_another_size_is_refused():
     rng, model = arm(0)
     campaign, _ = measure(rng, model, industrial_positions(rng, 40))
-    with pytest.raises(ValueError, match="the prior has 3 parameters, 6 are kept"):
+    with pytest.raises(ValueError, match="the prior has 3 parameters, 6 are estimated"):
         identify(model, campaign, keep=["J3"], prior=GaussianPrior.of_deviations(np.ones(3)))
 
 

@@ -2,13 +2,12 @@
 
     y = A·x + e,   e ~ N(0, 1),   x_i ~ N(0, v_g) for every i of group g,   log v ~ N(m, Ω)
 
-Parameters without a group have a prior of their own; they are eliminated first, exactly. The log variances are those of the
-largest posterior, by Fisher scoring: with P = (1 + A·D·Aᵀ)⁻¹ and M = AᵀPA
+Parameters without a group have a prior of their own. The log variances are those of the largest posterior, by Fisher scoring: with
+D the prior's variances, K = (1 + √D·AᵀA·√D)⁻¹ and u = K·√D·Aᵀy, posterior covariance and mean in units of the prior's deviations,
 
-    ∂ℓ/∂v_g = ½ (|A_gᵀPy|² − tr M_gg),   E[−∂²ℓ/∂v_g∂v_h] = ½ |M_gh|²
+    ∂ℓ/∂log v_g = ½ Σ_i (u_i² − 1 + K_ii),   E[−∂²ℓ/∂log v_g ∂log v_h] = ½ Σ_ij (δ_ij − K_ij)²,   i of g, j of h
 
-(Harville 1977, Journal of the American Statistical Association 72; MacKay 1992, Neural Computation 4, for the same as
-"evidence"). M comes from the normal equations where there are more rows than parameters, else from the rows' covariance.
+(Harville 1977, Journal of the American Statistical Association 72; MacKay 1992, Neural Computation 4, for the same as "evidence").
 How uncertain the sizes themselves are is in the covariance, by draws from their Laplace approximation.
 """
 
@@ -19,11 +18,11 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.estimation.matrices import invert_positive
+from taskcal.estimation.matrices import factor_lower, invert_factored
 from taskcal.kernels.chunks import in_chunks
 
-MAX_LOG_STEP = 2.5
-"""Of a log variance in one step of the scoring."""
+LARGEST_CHANGE = 10.0
+"""Factor by which one step of the scoring changes a variance, at most: far from the solution it overshoots."""
 
 MAX_STEPS = 40
 """Of the scoring."""
@@ -31,6 +30,14 @@ MAX_STEPS = 40
 MIN_GAIN = 1e-2
 """Expected gain of log posterior by the next step at which the scoring ends."""
 
+SCALE_RANGE = 1e-4, 1e4
+"""Bounds of a single group's variance: a hundred times tighter or wider than stated."""
+
+STATED_WITHIN = 3.0
+"""Factor (1σ) within which stated deviations are expected where the data say nothing of their scale."""
+
+GRID_POINTS = 201
+"""Variances, evenly in their logarithm, over which their posterior is integrated."""
 
 ROWS_AT_ONCE = 1024
 """Rows of a thread; whatever the number of threads, so that sums are the same to the bit."""
@@ -55,9 +62,21 @@ class Groups:
         return np.flatnonzero(self.group >= 0)
 
     @cached_property
-    def ungrouped(self) -> Int[np.ndarray, " ungrouped"]:
-        """Parameters that have none."""
-        return np.flatnonzero(self.group < 0)
+    def block(self) -> tuple[np.ndarray, ...]:
+        """Indices of the block of a matrix that belongs to parameters with a group."""
+        return np.ix_(self.grouped, self.grouped)
+
+    @cached_property
+    def prior(self) -> Float[np.ndarray, "p p"]:
+        """Prior precision where every group's variance is 1."""
+        out, f = np.eye(len(self.group)), np.flatnonzero(self.group < 0)
+        out[np.ix_(f, f)] = self.held
+        return out
+
+    @cached_property
+    def log_held(self) -> float:
+        """Logarithm of the determinant of the precision of parameters without a group."""
+        return float(np.linalg.slogdet(self.held)[1])
 
     @cached_property
     def own(self) -> Int[np.ndarray, " grouped"]:
@@ -74,130 +93,93 @@ class Groups:
         """Prior precision of the log variances that are to be found."""
         return np.linalg.inv(self.spread[np.ix_(self.searched, self.searched)])
 
-    def sums(self, M: Float[np.ndarray, "grouped grouped"]) -> Float[np.ndarray, "groups groups"]:
-        """Sums of a matrix over the blocks of the groups."""
-        member = np.zeros((len(self.own), len(self.location)))
-        member[np.arange(len(self.own)), self.own] = 1.0
-        return member.T @ (M @ member)
+    @cached_property
+    def member(self) -> Float[np.ndarray, "grouped groups"]:
+        """One where a parameter belongs to a group."""
+        return (self.own[:, None] == np.arange(len(self.location))).astype(float)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Reduced:
-    """The equations of the grouped parameters, those without a group eliminated."""
+class GroupEquations:
+    """Normal equations of whitened rows."""
 
     groups: Groups
-    H: Float[np.ndarray, "k k"]
-    b: Float[np.ndarray, " k"]
-    """AᵀA and Aᵀy, where there are more rows than parameters; else empty …"""
-    A: Float[np.ndarray, "rows grouped"] | None
-    y: Float[np.ndarray, " rows"] | None
-    """… and the rows themselves."""
-    back: Float[np.ndarray, "ungrouped grouped"]
-    """What those without a group do for a unit of each grouped one, with the sign turned …"""
-    alone: Float[np.ndarray, " ungrouped"]
-    """… their values where all grouped ones are zero …"""
-    alone_covariance: Float[np.ndarray, "ungrouped ungrouped"]
-    """… and their covariance there."""
-    log_alone: float
-    """Log marginal likelihood where all grouped ones are zero, for rows of unit noise, but for log 2π."""
+    H: Float[np.ndarray, "p p"]
+    """AᵀA."""
+    b: Float[np.ndarray, " p"]
+    """Aᵀy."""
+    square: float
+    """yᵀy."""
+
+    @classmethod
+    def of_rows(cls, A: Float[np.ndarray, "rows p"], y: Float[np.ndarray, " rows"], groups: Groups) -> "GroupEquations":
+        """Equations of whitened rows."""
+        H = np.sum(in_chunks(lambda rows: A[rows].T @ A[rows], len(A), ROWS_AT_ONCE), axis=0)
+        return cls(groups=groups, H=H, b=A.T @ y, square=float(y @ y))
+
+    def less(self, A: Float[np.ndarray, "rows p"], y: Float[np.ndarray, " rows"]) -> "GroupEquations":
+        """Equations without some of the rows."""
+        return GroupEquations(
+            groups=self.groups, H=self.H - A.T @ A, b=self.b - A.T @ y, square=self.square - float(y @ y)
+        )
 
     def at(self, log_variances: Float[np.ndarray, " groups"]) -> "Evidence":
         """Evidence at some sizes."""
-        from scipy.linalg import solve_triangular
-
-        root = np.exp(0.5 * log_variances)[self.groups.own]
-        if self.A is None or self.y is None:
-            L = np.linalg.cholesky(np.eye(len(root)) + root[:, None] * self.H * root)
-            w = solve_triangular(L, root * self.b, lower=True)
-            fit = 0.5 * float(w @ w)
-        else:
-            scaled = self.A * root
-            L = np.linalg.cholesky(np.eye(len(self.y)) + scaled @ scaled.T)
-            w = solve_triangular(L, self.y, lower=True)
-            fit = 0.5 * float(self.y @ self.y - w @ w)
-        log = fit - float(np.log(np.diag(L)).sum())
-        return Evidence(reduced=self, log_variances=log_variances, log=log, root=root, L=L, w=w)
-
-    def mean(self, x: Float[np.ndarray, " grouped"]) -> Float[np.ndarray, " p"]:
-        """All parameters, from the grouped ones."""
-        out = np.zeros(len(self.groups.group))
-        out[self.groups.grouped] = x
-        out[self.groups.ungrouped] = self.alone - self.back @ x
-        return out
-
-    def covariance(self, spread: Float[np.ndarray, "grouped m"]) -> Float[np.ndarray, "p p"]:
-        """Covariance of all parameters, from B of the grouped ones' covariance B·Bᵀ: a sum of squares, negative nowhere."""
-        f, whole = self.groups.ungrouped, np.zeros((len(self.groups.group), spread.shape[1]))
-        whole[self.groups.grouped], whole[f] = spread, -self.back @ spread
-        out = whole @ whole.T
-        out[np.ix_(f, f)] += self.alone_covariance
-        return out
+        root = np.ones(len(self.b))
+        root[self.groups.grouped] = np.exp(0.5 * log_variances)[self.groups.own]
+        L = factor_lower(self.groups.prior + root[:, None] * self.H * root)
+        K = invert_factored(L)
+        u = K @ (root * self.b)
+        log = 0.5 * (float(u @ (root * self.b)) - self.square + self.groups.log_held) - float(np.log(np.diag(L)).sum())
+        return Evidence(equations=self, log_variances=log_variances, log=log, root=root, K=K, u=u)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
     """The model at some sizes of its groups."""
 
-    reduced: Reduced
+    equations: GroupEquations
     log_variances: Float[np.ndarray, " groups"]
     log: float
-    """Gain of log marginal likelihood at these sizes over groups that are all zero."""
-    root: Float[np.ndarray, " grouped"]
-    """Standard deviation of every grouped parameter."""
-    L: Float[np.ndarray, "k k"]
-    """Cholesky factor of 1 + √D·AᵀA·√D or, from rows, of 1 + A·D·Aᵀ …"""
-    w: Float[np.ndarray, " k"]
-    """… and with it L⁻¹·√D·Aᵀy or L⁻¹·y."""
+    """Log marginal likelihood, for rows of unit noise, but for log 2π."""
+    root: Float[np.ndarray, " p"]
+    """Standard deviation of every parameter that has a group, 1 for others."""
+    K: Float[np.ndarray, "p p"]
+    """Posterior covariance in units of these …"""
+    u: Float[np.ndarray, " p"]
+    """… and posterior mean."""
+
+    @property
+    def mean(self) -> Float[np.ndarray, " p"]:
+        """Posterior mean."""
+        return self.root * self.u
+
+    @property
+    def covariance(self) -> Float[np.ndarray, "p p"]:
+        """Posterior covariance."""
+        return self.root[:, None] * self.K * self.root
 
     @cached_property
-    def g(self) -> Float[np.ndarray, " grouped"]:
-        """AᵀPy."""
-        from scipy.linalg import solve_triangular
+    def information(self) -> Float[np.ndarray, "groups groups"]:
+        """Fisher information of the log variances, without their prior."""
+        groups = self.equations.groups
+        N = np.eye(len(groups.grouped)) - self.K[groups.block]
+        return 0.5 * groups.member.T @ (N * N) @ groups.member
 
-        v = solve_triangular(self.L, self.w, lower=True, trans=1)
-        A = self.reduced.A
-        return self.reduced.b - self.reduced.H @ (self.root * v) if A is None else A.T @ v
+    def scores(self) -> tuple[Float[np.ndarray, " searched"], Float[np.ndarray, "searched searched"]]:
+        """Gradient and Fisher information of the searched log variances' posterior."""
+        groups = self.equations.groups
+        k, s = groups.grouped, groups.searched
+        gradient = 0.5 * groups.member.T @ (self.u[k] ** 2 - 1.0 + self.K[k, k])
+        gradient = gradient[s] - groups.precision @ (self.log_variances - groups.location)[s]
+        return gradient, self.information[np.ix_(s, s)] + groups.precision
 
-    @cached_property
-    def M(self) -> Float[np.ndarray, "grouped grouped"]:
-        """AᵀPA."""
-        from scipy.linalg import solve_triangular
-
-        A = self.reduced.A
-        if A is not None:
-            U = solve_triangular(self.L, A, lower=True)
-            return U.T @ U
-        V = solve_triangular(self.L, self.root[:, None] * self.reduced.H, lower=True)
-        return self.reduced.H - V.T @ V
-
-    def mean(self, own: Int[np.ndarray, " grouped"]) -> Float[np.ndarray, " grouped"]:
-        """Mean of the grouped parameters."""
-        return np.exp(self.log_variances)[own] * self.g
-
-    @cached_property
-    def spread(self) -> Float[np.ndarray, "grouped grouped"]:
-        """B, with B·Bᵀ the covariance of the grouped parameters: √D·L⁻ᵀ, L the Cholesky factor of 1 + √D·AᵀA·√D.
-
-        D − D·AᵀPA·D would lose as many digits as the data know a parameter better than its prior, twice over.
-        """
-        from scipy.linalg import solve_triangular
-
-        L, A = self.L, self.reduced.A
-        if A is not None:
-            scaled = A * self.root
-            L = np.linalg.cholesky(np.eye(len(self.root)) + scaled.T @ scaled)
-        return solve_triangular(L, np.diag(self.root), lower=True).T
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class GroupedFit:
-    """Sizes of the groups, and the parameters, with the sizes' uncertainty in their covariance."""
-
-    reduced: Reduced
-    evidence: Evidence
-    """At the likeliest sizes."""
-    information: Float[np.ndarray, "searched searched"]
-    """Fisher's, of the log variances that were searched, their prior included."""
+    @property
+    def log_posterior(self) -> float:
+        """Log posterior of the sizes."""
+        groups = self.equations.groups
+        off = (self.log_variances - groups.location)[groups.searched]
+        return self.log - 0.5 * float(off @ groups.precision @ off)
 
     def averaged(self, draws: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Mean (p) of the parameters at the likeliest sizes, and their covariance (p, p) about it over draws of the sizes.
@@ -205,158 +187,103 @@ class GroupedFit:
         The sizes are drawn in pairs about the likeliest ones. The mean is not averaged: what is next to nothing may be larger
         by as much as smaller in its logarithm, which draws noise into the mean.
         """
+        searched = self.equations.groups.searched
+        if not len(searched) or draws < 2:
+            return self.mean, self.covariance
         from scipy.linalg import solve_triangular
 
-        own, searched = self.reduced.groups.own, self.reduced.groups.searched
-        likeliest = self.evidence.mean(own)
-        if not len(searched) or draws < 2:
-            return self.reduced.mean(likeliest), self.reduced.covariance(self.evidence.spread)
-        spread = solve_triangular(np.linalg.cholesky(self.information), np.eye(len(searched)), lower=True).T
-        S = np.zeros((len(self.reduced.groups.group),) * 2)
+        information = self.scores()[1]
+        spread = solve_triangular(np.linalg.cholesky(information), np.eye(len(searched)), lower=True).T
+        S = np.zeros(self.K.shape)
         for _ in range(draws // 2):
-            step = np.zeros(len(self.evidence.log_variances))
+            step = np.zeros(len(self.log_variances))
             step[searched] = spread @ rng.standard_normal(len(searched))
             for sign in (1.0, -1.0):
-                at = self.reduced.at(self.evidence.log_variances + sign * step)
-                apart = at.mean(own) - likeliest
-                S += self.reduced.covariance(np.column_stack([at.spread, apart]))
-        return self.reduced.mean(likeliest), S / (2 * (draws // 2))
+                drawn = self.equations.at(self.log_variances + sign * step)
+                apart = drawn.mean - self.mean
+                S += drawn.covariance + np.outer(apart, apart)
+        return self.mean, S / (2 * (draws // 2))
+
+    def without(self, left_out: Sequence[int] | Int[np.ndarray, " k"]) -> "Evidence":
+        """The same model with some of its groups zero, and the others of the sizes that they have."""
+        theta = self.log_variances.copy()
+        theta[np.asarray(left_out, dtype=int)] = -np.inf
+        return self.equations.at(theta)
+
+    def log_integrated(self, left_out: Sequence[int] | Int[np.ndarray, " k"] = ()) -> float:
+        """Log marginal likelihood, the sizes integrated out by Laplace's approximation about the likeliest ones.
+
+        At the likeliest sizes alone, each group that is allowed for would seem to be worth something on every campaign: its size
+        was chosen to be.
+
+        Args:
+            left_out: groups that are zero instead, the others of the sizes that they have.
+        """
+        groups = self.equations.groups
+        at = self.without(left_out) if len(left_out) else self
+        s = np.setdiff1d(groups.searched, left_out)
+        if not len(s):
+            return at.log
+        expected = np.linalg.inv(groups.spread[np.ix_(s, s)])
+        off = (at.log_variances - groups.location)[s]
+        narrowed = np.linalg.slogdet(at.information[np.ix_(s, s)] + expected)[1] - np.linalg.slogdet(expected)[1]
+        return at.log - 0.5 * float(off @ expected @ off) - 0.5 * float(narrowed)
 
 
-def reduce_rows(A: Float[np.ndarray, "rows p"], y: Float[np.ndarray, " rows"], groups: Groups) -> Reduced:
-    """The equations of whitened rows, in the smaller of their two forms."""
-    from scipy.linalg import cho_factor, cho_solve
-
-    k, f = groups.grouped, groups.ungrouped
-    if len(y) >= len(k):
-        H = np.sum(in_chunks(lambda rows: A[rows].T @ A[rows], len(A), ROWS_AT_ONCE), axis=0)
-        return reduce_normal(H, A.T @ y, float(y @ y), groups)
-    # their priors are rows too, so that what is left is the projection of all rows
-    root = np.linalg.cholesky(groups.held).T
-    free = np.concatenate([A[:, f], root])
-    own = np.concatenate([A[:, k], np.zeros((len(f), len(k)))])
-    y = np.concatenate([y, np.zeros(len(f))])
-    precision, pull = free.T @ free, free.T @ y
-    factor = cho_factor(precision, lower=True)
-    back, alone = cho_solve(factor, free.T @ own), cho_solve(factor, pull)
-    return Reduced(
-        groups=groups,
-        H=np.zeros((0, 0)),
-        b=np.zeros(0),
-        A=own - free @ back,
-        y=y - free @ alone,
-        back=back,
-        alone=alone,
-        alone_covariance=invert_positive(precision),
-        log_alone=_log_alone(float(y @ y - pull @ alone), precision, groups.held),
-    )
-
-
-def reduce_normal(H: Float[np.ndarray, "p p"], b: Float[np.ndarray, " p"], square: float, groups: Groups) -> Reduced:
-    """The equations from AᵀA, Aᵀy and yᵀy of whitened rows."""
-    from scipy.linalg import cho_factor, cho_solve
-
-    k, f = groups.grouped, groups.ungrouped
-    precision = H[np.ix_(f, f)] + groups.held
-    factor = cho_factor(precision, lower=True)
-    back, alone = cho_solve(factor, H[np.ix_(f, k)]), cho_solve(factor, b[f])
-    own = H[np.ix_(k, k)] - H[np.ix_(k, f)] @ back
-    return Reduced(
-        groups=groups,
-        H=0.5 * (own + own.T),
-        b=b[k] - H[np.ix_(k, f)] @ alone,
-        A=None,
-        y=None,
-        back=back,
-        alone=alone,
-        alone_covariance=invert_positive(precision),
-        log_alone=_log_alone(square - float(b[f] @ alone), precision, groups.held),
-    )
-
-
-def _log_alone(square: float, precision: Float[np.ndarray, "f f"], held: Float[np.ndarray, "f f"]) -> float:
-    return float(-0.5 * square - 0.5 * (np.linalg.slogdet(precision)[1] - np.linalg.slogdet(held)[1]))
-
-
-def find_sizes(reduced: Reduced, start: Float[np.ndarray, " groups"], steps: int = MAX_STEPS) -> GroupedFit:
+def find_sizes(
+    equations: GroupEquations, start: Float[np.ndarray, " groups"], steps: int = MAX_STEPS, gain: float = MIN_GAIN
+) -> Evidence:
     """The likeliest sizes of the groups, by Fisher scoring.
 
     Args:
-        reduced: the equations.
+        equations: of all parameters.
         start: log variances to start from; those of held groups are not changed.
         steps: of the scoring, at most.
+        gain: expected gain of log posterior at which it ends.
     """
-    groups = reduced.groups
+    groups = equations.groups
     s = groups.searched
     theta = groups.location.copy()
     theta[s] = start[s]
-    at = reduced.at(theta)
+    at = equations.at(theta)
     for _ in range(steps):
-        gradient, information = _scores(at, groups)
-        step = np.clip(np.linalg.solve(information, gradient), -MAX_LOG_STEP, MAX_LOG_STEP)
-        if step @ gradient < MIN_GAIN:
+        gradient, information = at.scores()
+        step = np.linalg.solve(information, gradient)
+        if step @ gradient < gain:
             break
+        # scoring of the variances themselves: exact in one step where the data know the parameters
+        step = np.log(np.clip(1.0 + step, 1.0 / LARGEST_CHANGE, LARGEST_CHANGE))
         following, share = at, 1.0
         while share > 1e-3:
             theta = at.log_variances.copy()
             theta[s] += share * step
-            following = reduced.at(theta)
-            if _posterior(following, groups) >= _posterior(at, groups):
+            following = equations.at(theta)
+            if following.log_posterior >= at.log_posterior:
                 break
             share *= 0.5
         else:
             break
         at = following
-    return GroupedFit(reduced=reduced, evidence=at, information=_scores(at, groups)[1])
+    return at
 
 
-def without(fit: GroupedFit, left_out: Int[np.ndarray, " k"]) -> Evidence:
-    """The same model with some of its groups zero, and the others of the sizes that they have."""
-    theta = fit.evidence.log_variances.copy()
-    theta[left_out] = -np.inf
-    return fit.reduced.at(theta)
+def expected_variance(equations: GroupEquations) -> float:
+    """Expectation of the variance of a single group, where `find_sizes` finds the one that is most probable.
 
-
-def log_integrated(fit: GroupedFit, left_out: Sequence[int] | Int[np.ndarray, " k"] = ()) -> float:
-    """Gain of log marginal likelihood over groups that are all zero, the sizes integrated out by Laplace's approximation.
-
-    At the likeliest sizes alone, each group that is allowed for would seem to be worth something on every campaign: its size was
-    chosen to be.
-
-    Args:
-        fit: at its likeliest sizes.
-        left_out: groups that are zero instead, the others of the sizes that they have.
+    What the data do not tell of a parameter varies by the variance's expectation. That is the larger one: few parameters that are
+    well seen say what the size of the others is, as a few draws say what a variance is, and a variance that is most probable is
+    too small on average (for d of them and Jeffreys' prior by d/(d − 2)).
     """
-    groups = fit.reduced.groups
-    at = without(fit, np.asarray(left_out, dtype=int)) if len(left_out) else fit.evidence
-    s = np.setdiff1d(groups.searched, left_out)
-    if not len(s):
-        return at.log
-    expected = np.linalg.inv(groups.spread[np.ix_(s, s)])
-    off = (at.log_variances - groups.location)[s]
-    information = _information(at, groups)[np.ix_(s, s)] + expected
-    narrowed = np.linalg.slogdet(information)[1] - np.linalg.slogdet(expected)[1]
-    return at.log - 0.5 * float(off @ expected @ off) - 0.5 * float(narrowed)
-
-
-def _posterior(at: Evidence, groups: Groups) -> float:
-    off = (at.log_variances - groups.location)[groups.searched]
-    return at.log - 0.5 * float(off @ groups.precision @ off)
-
-
-def _scores(
-    at: Evidence, groups: Groups
-) -> tuple[Float[np.ndarray, " searched"], Float[np.ndarray, "searched searched"]]:
-    """Gradient and Fisher information of the searched log variances' posterior."""
-    s, count = groups.searched, len(groups.location)
-    v = np.exp(at.log_variances)
-    gained = np.bincount(groups.own, weights=at.g**2 - np.diag(at.M), minlength=count)
-    gradient = 0.5 * v * gained
-    gradient = gradient[s] - groups.precision @ (at.log_variances - groups.location)[s]
-    return gradient, _information(at, groups)[np.ix_(s, s)] + groups.precision
-
-
-def _information(at: Evidence, groups: Groups) -> Float[np.ndarray, "groups groups"]:
-    """Fisher's, of the log variances, without their prior."""
-    v = np.exp(at.log_variances)
-    return 0.5 * np.outer(v, v) * groups.sums(at.M * at.M)
+    k = equations.groups.grouped
+    f = np.setdiff1d(np.arange(len(equations.b)), k)
+    H, b = equations.H, equations.b
+    free = np.linalg.solve(H[np.ix_(f, f)] + equations.groups.held, np.column_stack([H[np.ix_(f, k)], b[f]]))
+    values, vectors = np.linalg.eigh(H[np.ix_(k, k)] - H[np.ix_(k, f)] @ free[:, :-1])
+    values, along = np.maximum(values, 0.0), vectors.T @ (b[k] - H[np.ix_(k, f)] @ free[:, -1])
+    logarithm = np.linspace(np.log(SCALE_RANGE[0]), np.log(SCALE_RANGE[1]), GRID_POINTS)
+    v = np.exp(logarithm)
+    spread = 1.0 + v[:, None] * values
+    likelihood = 0.5 * (v[:, None] * along**2 / spread - np.log(spread)).sum(axis=1)
+    expected = likelihood - 0.5 * (logarithm / (2.0 * np.log(STATED_WITHIN))) ** 2
+    weight = np.exp(expected - expected.max())
+    return float(weight @ v / weight.sum())

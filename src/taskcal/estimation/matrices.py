@@ -39,20 +39,38 @@ def solve_scaled(A: Float[np.ndarray, "p p"], b: Float[np.ndarray, "..."]) -> Fl
     return scale * x if b.ndim == 1 else scale[:, None] * x
 
 
-def invert_positive(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """Inverse of a positive definite matrix of very different scales, by Cholesky on unit diagonal.
+def factor_lower(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
+    """Lower triangular L with L·Lᵀ = A, of which the lower triangle is looked at.
 
     Raises:
         numpy.linalg.LinAlgError: A is not positive definite.
     """
     if not len(A):  # which LAPACK refuses
         return A.copy()
-    scale = inverse_scale(A)
-    factor, info = _lapack("potrf")(A * scale * scale[:, None], lower=True)
+    factor, info = _lapack("potrf")(A, lower=True, clean=True)
     if info:
         raise np.linalg.LinAlgError(f"leading minor {info} is not positive definite")
-    inverse = np.tril(_lapack("potri")(factor, lower=True)[0]) * scale * scale[:, None]
-    return inverse + np.tril(inverse, -1).T
+    return factor
+
+
+def invert_factored(L: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
+    """Inverse of L·Lᵀ."""
+    if not len(L):
+        return L.copy()
+    inverse = _lapack("potri")(L, lower=True)[0]  # the upper triangle stays that of L, zero
+    out = inverse + inverse.T
+    np.fill_diagonal(out, np.diag(inverse))
+    return out
+
+
+def invert_positive(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
+    """Inverse of a positive definite matrix of very different scales, by Cholesky on unit diagonal.
+
+    Raises:
+        numpy.linalg.LinAlgError: A is not positive definite.
+    """
+    scale = inverse_scale(A)
+    return invert_factored(factor_lower(A * scale * scale[:, None])) * scale * scale[:, None]
 
 
 def factor_positive(C: Float[np.ndarray, "p p"], tolerance: float) -> Float[np.ndarray, "p p"]:

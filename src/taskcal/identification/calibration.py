@@ -1037,7 +1037,7 @@ class CalibrationFile(Section):
             kinds = tuple(section.observation() for section in self.observations)
         return Layout(
             model=model,
-            kept=np.arange(len(model)),
+            estimated=np.arange(len(model)),
             registration=registration,
             targets=tuple(self.targets),
             kinds=kinds,

@@ -17,7 +17,6 @@ from taskcal.analysis.identifiability import Collinearity, identifiability
 from taskcal.arguments import expect_kinds
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, ClosureError, FitError, TaskcalError, shortened
-from taskcal.estimation.group_variances import log_integrated
 from taskcal.estimation.matrices import single_threaded
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.group_search import (
@@ -487,7 +486,7 @@ def _shortly(refusal: TaskcalError) -> str:
 def _worth(effect: Effect, one: GroupModelFound, *, enters: bool) -> Stage:
     """Loss of the model without an effect."""
     groups = one.fitted.group_model.of_effect(effect.name)
-    fall = log_integrated(one.fitted.found) - log_integrated(one.fitted.found, groups)
+    fall = one.fitted.found.log_integrated() - one.fitted.found.log_integrated(groups)
     errors = one.errors.without[effect.name]
     worth, error = mean_over_rows(errors - one.errors.whole)
     gained = f"Δ log evidence {fall:.1f} (threshold {MIN_EVIDENCE_GAIN:g})"

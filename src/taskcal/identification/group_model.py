@@ -1,21 +1,22 @@
-"""Geometry, tracker frame and every effect at once, each group's size by marginal likelihood.
+"""The fit's hyperparameters: how large groups of parameters are, and what single poses add, by marginal likelihood.
 
-About an estimate the residuals are linear in all parameters. Each effect of each joint is a group of its own, and so are the
-geometry's lengths and its angles; a group's parameters have the tolerances that are stated for them, times one factor that
-the data tell (`group_variances`). What single poses add is found beside it (`PoseNoise`).
+About an estimate the residuals are linear in all parameters. A group's parameters have the tolerances that are stated for them,
+times one factor that the data tell (`group_variances`). What single poses add is found beside it (`PoseNoise`). Geometry alone is
+one group, its poses have a white error. With effects, each effect of each joint is a group of its own, and so are the geometry's
+lengths and its angles; joints err at single poses, too.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import FitError
-from taskcal.estimation.group_variances import GroupedFit, Groups, find_sizes, reduce_rows
-from taskcal.identification.layout import frame_precision
+from taskcal.estimation.group_variances import MIN_GAIN, Evidence, GroupEquations, Groups, find_sizes
+from taskcal.estimation.matrices import inverse_factors
+from taskcal.identification.layout import FRAME_SIZE, PriorOfEstimate, frame_precision
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Linearisation, Problem, stated_rows
 from taskcal.kernels.chunks import in_chunks
@@ -28,7 +29,7 @@ from taskcal.kernels.chunks import in_chunks
 #
 #     R_i = N_i + σ_p²·1 + σ_r²·1 + Σ_j σ_j² c_ij·c_ijᵀ,   c_ij the movement of all that was measured at pose i by joint j
 #
-# The variances are those of the largest marginal likelihood, by Fisher scoring on their logarithms in turn with the
+# The variances are those of the largest marginal likelihood, by Fisher scoring (Harville 1977) in turn with the
 # estimate; the information is that of single poses, without what poses have in common through the estimate.
 
 TYPICAL, WIDTH = 5e-5, 3.0
@@ -41,9 +42,8 @@ normal distribution's, as errors of measured robots have."""
 MIN_VARIANCE = 1e-14
 """Variance under which there is nothing, m² and rad²."""
 
-MAX_LOG_STEP = 1.5
-"""Change of a log variance, at most, in one step of the scoring: a factor of 4.5. A convention that keeps the scoring where its
-information holds."""
+CHANGE = 0.01, 100.0
+"""Factors between which one step of the scoring changes a variance: never to zero, from where it could not come back."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,6 +58,8 @@ class PoseNoise:
     """Of every joint, rad² (m² where it slides)."""
     searched: bool = True
     """Whether they are estimated."""
+    width: float = WIDTH
+    """Expected standard deviation of the variances' logarithms about that of `TYPICAL`; infinite where nothing is expected."""
 
     @property
     def variances(self) -> Float[np.ndarray, " k"]:
@@ -98,8 +100,8 @@ def score_noise(
     whitener: Float[np.ndarray, "n m m"],
     left: Float[np.ndarray, "n m"],
     explained: Float[np.ndarray, "n m m"],
-) -> PoseNoise:
-    """One step of the scoring.
+) -> tuple[PoseNoise, float, Float[np.ndarray, " k"]]:
+    """One step of the scoring: the variances, the expected gain of their log posterior, and their standard errors.
 
     Args:
         errors: the variances so far.
@@ -112,16 +114,24 @@ def score_noise(
     own = np.eye(left.shape[1]) - explained
     white = [whitener @ part @ np.swapaxes(whitener, 1, 2) for part in errors.parts(at)]
     judged = [own @ part for part in white]
-    gradient = np.array([
-        0.5 * (np.einsum("ni,nij,nj", left, part, left) - np.trace(seen, axis1=1, axis2=2).sum())
-        for part, seen in zip(white, judged, strict=True)
-    ])  # fmt: skip
+    traces = np.array([np.trace(seen, axis1=1, axis2=2).sum() for seen in judged])
+    gradient = 0.5 * (np.array([np.einsum("ni,nij,nj", left, part, left) for part in white]) - traces)
     flat = np.array([seen.reshape(-1) for seen in judged])
     turned = np.array([np.swapaxes(seen, 1, 2).reshape(-1) for seen in judged])
-    information = 0.5 * (flat @ turned.T) * np.outer(variances, variances) + np.eye(len(variances)) / WIDTH**2
-    gradient = gradient * variances - np.log(variances / TYPICAL**2) / WIDTH**2
-    step = np.clip(np.linalg.solve(information, gradient), -MAX_LOG_STEP, MAX_LOG_STEP)
-    return errors.with_variances(np.maximum(variances * np.exp(step), MIN_VARIANCE))
+    information = 0.5 * (flat @ turned.T) * np.outer(variances, variances)
+    errors_of = variances / np.sqrt(np.diag(information))
+    if not len(errors.joints):
+        # correlations of all poses included it is (tr)² over the numbers that are left to judge by, or more: of few poses, what
+        # they have each by itself would go too far. How parameters share these among two kinds of numbers is not known
+        numbers = float(at.seen.sum()) / len(variances)
+        taken = float(np.trace(explained, axis1=1, axis2=2).sum()) if len(variances) == 1 else 0.0
+        least = 0.5 * (traces * variances) ** 2 / max(numbers - taken, 1.0)
+        np.fill_diagonal(information, np.maximum(np.diag(information), least))
+    information += np.eye(len(variances)) / errors.width**2
+    gradient = gradient * variances - np.log(variances / TYPICAL**2) / errors.width**2
+    step = np.linalg.solve(information, gradient)
+    changed = np.maximum(variances * np.clip(1.0 + step, *CHANGE), MIN_VARIANCE)
+    return errors.with_variances(changed), float(step @ gradient), errors_of
 
 
 def weigh(square: Float[np.ndarray, " n"], numbers: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -148,7 +158,7 @@ def of_targets(blocks: Float[np.ndarray, "n m m"], targets: int) -> Float[np.nda
 
 def whiteners(R: Float[np.ndarray, "n m m"]) -> Float[np.ndarray, "n m m"]:
     """Lower triangular W with W·R·Wᵀ = 1 at every pose."""
-    return np.linalg.inv(np.linalg.cholesky(R))
+    return inverse_factors(R)
 
 
 GEOMETRY_WIDTH = 3.0
@@ -161,6 +171,12 @@ COMMON_WIDTH, EFFECT_WIDTH, JOINT_WIDTH = 4.0, 3.0, 1.0
 MAX_ROUNDS = 8
 """Rounds, at most, of linearisation, sizes and pose noise. A convention: what the last rounds change is told in `reason`."""
 
+MAX_SEARCH_STEPS = 40
+"""Steps of sizes and pose noise about one estimate, at most."""
+
+SETTLED_GAIN = 1e-4
+"""Expected gain of log posterior by a step about one estimate at which it has settled: a hundredth of a standard error."""
+
 MAX_SAMPLED_POSES = 300
 """Poses, at most, evenly among all, that pose noise is estimated from. A convention: variances of 300 poses are known to some 8
 %."""
@@ -172,8 +188,11 @@ SETTLED_ERRORS = 0.1
 """Change of a log variance, in its standard errors, under which it has settled. A convention: a tenth of what the data leave
 open."""
 
-FRAME_SCALE = 1e-3
-"""Unit of tracker frame and targets in the equations, metres and radians."""
+NO_PRIOR = 1e3
+"""Standard deviation over the tolerance of parameters without a prior where hyperparameters are sought: as good as none."""
+
+FLAT = 1e12
+"""Variance of a log variance of which nothing is expected."""
 
 GEOMETRY = "geometry"
 
@@ -194,34 +213,53 @@ class Group:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GroupModel:
-    """A problem with all effects, and its groups."""
+    """A problem, and the groups of its parameters."""
 
     problem: Problem
-    """In the layout of all parameters."""
-    kept: Bool[np.ndarray, " z"]
+    """In the layout of all parameters that are to be estimated or considered."""
+    estimated: Bool[np.ndarray, " z"]
     """Entries that are estimated; the others are considered."""
     labels: tuple[Group, ...]
-    group: Int[np.ndarray, " z"]
-    """Number of each entry's group, −1 for tracker frame and targets."""
+    groups: Groups
+    """Groups, as the equations take them."""
     scale: Float[np.ndarray, " z"]
-    """Standard deviation of each entry where its group's factor is 1."""
-    geometry_factor: float | None
-    """Given factor of the geometry's variances; None to find it."""
-
-    @cached_property
-    def groups(self) -> Groups:
-        """Groups, as the equations take them."""
-        location, spread = np.zeros(len(self.labels)), expected_spread(self.labels)
-        if self.geometry_factor is not None:
-            own = [i for i, label in enumerate(self.labels) if label.effect == GEOMETRY]
-            location[own], spread[own] = np.log(self.geometry_factor), 0.0
-        layout = self.problem.layout
-        held = np.zeros((0, 0)) if layout.fixed_frames else frame_precision(layout) * FRAME_SCALE**2
-        return Groups(group=self.group, held=held, location=location, spread=spread)
+    """Standard deviation of each entry where its group's factor is 1; natural size of those without a group."""
+    origin: Float[np.ndarray, " z"]
+    """Where the entries are expected."""
+    axes: Float[np.ndarray, "z z"] | None = None
+    """C with C·Cᵀ the prior's correlation of the entries; None where they are independent."""
+    tails: bool = False
+    """Whether errors of single poses are t-distributed, and judged by some of the poses where there are many."""
 
     def of_effect(self, name: str) -> Int[np.ndarray, " k"]:
         """Groups of an effect."""
         return np.flatnonzero([label.effect == name for label in self.labels])
+
+    def judged(self) -> Int[np.ndarray, " k"]:
+        """Poses that pose noise is estimated from."""
+        n = len(self.problem.q)
+        return sampled_poses(n) if self.tails else np.arange(n)
+
+    def units_of(self, z: Float[np.ndarray, " z"]) -> Float[np.ndarray, " z"]:
+        """An estimate in the equations' units."""
+        x = np.where(self.estimated, (z - self.origin) / self.scale, 0.0)
+        return x if self.axes is None else np.linalg.solve(self.axes, x)
+
+    def estimate_of(self, x: Float[np.ndarray, " z"]) -> Float[np.ndarray, " z"]:
+        """An estimate from the equations' units."""
+        return self.origin + self.scale * (x if self.axes is None else self.axes @ x)
+
+    def scaled(self, rows: Float[np.ndarray, "*n z"]) -> Float[np.ndarray, "*n z"]:
+        """Derivatives by the entries in the equations' units; none by those that are considered."""
+        own = rows * np.where(self.estimated, self.scale, 0.0)
+        return own if self.axes is None else own @ self.axes
+
+    def equations(
+        self, z: Float[np.ndarray, " z"], gradient: Float[np.ndarray, " z"], information: Float[np.ndarray, "z z"]
+    ) -> GroupEquations:
+        """Normal equations about an estimate; the square is left out."""
+        H = self.scaled(self.scaled(information).T)
+        return GroupEquations(groups=self.groups, H=H, b=self.scaled(gradient) + H @ self.units_of(z), square=0.0)
 
 
 def expected_spread(labels: Sequence[Group]) -> Float[np.ndarray, "groups groups"]:
@@ -238,22 +276,52 @@ def expected_spread(labels: Sequence[Group]) -> Float[np.ndarray, "groups groups
     return of_effects + GEOMETRY_WIDTH**2 * np.diag(geometric.astype(float))
 
 
+def geometry_alone(problem: Problem, prior: PriorOfEstimate, options: FitOptions) -> GroupModel:
+    """One group of all parameters, its factor the prior's scale."""
+    k, sizes, given = len(prior.sizes), prior.sizes, prior.parameters
+    free = k if given is None else 0
+    held = np.eye(free + len(prior.frames)) / NO_PRIOR**2
+    held[free:, free:] = prior.frames * FRAME_SIZE**2
+    axes = None
+    if given is not None and (given.covariance - np.diag(sizes**2)).any():
+        axes = np.eye(len(prior.scale))
+        axes[:k, :k] = np.linalg.cholesky(given.covariance / sizes / sizes[:, None])
+    found = isinstance(options.prior_scale, str)
+    scale = 1.0 if found else float(options.prior_scale)
+    one = () if given is None else (Group("all", GEOMETRY),)
+    return GroupModel(
+        problem=problem,
+        estimated=np.ones(len(prior.scale), dtype=bool),
+        labels=one,
+        groups=Groups(
+            group=np.where(np.arange(len(prior.scale)) < k * len(one), 0, -1),
+            held=held,
+            location=np.full(len(one), 2.0 * np.log(scale)),
+            spread=np.full((len(one),) * 2, FLAT if found else 0.0),
+        ),
+        scale=prior.scale,
+        origin=prior.mean,
+        axes=axes,
+    )
+
+
 def assemble(
-    problem: Problem, kept: Sequence[str] | None, options: FitOptions, apart: Mapping[str, tuple[str, float]] = EMPTY
+    problem: Problem, keep: Sequence[str] | None, options: FitOptions, apart: Mapping[str, tuple[str, float]] = EMPTY
 ) -> GroupModel:
-    """The groups of a problem.
+    """The groups of a problem with effects.
 
     Args:
         problem: in the layout of all parameters, effects among them.
-        kept: names of the geometric parameters to estimate; None for all. Effects are always estimated.
+        keep: names of the geometric parameters to estimate; None for all. Effects are always estimated.
         options: of the fit.
         apart: parameters that have a size of their own, with what those have in common that share it and the tolerance of each.
     """
-    model, names = problem.layout.model, problem.layout.names
+    layout = problem.layout
+    model, names = layout.model, layout.names
     owner_of = {name: (name.partition(".")[0], effect) for name, effect in _effects_of(problem)}
     labels: list[Group] = []
     group = np.full(len(names), -1)
-    scale = np.full(len(names), FRAME_SCALE)
+    scale = np.full(len(names), FRAME_SIZE)
     for i, name in enumerate(names[: len(model)]):
         unit = model.parameters[i].unit
         part, tolerance = apart.get(name, ("", model.tolerances[i]))
@@ -266,12 +334,22 @@ def assemble(
             labels.append(label)
         group[i], scale[i] = labels.index(label), tolerance
     estimated = np.ones(len(names), dtype=bool)
-    if kept is not None:
+    if keep is not None:
         estimated[: len(model)] = [name in owner_of for name in model.names]
-        estimated[model.indices(kept)] = True
-    factor = None if isinstance(options.prior_scale, str) else float(options.prior_scale) ** 2
+        estimated[model.indices(keep)] = True
+    location, spread = np.zeros(len(labels)), expected_spread(labels)
+    if not isinstance(options.prior_scale, str):
+        own = [i for i, label in enumerate(labels) if label.effect == GEOMETRY]
+        location[own], spread[own] = 2.0 * np.log(options.prior_scale), 0.0
+    held = np.zeros((0, 0)) if layout.fixed_frames else frame_precision(layout) * FRAME_SIZE**2
     return GroupModel(
-        problem=problem, kept=estimated, labels=tuple(labels), group=group, scale=scale, geometry_factor=factor
+        problem=problem,
+        estimated=estimated,
+        labels=tuple(labels),
+        groups=Groups(group=group, held=held, location=location, spread=spread),
+        scale=scale,
+        origin=layout.start(),
+        tails=True,
     )
 
 
@@ -292,15 +370,18 @@ class GroupFit:
     errors: PoseNoise
     weights: Float[np.ndarray, " n"]
     """How far the errors of single poses are believed to be of the size of most."""
+    by_loss: Float[np.ndarray, "n m"]
+    """Weight of every number under the loss."""
     whitener: Float[np.ndarray, "n m m"]
-    """With the weights in it."""
+    """With both weights in it."""
     A: Float[np.ndarray, "n m z"]
     y: Float[np.ndarray, "n m"]
     """Whitened and scaled rows: y = A·x."""
     stated: tuple[Float[np.ndarray, "k z"], Float[np.ndarray, " k"]]
     """The same for what is known beside the measurements."""
-    found: GroupedFit
-    rounds: int
+    found: Evidence
+    """At the likeliest sizes under these errors."""
+    rounds: int = 0
 
 
 def fit_group_model(
@@ -327,74 +408,94 @@ def fit_group_model(
         FitError: the sizes or the estimate ran away.
         ClosureError: a closed loop cannot be assembled at some pose.
     """
-    z, origin = start, one.problem.layout.start()
+    z = start
     sizes = one.groups.location if sizes is None else sizes
     weights = np.ones(len(one.problem.q)) if weights is None else weights
     rounds, still = 0, False
     while rounds < most_rounds and not still:
         rounds += 1
-        fitted = _fit_once(one, z, errors, weights, options, sizes, rounds)
-        found, evidence = fitted.found, fitted.found.evidence
-        x = found.reduced.mean(evidence.mean(one.groups.own))
-        following = origin + one.scale * x
+        fitted = _fit_once(one, z, one.problem.linearise(z), errors, weights, options, sizes)
+        following = one.estimate_of(fitted.found.mean)
         if not np.isfinite(following).all():
             raise FitError(
                 "the fit of geometry and effects ran away; check the campaign with a robust loss (loss=Cauchy())"
             )
-        scored, weights = _score(fitted, x) if errors.searched else (errors, weights)
-        moved = np.abs(following - z)[one.group >= 0].max() / one.scale[one.group >= 0].max()
-        steps = np.abs(evidence.log_variances - sizes).max()
-        if errors.searched:
-            steps = max(steps, np.abs(np.log(scored.variances / errors.variances)).max())
+        scored, weights, *_ = _score(fitted)
+        grouped = one.groups.grouped
+        moved = np.abs(following - z)[grouped].max() / one.scale[grouped].max()
+        steps = np.abs(fitted.found.log_variances - sizes).max()
+        steps = max(steps, np.abs(np.log(scored.variances / errors.variances)).max())
         still = rounds > 2 and bool(moved < 1.0 and steps < SETTLED_ERRORS)
-        z, errors, sizes = following, scored, evidence.log_variances
-    return _fit_once(one, z, errors, weights, options, sizes, rounds)
+        z, errors, sizes = following, scored, fitted.found.log_variances
+    fitted = _fit_once(one, z, one.problem.linearise(z), errors, weights, options, sizes)
+    return replace(fitted, rounds=rounds)
+
+
+def search_about(
+    one: GroupModel, z: Float[np.ndarray, " z"], errors: PoseNoise, options: FitOptions, sizes: np.ndarray
+) -> tuple[GroupFit, PoseNoise, Float[np.ndarray, " k"]]:
+    """Errors of single poses and log variances of the groups on rows that are linear about an estimate, until both settle.
+
+    Args:
+        one: the model.
+        z: the estimate.
+        errors: to start from, or to hold.
+        options: of the fit; its loss weighs the poses.
+        sizes: log variances to start from.
+
+    Returns:
+        the fit under the errors of the last step but one, the errors, and standard errors of their variances.
+    """
+    at = one.problem.linearise(z, joints=bool(len(errors.joints)))
+    weights, deviations = np.ones(len(one.problem.q)), np.zeros(len(errors.variances))
+    fitted = _fit_once(one, z, at, errors, weights, options, sizes, SETTLED_GAIN)
+    for _ in range(MAX_SEARCH_STEPS if errors.searched else 0):
+        errors, weights, gain, deviations = _score(fitted)
+        if gain < SETTLED_GAIN:
+            break
+        fitted = _fit_once(one, z, at, errors, weights, options, fitted.found.log_variances, SETTLED_GAIN)
+    return fitted, errors, deviations
 
 
 def _fit_once(
     one: GroupModel,
     z: np.ndarray,
+    at: Linearisation,
     errors: PoseNoise,
     weights: np.ndarray,
     options: FitOptions,
     sizes: np.ndarray,
-    rounds: int,
+    gain: float = MIN_GAIN,
 ) -> GroupFit:
-    at = one.problem.linearise(z)
+    """Sizes under given errors of single poses."""
     W = whiteners(errors.covariance(at, one.problem.noise))
-    W = W * np.sqrt(weights[:, None] * _by_loss(at, W, one.problem, options))[:, :, None]
-    A, scale = np.empty_like(at.by_entry), np.where(one.kept, one.scale, 0.0)
+    by_loss = _by_loss(at, W, one.problem, options)
+    W = W * np.sqrt(weights[:, None] * by_loss)[:, :, None]
+    A = np.empty_like(at.by_entry)
 
     def whiten(rows: slice) -> None:
-        np.multiply(W[rows] @ at.by_entry[rows], scale, out=A[rows])
+        A[rows] = one.scaled(W[rows] @ at.by_entry[rows])
 
     in_chunks(whiten, len(A), POSES_AT_ONCE)
-    moved = np.where(one.kept, (z - one.problem.layout.start()) / one.scale, 0.0)
-    y = np.einsum("nij,nj->ni", W, at.residual) + A @ moved
-    stated = _stated(one, z)
-    rows = np.concatenate([A.reshape(-1, A.shape[2]), stated[0]]), np.concatenate([y.reshape(-1), stated[1]])
-    reduced = reduce_rows(*rows, one.groups)
-    found = find_sizes(reduced, sizes)
+    x = one.units_of(z)
+    y = np.einsum("nij,nj->ni", W, at.residual) + A @ x
+    known = stated_rows(one.problem.layout, z, one.problem.seen.kinds)
+    stated = one.scaled(known.by_entry)
+    told = known.residual + stated @ x
+    rows = np.concatenate([A.reshape(y.size, len(z)), stated]), np.concatenate([y.reshape(-1), told])
     return GroupFit(
         group_model=one,
         z=z,
         at=at,
         errors=errors,
         weights=weights,
+        by_loss=by_loss,
         whitener=W,
         A=A,
         y=y,
-        stated=stated,
-        found=found,
-        rounds=rounds,
+        stated=(stated, told),
+        found=find_sizes(GroupEquations.of_rows(*rows, one.groups), sizes, gain=gain),
     )
-
-
-def _stated(one: GroupModel, z: Float[np.ndarray, " z"]) -> tuple[Float[np.ndarray, "k z"], Float[np.ndarray, " k"]]:
-    """Stated knowledge beside the measurements, as rows like theirs."""
-    known = stated_rows(one.problem.layout, z, one.problem.seen.kinds)
-    A = known.by_entry * one.scale
-    return A, known.residual + A @ ((z - one.problem.layout.start()) / one.scale)
 
 
 def _by_loss(at: Linearisation, W: np.ndarray, problem: Problem, options: FitOptions) -> Float[np.ndarray, "n m"]:
@@ -417,16 +518,22 @@ def spread_to_all(values: Float[np.ndarray, " k"], n: int) -> Float[np.ndarray, 
     return out
 
 
-def _score(fitted: GroupFit, x: Float[np.ndarray, " z"]) -> tuple[PoseNoise, Float[np.ndarray, " n"]]:
-    """The errors of single poses and the weights of these, one step on."""
-    found, A = fitted.found, fitted.A
-    S = found.reduced.covariance(found.evidence.spread)
+def _score(fitted: GroupFit) -> tuple[PoseNoise, Float[np.ndarray, " n"], float, Float[np.ndarray, " k"]]:
+    """Errors of single poses and weights of these, one step on; the gain, and standard errors of the errors' variances."""
+    one, A, errors, weights = fitted.group_model, fitted.A, fitted.errors, fitted.weights
+    if not errors.searched:
+        return errors, weights, 0.0, np.zeros(len(errors.variances))
     n, m = fitted.y.shape
-    left, judged = fitted.y - A @ x, sampled_poses(n)
-    followed = (A[judged].reshape(len(judged) * m, -1) @ S).reshape(len(judged), m, -1)
+    left, judged = fitted.y - A @ fitted.found.mean, one.judged()
+    followed = (A[judged].reshape(len(judged) * m, A.shape[2]) @ fitted.found.covariance).reshape(
+        len(judged), m, A.shape[2]
+    )
     explained = followed @ np.swapaxes(A[judged], 1, 2)
-    square = (left**2).sum(axis=1) / fitted.weights
-    spread = np.trace(explained, axis1=1, axis2=2) / fitted.weights[judged]
-    weights = weigh(square + spread_to_all(spread, n), fitted.at.seen.sum(axis=1))
-    whitener = fitted.whitener[judged] / np.sqrt(fitted.weights[judged, None, None])
-    return score_noise(fitted.errors, fitted.at.take(judged), whitener, left[judged], explained), weights
+    # covariances of poses are what is found over the weights: the whitener of what is found has none
+    whitener = fitted.whitener[judged] / np.sqrt(weights[judged, None] * fitted.by_loss[judged])[:, :, None]
+    scored = score_noise(errors, fitted.at.take(judged), whitener, left[judged], explained)
+    if one.tails:
+        square = (left**2).sum(axis=1) / weights
+        spread = np.trace(explained, axis1=1, axis2=2) / weights[judged]
+        weights = weigh(square + spread_to_all(spread, n), fitted.at.seen.sum(axis=1))
+    return scored[0], weights, *scored[1:]

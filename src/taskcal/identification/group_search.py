@@ -2,23 +2,13 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import chdtri, fdtri, gammaln
 
 from taskcal.campaigns.campaign import Campaign
-from taskcal.estimation.group_variances import (
-    GroupedFit,
-    Groups,
-    Reduced,
-    find_sizes,
-    log_integrated,
-    reduce_normal,
-    reduce_rows,
-    without,
-)
+from taskcal.estimation.group_variances import Evidence, GroupEquations, find_sizes
 from taskcal.identification.calibration import Calibration, spread_of
 from taskcal.identification.group_model import (
     EMPTY,
@@ -81,13 +71,11 @@ def calibrate(
     studentised, outliers = studentise(residual, own, noise, campaign, options.outlier_level)
     T_tracker_base, T_tool_target = layout.frames(z)
     white = [errors.position] if errors.rotation is None else [errors.position, errors.rotation]
-    estimated = np.flatnonzero(one.kept[: len(model)])
-    scales = [
-        v for label, v in zip(one.labels, fitted.found.evidence.log_variances, strict=True) if label.effect == GEOMETRY
-    ]
+    estimated = np.flatnonzero(one.estimated[: len(model)])
+    scales = [v for label, v in zip(one.labels, fitted.found.log_variances, strict=True) if label.effect == GEOMETRY]
     return Calibration(
         model=model,
-        layout=replace(layout, kept=np.arange(len(model))),
+        layout=replace(layout, estimated=np.arange(len(model))),
         estimated=estimated,
         z=z,
         z_spread=spread_of(0.5 * stretch * (S + S.T)),
@@ -116,22 +104,21 @@ def calibrate(
 
 def log_evidence(fitted: GroupFit) -> float:
     """Log marginal likelihood of the fit, but for a constant of the campaign, as of an `identify`; sizes integrated out."""
-    reduced = fitted.found.reduced
     whitened = np.log(np.abs(np.diagonal(fitted.whitener, axis1=1, axis2=2))).sum()
     weighed = log_weights(fitted.weights[fitted.at.seen.any(axis=1)])
-    return float(whitened + weighed + reduced.log_alone + log_integrated(fitted.found))
+    return float(whitened + weighed + fitted.found.log_integrated())
 
 
 def _group_deviations(fitted: GroupFit) -> Float[np.ndarray, " p"]:
     """Prior standard deviation of every parameter at the likeliest sizes."""
     p = len(fitted.group_model.problem.layout.model)
-    sizes = np.exp(0.5 * fitted.found.evidence.log_variances)
-    return fitted.group_model.scale[:p] * sizes[fitted.group_model.group[:p]]
+    sizes = np.exp(0.5 * fitted.found.log_variances)
+    return fitted.group_model.scale[:p] * sizes[fitted.group_model.groups.group[:p]]
 
 
 def _considered(fitted: GroupFit, S: Float[np.ndarray, "z z"]) -> Float[np.ndarray, "z z"]:
     """Covariance with what is not estimated, but varies all the same: C + G·Σ·Gᵀ, G what it does to the estimate."""
-    left = np.flatnonzero(~fitted.group_model.kept)
+    left = np.flatnonzero(~fitted.group_model.estimated)
     if not len(left):
         return S
     scale = fitted.group_model.scale[left]
@@ -150,7 +137,9 @@ def _remarks(fitted: GroupFit, z: Float[np.ndarray, " z"], S: Float[np.ndarray, 
     model = fitted.group_model.problem.layout.model
     deviation = np.sqrt(np.maximum(np.diag(S), 0.0))
     estimates = {
-        name: (float(z[i]), float(deviation[i])) for i, name in enumerate(model.names) if fitted.group_model.kept[i]
+        name: (float(z[i]), float(deviation[i]))
+        for i, name in enumerate(model.names)
+        if fitted.group_model.estimated[i]
     }
     return tuple(remark for effect in model.effects for remark in effect.remarks(model.robot, estimates))
 
@@ -210,31 +199,35 @@ def validate_groups(
         effects: names of those whose worth is asked for.
         rng: for the draws of the sizes.
     """
-    n = len(fitted.A)
+    (n, m, p), groups = fitted.A.shape, fitted.group_model.groups
     targets = fitted.group_model.problem.seen.valid.shape[1]
     numbers = {name: fitted.group_model.of_effect(name) for name in effects}
     errors = {name: np.full((n, targets), np.nan) for name in ("", *effects)}
     error, predicted = np.zeros((n, targets, 3)), np.zeros((n, targets, 3, 3))
     # the weights of the fit know the rows that are left out: those that disagree with them count less
     root = np.sqrt(fitted.weights)[:, None]
-    even = _Rows(
-        A=fitted.A / root[:, :, None], y=fitted.y / root, stated=fitted.stated, groups=fitted.group_model.groups
-    )
-    numbered = fitted.at.seen.sum(axis=1)
+    A, y = fitted.A / root[:, :, None], fitted.y / root
+    known, told = fitted.stated
+
+    def equations(A: np.ndarray, y: np.ndarray) -> GroupEquations:
+        rows = np.concatenate([A.reshape(-1, p), known])
+        return GroupEquations.of_rows(rows, np.concatenate([y.reshape(-1), told]), groups)
+
+    whole, numbered = equations(A, y), fitted.at.seen.sum(axis=1)
     for part in parts:
         rest = np.ones(n, dtype=bool)
         rest[part] = False
-        fold = find_sizes(even.without(part), fitted.found.evidence.log_variances, FOLD_STEPS)
+        fold = whole.less(A[part].reshape(-1, p), y[part].reshape(-1)) if n * m >= p else equations(A[rest], y[rest])
+        at = find_sizes(fold, fitted.found.log_variances, FOLD_STEPS)
         if fitted.errors.searched:
-            weights = weigh(_squares(even, fold), numbered)
-            weighed = np.sqrt(weights[rest])[:, None]
-            reduced = even.reduced(even.A[rest] * weighed[:, :, None], even.y[rest] * weighed)
-            fold = find_sizes(reduced, fold.evidence.log_variances, FOLD_STEPS)
-        mean, S = fold.averaged(VALIDATION_DRAWS, rng)
+            weighed = np.sqrt(weigh(_squares(A, y, at), numbered)[rest])[:, None]
+            fold = equations(A[rest] * weighed[:, :, None], y[rest] * weighed)
+            at = find_sizes(fold, at.log_variances, FOLD_STEPS)
+        mean, S = at.averaged(VALIDATION_DRAWS, rng)
         error[part], predicted[part] = _judge(fitted, part, mean, S)
         errors[""][part] = np.linalg.norm(error[part], axis=2)
         for name, group in numbers.items():
-            errors[name][part] = _lengths(fitted, part, _mean_without(fold, group))
+            errors[name][part] = _lengths(fitted, part, at.without(group).mean)
     seen = fitted.group_model.problem.seen.valid
     for values in errors.values():
         values[~seen] = np.nan
@@ -246,58 +239,18 @@ def validate_groups(
     )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Rows:
-    """Whitened rows that all count alike, and what is known beside them."""
-
-    A: Float[np.ndarray, "n m p"]
-    y: Float[np.ndarray, "n m"]
-    stated: tuple[Float[np.ndarray, "k p"], Float[np.ndarray, " k"]]
-    groups: Groups
-
-    def reduced(self, A: Float[np.ndarray, "r m p"], y: Float[np.ndarray, "r m"]) -> Reduced:
-        """The equations of other rows beside what is known."""
-        known, known_y = self.stated
-        rows = np.concatenate([A.reshape(-1, A.shape[2]), known])
-        return reduce_rows(rows, np.concatenate([y.reshape(-1), known_y]), self.groups)
-
-    @cached_property
-    def _normal(self) -> tuple[np.ndarray, np.ndarray, float]:
-        known, known_y = self.stated
-        A, y = self.A.reshape(-1, self.A.shape[2]), self.y.reshape(-1)
-        return A.T @ A + known.T @ known, A.T @ y + known.T @ known_y, float(y @ y + known_y @ known_y)
-
-    def without(self, part: Int[np.ndarray, " _"]) -> Reduced:
-        """The equations without some of the rows."""
-        n, m, p = self.A.shape
-        if n * m < p:
-            rest = np.setdiff1d(np.arange(n), part)
-            return self.reduced(self.A[rest], self.y[rest])
-        H, b, square = self._normal
-        own, own_y = self.A[part].reshape(-1, p), self.y[part].reshape(-1)
-        return reduce_normal(H - own.T @ own, b - own.T @ own_y, square - float(own_y @ own_y), self.groups)
-
-
-def _squares(rows: _Rows, fold: GroupedFit) -> Float[np.ndarray, " n"]:
+def _squares(A: Float[np.ndarray, "n m p"], y: Float[np.ndarray, "n m"], fold: Evidence) -> Float[np.ndarray, " n"]:
     """Expected squares of what a fold's fit leaves."""
-    own = fold.reduced.groups.own
-    x = fold.reduced.mean(fold.evidence.mean(own))
-    S = fold.reduced.covariance(fold.evidence.spread)
-    n, m, p = rows.A.shape
-    A = rows.A[sampled_poses(n)]
-    spread = np.einsum("nip,nip->n", (A.reshape(-1, p) @ S).reshape(-1, m, p), A)
-    return ((rows.y - rows.A @ x) ** 2).sum(axis=1) + spread_to_all(spread, n)
-
-
-def _mean_without(fold: GroupedFit, group: Int[np.ndarray, " k"]) -> Float[np.ndarray, " p"]:
-    at = without(fold, group)
-    return fold.reduced.mean(at.mean(fold.reduced.groups.own))
+    n, m, p = A.shape
+    some = A[sampled_poses(n)]
+    spread = np.einsum("nip,nip->n", (some.reshape(-1, p) @ fold.covariance).reshape(-1, m, p), some)
+    return ((y - A @ fold.mean) ** 2).sum(axis=1) + spread_to_all(spread, n)
 
 
 def _left(fitted: GroupFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarray, "k m"]:
     """Whitened residuals of some rows; what only they measure, such as a socket of theirs, stands where they say."""
     left = fitted.y[part] - fitted.A[part] @ mean
-    frames = np.flatnonzero(fitted.group_model.group < 0)
+    frames = np.flatnonzero(fitted.group_model.groups.group < 0)
     others = np.delete(fitted.A[:, :, frames], part, axis=0)
     lone = frames[~others.any(axis=(0, 1)) & fitted.A[np.ix_(part, np.arange(left.shape[1]), frames)].any(axis=(0, 1))]
     if not len(lone):
@@ -449,10 +402,10 @@ def find_clear_orders(fitted: GroupFit, effect: str) -> dict[str, tuple[str, flo
         effect: whose orders share a size for each joint.
     """
     one, found = fitted.group_model, fitted.found
-    own = found.reduced.groups.own
-    x, S = found.evidence.mean(own), np.square(found.evidence.spread).sum(axis=1)
-    v = np.exp(found.evidence.log_variances)[own]
-    labels, names = [one.labels[g] for g in own], [one.problem.layout.names[i] for i in one.groups.grouped]
+    own, k = one.groups.own, one.groups.grouped
+    x, S = found.mean[k], found.covariance[k, k]
+    v = np.exp(found.log_variances)[own]
+    labels, names = [one.labels[g] for g in own], [one.problem.layout.names[i] for i in k]
     chance = x**2 / np.maximum(v - S, 1e-6 * v)
     both: dict[str, list[int]] = {}
     for k, (label, name) in enumerate(zip(labels, names, strict=True)):
@@ -615,9 +568,7 @@ def _problem(base: Calibration, model: ErrorModel, campaign: Campaign, options: 
 
 def _first_sizes(one: GroupModel, before: GroupFit | None) -> np.ndarray:
     """Large ones, or those of the fit before."""
-    known = (
-        {} if before is None else dict(zip(before.group_model.labels, before.found.evidence.log_variances, strict=True))
-    )
+    known = {} if before is None else dict(zip(before.group_model.labels, before.found.log_variances, strict=True))
     return np.array([known.get(label, START_LOG_VARIANCE) for label in one.labels])
 
 

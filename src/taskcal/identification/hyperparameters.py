@@ -8,15 +8,14 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.errors import FitError
-from taskcal.estimation import evidence
-from taskcal.estimation.evidence import Linearised
+from taskcal.estimation.group_variances import expected_variance
 from taskcal.estimation.least_squares import Ended, Solution, Stopping, fit
 from taskcal.estimation.matrices import factor_positive, invert_positive, pseudo_invert_scaled
-from taskcal.estimation.prior import GaussianPrior, Loss, Squared
+from taskcal.estimation.prior import Loss, Squared
+from taskcal.identification.group_model import MIN_VARIANCE, PoseNoise, geometry_alone, search_about
 from taskcal.identification.layout import Layout, PriorOfEstimate
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, whitener
-from taskcal.observations.base import UNMEASURED
 from taskcal.robot.error_model import ErrorModel
 
 
@@ -86,31 +85,30 @@ prior holds them: without a tracker, and with fewer measured numbers than unknow
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fitted:
-    """A fit with its hyperparameters and its linearisation."""
+    """A fit with its hyperparameters."""
 
     problem: Problem
     prior: PriorOfEstimate
     loss: Loss
     hyper: Hyperparameters
     solution: Solution
-    left: Float[np.ndarray, " z"]
-    """Step to where the linearised fit ends, from the solution about which it is linearised; zero of a fit that converged."""
     covariance: Float[np.ndarray, "n targets b b"]
     """Of noise and model error."""
     white: Float[np.ndarray, "n targets b b"]
-    posterior: Float[np.ndarray, "z z"]
-    rounds: int
+    rounds: int = 0
     log_evidence: float = -np.inf
-    """Of the hyperparameters; minus infinity without a prior, and of a fit of the search for them."""
+    """Of the most probable hyperparameters; minus infinity without a prior."""
     likeliest_factor: float | None = None
     """The most probable factor of the prior's covariance, where the fit was made with the expected one."""
 
     @cached_property
+    def posterior(self) -> Float[np.ndarray, "z z"]:
+        """Covariance of the estimate."""
+        return _invert(self.solution.information + self.prior.precision(self.hyper.prior_factor))
+
+    @cached_property
     def _propagated(self) -> tuple[np.ndarray, np.ndarray]:
-        residual, covariance = self.problem.propagate(self.solution.z, self.posterior)
-        if self.problem.caches and self.left.any():
-            residual = residual - self.problem.cached(self.solution.z).moved(self.left)
-        return residual, covariance
+        return self.problem.propagate(self.solution.z, self.posterior)
 
     @property
     def residual(self) -> Float[np.ndarray, "n targets b"]:
@@ -130,35 +128,6 @@ class Fitted:
         white = (self.white @ np.nan_to_num(self.residual)[..., None])[..., 0]
         return self.loss.weights(np.sqrt(np.mean(white**2, axis=2)))
 
-    @cached_property
-    def linearised(self) -> Linearised:
-        """Parameters, and block by block what was seen."""
-        valid = self.problem.seen.valid
-        W = self.white[valid]
-        return replace(
-            self.parameters,
-            residual=self.residual[valid],
-            inverse=np.swapaxes(W, 1, 2) @ W * self.weights[valid][:, None, None],
-            prediction_covariance=self.prediction_covariance[valid],
-        )
-
-    @property
-    def parameters(self) -> Linearised:
-        """Hyperparameters of the parameters, without the blocks."""
-        k, b = len(self.prior.sizes), self.covariance.shape[-1]
-        prior = self.prior.parameters or GaussianPrior.of_deviations(self.prior.sizes)
-        return Linearised(
-            residual=np.zeros((0, b)),
-            inverse=np.zeros((0, b, b)),
-            prediction_covariance=np.zeros((0, b, b)),
-            information=self.solution.information,
-            precision=self.prior.precision(self.hyper.prior_factor),
-            posterior=self.posterior,
-            prior_covariance=prior.covariance,
-            deviation=(self.solution.z + self.left)[:k] - prior.mean,
-            scaled=np.arange(len(self.posterior)) < k,
-        )
-
     def evidence(self) -> float:
         """Log p(measurements | hyperparameters) = −objective − ½ log|R| + ½ log|P| − ½ log|H + P|, but for a constant.
 
@@ -167,8 +136,8 @@ class Fitted:
         if self.prior.parameters is None:
             return -np.inf
         precision = self.prior.precision(self.hyper.prior_factor)
-        A = self.solution.information + precision
-        objective = self.solution.objective - 0.5 * float(self.left @ A @ self.left)
+        A, left = self.solution.information + precision, self.solution.left
+        objective = self.solution.objective - 0.5 * float(left @ A @ left)
         noise = -2.0 * np.log(np.einsum("...ii->...i", self.white)[self.problem.seen.valid]).sum()
         determinants = noise - np.linalg.slogdet(precision)[1] + np.linalg.slogdet(A)[1]
         return float(-objective - 0.5 * determinants)
@@ -181,8 +150,6 @@ def fit_weighed(
     hyper: Hyperparameters,
     z: Float[np.ndarray, " z"],
     stopping: Stopping,
-    *,
-    linear: bool = False,
     known: Solution | None = None,
 ) -> Fitted:
     """Fit a campaign under given hyperparameters.
@@ -194,7 +161,6 @@ def fit_weighed(
         hyper: model error and scale of the prior.
         z: where to start.
         stopping: when to end.
-        linear: whether the step that was next and no longer taken counts, to first order.
         known: a solution under the same model error that ended at `z`.
 
     Raises:
@@ -217,16 +183,7 @@ def fit_weighed(
             f"check the campaign with a robust loss (loss=Cauchy()), or {remedy}"
         )
     return Fitted(
-        problem=problem,
-        prior=prior,
-        loss=loss,
-        hyper=hyper,
-        solution=solution,
-        left=solution.left if linear else np.zeros(len(z)),
-        covariance=covariance,
-        white=white,
-        posterior=_invert(solution.information + precision),
-        rounds=1,
+        problem=problem, prior=prior, loss=loss, hyper=hyper, solution=solution, covariance=covariance, white=white
     )
 
 
@@ -245,152 +202,106 @@ def _invert(A: Float[np.ndarray, "z z"]) -> Float[np.ndarray, "z z"]:
 # The fit and its hyperparameters in turn: model error and prior scale are those of the largest marginal likelihood.
 
 LINEAR_WITHIN = 1.0
-"""Newton decrement, a step of 1.4 standard deviations, within which rows that are kept are taken as linear while hyperparameters
-are sought: what the curvature adds to a residual there is a thousandth of the noise and less."""
+"""Newton decrement, a step of 1.4 standard deviations, within which rows are taken as linear while hyperparameters are sought: what
+the curvature adds to a residual there is a thousandth of the noise and less."""
 
-STREAMED_WITHIN = 1e-3
-"""The same of rows that are streamed, whose residuals stay those of the last estimate."""
+CURVED_WITHIN = 1e-3
+"""The same of a robust loss, and of other instruments than a tracker."""
 
 MAX_ROUNDS = 60
 """Of fit and hyperparameters in turn, at most."""
 
-SAMPLED_FROM, SAMPLE = 5000, 1000
-"""Rows from which on the search starts from what so many of them come to."""
+SAMPLED_FROM = 5000
+"""Rows, at most, that hyperparameters are sought on; of more, so many at random. A variance of 15 000 numbers is known to 1 %."""
 
 UNDAMPED_END = 1e-2
 """Newton decrement at which a fit without prior ends: its next step would be a seventh of a standard deviation. Steps
 in undetermined directions are longer but gain nothing; a fit that went on would creep along them without end."""
 
-
-@dataclass(frozen=True, kw_only=True)
-class _Sought:
-    """Which hyperparameters are sought, and how closely fits end meanwhile and at last."""
-
-    error: bool
-    scale: bool
-    loose: Stopping
-    final: Stopping
-    linear: bool
-    """Whether the last step of a fit that is not converged counts to first order."""
-
-    @classmethod
-    def of(cls, problem: Problem, prior: PriorOfEstimate, options: FitOptions) -> "_Sought":
-        tracked = problem.layout.tracked
-        final = Stopping() if tracked else SLOW
-        if prior.parameters is None:
-            final = Stopping(decrement=UNDAMPED_END, decrease=1e-6)
-        linear = tracked and prior.parameters is not None and isinstance(options.loss, Squared)
-        within = LINEAR_WITHIN if linear and problem.caches else max(final.decrement, STREAMED_WITHIN)
-        return cls(
-            error=options.model_error == "estimate",
-            # without a prior there is nothing to scale
-            scale=options.prior_scale == "estimate" and prior.parameters is not None,
-            loose=replace(final, decrement=within),
-            final=final,
-            linear=linear,
-        )
+SIGNIFICANT = 2.0
+"""Standard errors from zero from which on there is a model error: half of all sound campaigns suggest a little by chance."""
 
 
 def fit_with_hyperparameters(problem: Problem, prior: PriorOfEstimate, options: FitOptions) -> Fitted:
-    """Alternate between the estimate and its hyperparameters until both stand still."""
-    sought, loss = _Sought.of(problem, prior, options), options.loss
-    noise = problem.noise[..., ::3, ::3].diagonal(axis1=-2, axis2=-1)[problem.seen.valid]
-    tracker = np.array([np.median(own) if (own := v[v < UNMEASURED]).size else UNMEASURED for v in noise.T])
-    z, hyper = _beginning(problem, prior, options, sought)
-    searching, rounds = sought.error or sought.scale, 0
-    while True:
-        rounds += 1
-        # the first fits need not be converged further than the hyperparameters are, nor the last before the expected scale
-        loose = searching or (sought.linear and sought.scale)
-        stopping, linear = (sought.loose, sought.linear) if loose else (sought.final, False)
-        fitted = fit_weighed(problem, prior, loss, hyper, z, stopping, linear=linear)
-        z = fitted.solution.z
-        if not searching:
-            fitted = replace(fitted, log_evidence=fitted.evidence(), rounds=rounds)
-            return _expected(fitted, sought.final) if sought.scale else fitted
-        following = _rescale(fitted, tracker, sought)
-        moved = np.abs(following.variances - hyper.variances) / (hyper.variances + tracker)
-        scale = abs(np.log(following.prior_factor / hyper.prior_factor))
-        hyper = following
-        if (moved.max() < 1e-3 and scale < 1e-2) or rounds > MAX_ROUNDS:
-            searching = False
-            if sought.error:
-                hyper = _drop_insignificant(fitted, hyper)
+    """Fit a campaign under the model error and the prior scale that it shows; the scale is the expected one.
 
-
-def _beginning(
-    problem: Problem, prior: PriorOfEstimate, options: FitOptions, sought: _Sought
-) -> tuple[Float[np.ndarray, " z"], Hyperparameters]:
-    """Start of the search: the nominal robot; for very many rows, the result of a sample of them."""
-    if len(problem.q) > SAMPLED_FROM and sought.linear and (sought.error or sought.scale):
-        some = np.sort(np.random.default_rng(0).choice(len(problem.q), size=SAMPLE, replace=False))
-        fitted = fit_with_hyperparameters(problem.take(some), prior, options)
-        factor = fitted.hyper.prior_factor if fitted.likeliest_factor is None else fitted.likeliest_factor
-        return fitted.solution.z, replace(fitted.hyper, prior_factor=factor)
-    start, groups, model_error, scale = problem.layout.start(), problem.noise.shape[-1] // 3, options.model_error, 1.0
-    if isinstance(model_error, str):
-        variances = _first_variances(problem, start, groups)
-    else:
-        variances = np.square(np.resize(np.atleast_1d(np.asarray(model_error, dtype=float)), groups))
-    if prior.parameters is not None and not isinstance(options.prior_scale, str):
-        scale = float(options.prior_scale)
-    return start, Hyperparameters(variances=variances, prior_factor=scale**2)
-
-
-def _first_variances(problem: Problem, start: Float[np.ndarray, " z"], groups: int) -> Float[np.ndarray, " groups"]:
-    """A tenth of what the nominal robot leaves: on the large side, for a first fit that the prior still steers."""
-    nothing = np.zeros((len(start), len(start)))
-    residual, _ = problem.propagate(start, nothing)
-    return np.array([0.01 * np.nanmean(residual[..., 3 * g : 3 * g + 3] ** 2) for g in range(groups)])
-
-
-def _expected(fitted: Fitted, stopping: Stopping) -> Fitted:
-    """The fit under the expected scale of the prior; the evidence is that of the most probable one."""
-    hyper = fitted.hyper
-    hyper = replace(hyper, prior_factor=evidence.expect_prior_scale(fitted.parameters, hyper.prior_factor))
+    Raises:
+        FitError: the fit did not converge.
+    """
+    loss, tracked = options.loss, problem.layout.tracked
+    final = Stopping() if tracked else SLOW
+    if prior.parameters is None:
+        final = Stopping(decrement=UNDAMPED_END, decrease=1e-6)
+    linear = tracked and prior.parameters is not None and isinstance(loss, Squared)
+    loose = replace(final, decrement=LINEAR_WITHIN if linear else max(final.decrement, CURVED_WITHIN))
+    part, z = _sample(problem), problem.layout.start()
+    one = geometry_alone(part, prior, options)
+    errors, sizes = _first_errors(part, z, options), one.groups.location
+    hyper, rounds, known = _hyper(errors, sizes), 0, None
+    deviations = np.zeros(len(errors.variances))
+    scaled = bool(len(one.groups.searched))
+    while (errors.searched or scaled) and rounds <= MAX_ROUNDS:
+        solution = fit_weighed(part, prior, loss, hyper, z, loose).solution
+        if rounds and np.array_equal(solution.z, z):
+            known = solution if part is problem else None
+            break
+        found, errors, deviations = search_about(one, solution.z, errors, options, sizes)
+        rounds, sizes = rounds + 1, found.found.log_variances
+        hyper = _hyper(errors, sizes)
+        # where rows are linear, the fit under the new hyperparameters has its end where theirs have it
+        z = one.estimate_of(found.found.mean) if linear else solution.z
+    insignificant = errors.searched & (hyper.variances < SIGNIFICANT * deviations)
+    if insignificant.any():
+        hyper, known = replace(hyper, variances=np.where(insignificant, 0.0, hyper.variances)), None
+    fitted = fit_weighed(problem, prior, loss, hyper, z, loose if scaled else final, known)
+    fitted = replace(fitted, log_evidence=fitted.evidence(), rounds=rounds + 1)
+    if not scaled:
+        return fitted
     found = fitted.solution
-    again = fit_weighed(fitted.problem, fitted.prior, fitted.loss, hyper, found.z, stopping, known=found)
-    steps = found.iterations + again.solution.iterations
+    expected = expected_variance(one.equations(found.z, found.gradient, found.information))
+    again = fit_weighed(problem, prior, loss, replace(hyper, prior_factor=expected), found.z, final, found)
     return replace(
         again,
-        solution=replace(again.solution, iterations=steps),
+        solution=replace(again.solution, iterations=found.iterations + again.solution.iterations),
         rounds=fitted.rounds,
         log_evidence=fitted.log_evidence,
-        likeliest_factor=fitted.hyper.prior_factor,
+        likeliest_factor=hyper.prior_factor,
     )
 
 
-def _drop_insignificant(fitted: Fitted, hyper: Hyperparameters) -> Hyperparameters:
-    """A model error within two standard errors of zero is zero: half of all sound campaigns suggest a little by chance."""
-    weights = fitted.weights[fitted.problem.seen.valid]
-    groups = range(len(hyper.variances))
-    errors = [evidence.score_model_error(fitted.linearised, slice(3 * g, 3 * g + 3), weights)[1] for g in groups]
-    return replace(hyper, variances=np.where(hyper.variances < 2.0 * np.array(errors), 0.0, hyper.variances))
+def _hyper(errors: PoseNoise, sizes: Float[np.ndarray, " groups"]) -> Hyperparameters:
+    return Hyperparameters(variances=errors.variances, prior_factor=float(np.exp(sizes[0])) if len(sizes) else 1.0)
 
 
-def _rescale(fitted: Fitted, tracker: Float[np.ndarray, " groups"], sought: _Sought) -> Hyperparameters:
-    """One scoring step of the marginal likelihood for every hyperparameter that is searched."""
-    at = fitted.linearised
-    variances = fitted.hyper.variances.copy()
-    if sought.error:
-        weights = fitted.weights[fitted.problem.seen.valid]
-        for g in range(len(variances)):
-            components = slice(3 * g, 3 * g + 3)
-            step, error = evidence.score_model_error(at, components, weights)
-            step *= min(1.0, 2.0 / error**2 / evidence.least_curvature(at, components, weights))
-            # never to zero in one step, from where the scoring could not come back
-            variances[g] = max(variances[g] + step, 0.01 * variances[g], 1e-6 * tracker[g])
-    factor = fitted.hyper.prior_factor
-    if sought.scale:
-        factor = evidence.score_prior_scale(at, factor)
-    return replace(fitted.hyper, variances=variances, prior_factor=factor)
+def _sample(problem: Problem) -> Problem:
+    """Rows that hyperparameters are sought on."""
+    if len(problem.q) <= SAMPLED_FROM:
+        return problem
+    return problem.take(np.sort(np.random.default_rng(0).choice(len(problem.q), size=SAMPLED_FROM, replace=False)))
+
+
+def _first_errors(problem: Problem, start: Float[np.ndarray, " z"], options: FitOptions) -> PoseNoise:
+    """Model error as given; or a tenth of what the nominal robot leaves, large, as the prior steers a first fit."""
+    groups, found = problem.noise.shape[-1] // 3, isinstance(options.model_error, str)
+    if found:
+        residual, _ = problem.propagate(start, np.zeros((len(start), len(start))))
+        variances = [max(0.01 * np.nanmean(residual[..., 3 * g : 3 * g + 3] ** 2), MIN_VARIANCE) for g in range(groups)]
+    else:
+        variances = np.square(np.resize(np.atleast_1d(np.asarray(options.model_error, dtype=float)), groups))
+    return PoseNoise(
+        position=float(variances[0]),
+        rotation=float(variances[1]) if groups > 1 else None,
+        joints=np.zeros(0),
+        searched=found,
+        width=np.inf,
+    )
 
 
 # What a fit of some parameters says of all of them.
 #
 # A parameter that is not estimated still varies in the true robot. It is *considered* (Schmidt 1966; Tapley, Schutz
 # and Born 2004, section 6.3): it stays at its nominal value, while its prior stays in the covariance of the
-# estimate and of every prediction.
+# estimate and of every prediction, the consider covariance.
 #
 # The estimator x̂_K = F·J_Kᵀ·W·y, F = (J_Kᵀ·W·J_K + P_K)⁻¹, may weigh the measurements otherwise than their true
 # covariance R says: a reduced model takes what it leaves out for noise. With Σ the prior's covariance and D the
@@ -427,7 +338,7 @@ def fitted_alone(fit: Fitted, problem: Problem, whole: Layout) -> Outcome:
     """The outcome of a fit of all parameters, or of some where the others are taken for zero."""
     return Outcome(
         layout=whole,
-        estimated=problem.layout.kept,
+        estimated=problem.layout.estimated,
         z=spread_out(fit.solution.z, problem.layout, whole),
         covariance=spread_out(fit.posterior, problem.layout, whole),
         residual_covariance=fit.covariance - fit.prediction_covariance,
@@ -467,7 +378,7 @@ def consider(fit: Fitted, problem: Problem, whole: Problem, prior: PriorOfEstima
     own = R - followed - np.swapaxes(followed, -1, -2) + whole.propagate(z, C)[1]
     return Outcome(
         layout=whole.layout,
-        estimated=problem.layout.kept,
+        estimated=problem.layout.estimated,
         z=z,
         covariance=C,
         residual_covariance=own * fit.weights[..., None, None],
@@ -485,7 +396,7 @@ def spread_out(values: Float[np.ndarray, "..."], some: Layout, whole: Layout) ->
 
 def _entries(some: Layout, whole: Layout) -> Int[np.ndarray, " k"]:
     """Positions of a layout's entries in that of all parameters."""
-    return np.concatenate([some.kept, np.arange(len(whole.kept), len(whole.names))])
+    return np.concatenate([some.estimated, np.arange(len(whole.estimated), len(whole.names))])
 
 
 def _factor(C: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "k k"]:

@@ -419,7 +419,7 @@ def _fit(
     )
     layout = layout_of(model, np.arange(len(model)), registration, campaign, fixed=chosen.frames == "fixed")
     whole = problem_of(layout, campaign, chosen.noise)
-    problem = replace(whole, layout=replace(whole.layout, kept=kept))
+    problem = replace(whole, layout=replace(whole.layout, estimated=kept))
     fit = fit_with_hyperparameters(problem, prior_of(problem.layout, chosen.prior), chosen)
     if len(kept) == len(model) or chosen.prior != "tolerances":
         outcome = fitted_alone(fit, problem, whole.layout)
@@ -448,10 +448,10 @@ def _unlearnt(fit: Fitted, options: FitOptions) -> float | None:
     if options.prior_scale != "estimate" or fit.prior.parameters is None:
         return None
     layout, scale, error = fit.problem.layout, fit.hyper.prior_scale, fit.hyper.model_error[0]
-    k = len(layout.kept)
+    k = len(layout.estimated)
     likeliest = scale if fit.likeliest_factor is None else float(np.sqrt(fit.likeliest_factor))
     own = np.sqrt(np.maximum(np.diag(fit.posterior)[:k], 0.0))
-    return error if tells_nothing(own, layout.model.tolerances[layout.kept], scale, likeliest, error) else None
+    return error if tells_nothing(own, layout.model.tolerances[layout.estimated], scale, likeliest, error) else None
 
 
 def _check_worth(fitted: FittedRows) -> None:

@@ -31,7 +31,7 @@ class Layout:
     """
 
     model: ErrorModel
-    kept: Int[np.ndarray, " kept"]
+    estimated: Int[np.ndarray, " estimated"]
     """Model parameters that are estimated."""
     registration: Registration
     targets: tuple[str, ...]
@@ -45,13 +45,13 @@ class Layout:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the entries of z."""
-        kept = tuple(self.model.names[i] for i in self.kept)
+        estimated = tuple(self.model.names[i] for i in self.estimated)
         if self.fixed_frames:
-            return kept
+            return estimated
         base = tuple(f"base.{c}" for c in COMPONENTS) if self.in_tracker else ()
         labels = ["target" if name == "tool" else name for name in self.targets]
         places = (f"{name}.{c}" for name, kind in zip(labels, self.kinds, strict=True) for c in _components(kind))
-        return (*kept, *base, *places, *(name for kind in self.kinds for name in kind.unknowns))
+        return (*estimated, *base, *places, *(name for kind in self.kinds for name in kind.unknowns))
 
     @cached_property
     def in_tracker(self) -> bool:
@@ -86,12 +86,12 @@ class Layout:
     @cached_property
     def places(self) -> tuple[Int[np.ndarray, " _"], ...]:
         """Columns of each target's place on the tool."""
-        return _columns_from(len(self.kept) + self.base_size, [len(_components(kind)) for kind in self.kinds])
+        return _columns_from(len(self.estimated) + self.base_size, [len(_components(kind)) for kind in self.kinds])
 
     @cached_property
     def own(self) -> tuple[Int[np.ndarray, " _"], ...]:
         """Columns of each kind's own unknowns."""
-        first = len(self.kept) + self.base_size + sum(len(place) for place in self.places)
+        first = len(self.estimated) + self.base_size + sum(len(place) for place in self.places)
         return _columns_from(first, [len(kind.unknowns) for kind in self.kinds])
 
     @cached_property
@@ -110,7 +110,7 @@ class Layout:
     def parameter_columns(self) -> Int[np.ndarray, " p"]:
         """Column of every model parameter, −1 for those held."""
         columns = np.full(len(self.model), -1)
-        columns[self.kept] = np.arange(len(self.kept))
+        columns[self.estimated] = np.arange(len(self.estimated))
         return columns
 
     @cached_property
@@ -118,7 +118,7 @@ class Layout:
         """Columns of z in the walk."""
         inner = self.model.layout(self.parameter_columns, count=len(self.names))
         free = self.in_tracker and not self.fixed_frames
-        first = len(self.kept) + np.arange(6) if free else np.full(6, -1)
+        first = len(self.estimated) + np.arange(6) if free else np.full(6, -1)
         return Columns(
             frames=np.array([first, *inner.frames]), joint=inner.joint, column=inner.column, count=inner.count
         )
@@ -141,7 +141,7 @@ class Layout:
     def parameters(self, z: Float[np.ndarray, " z"]) -> Float[np.ndarray, " p"]:
         """Model parameters of an estimate."""
         x = np.zeros(len(self.model)) if self.given is None else self.given.copy()
-        x[self.kept] = z[: len(self.kept)]
+        x[self.estimated] = z[: len(self.estimated)]
         return x
 
     def walked(
@@ -153,7 +153,7 @@ class Layout:
 
     def with_frames(self, s: np.ndarray, factor: np.ndarray, e: np.ndarray, z: np.ndarray) -> Walked:
         """The model's walk with the measuring frame of an estimate before it, and its targets at the end."""
-        k = len(self.kept)
+        k = len(self.estimated)
         base = z[k : k + 6] if self.in_tracker and not self.fixed_frames else np.zeros(6)
         offsets = self.registration.T_tool_target[:, :3, 3].copy()
         for t, (kind, place) in enumerate(zip(self.kinds, self.places, strict=True)):
@@ -168,7 +168,7 @@ class Layout:
         base, targets = self.registration.T_tracker_base, self.registration.T_tool_target.copy()
         if self.fixed_frames:
             return base, targets
-        k = len(self.kept)
+        k = len(self.estimated)
         if self.in_tracker:
             base = base @ se3.error_transform(z[k : k + 6])
         for t, (kind, place) in enumerate(zip(self.kinds, self.places, strict=True)):
@@ -193,7 +193,7 @@ def _components(kind: Observation) -> tuple[str, ...]:
 
 def layout_of(
     model: ErrorModel,
-    kept: Int[np.ndarray, " kept"],
+    estimated: Int[np.ndarray, " estimated"],
     registration: Registration,
     campaign: Campaign,
     *,
@@ -204,7 +204,7 @@ def layout_of(
 
     Args:
         model: the model.
-        kept: parameters that are estimated.
+        estimated: parameters that are estimated.
         registration: of the campaign.
         campaign: the measurements.
         fixed: hold tracker frame and targets as registered.
@@ -213,7 +213,7 @@ def layout_of(
     one = Point() if campaign.rotations is None else Pose(aligned=aligned)
     return Layout(
         model=model,
-        kept=kept,
+        estimated=estimated,
         registration=registration,
         targets=campaign.targets,
         kinds=campaign.observations or (one,) * len(campaign.targets),
@@ -238,7 +238,7 @@ class PriorOfEstimate:
     """Prior over the estimated parameters, their natural sizes, and the precision of the frames."""
 
     parameters: GaussianPrior | None
-    sizes: Float[np.ndarray, " kept"]
+    sizes: Float[np.ndarray, " estimated"]
     frames: Float[np.ndarray, "frames frames"]
     """Prior precision of tracker frame, targets and the kinds' own unknowns."""
     start: Float[np.ndarray, " z"]
@@ -275,7 +275,7 @@ class PriorOfEstimate:
 
 def frame_precision(layout: Layout) -> Float[np.ndarray, "frames frames"]:
     """Prior precision of the frames: next to none, but along directions that the poses do not determine."""
-    k = len(layout.kept)
+    k = len(layout.estimated)
     base, places = np.full(layout.base_size, BASE_PRIOR), np.full(sum(map(len, layout.places)), TARGET_PRIOR)
     out = np.diag(np.concatenate([base, places, *(kind.deviations for kind in layout.kinds)]) ** -2.0)
     at = np.concatenate([place[:3] for place in layout.places]) - k
@@ -295,10 +295,10 @@ def prior_of(layout: Layout, prior: GaussianPrior | str | None) -> PriorOfEstima
         ValueError: the prior that was given is not one over the estimated parameters.
     """
     frames = np.zeros((0, 0)) if layout.fixed_frames else frame_precision(layout)
-    sizes = layout.model.tolerances[layout.kept]
+    sizes = layout.model.tolerances[layout.estimated]
     if isinstance(prior, GaussianPrior):
-        if len(prior.mean) != len(layout.kept):
-            raise ValueError(f"the prior has {len(prior.mean)} parameters, {len(layout.kept)} are kept")
+        if len(prior.mean) != len(layout.estimated):
+            raise ValueError(f"the prior has {len(prior.mean)} parameters, {len(layout.estimated)} are estimated")
         sizes = np.sqrt(np.diag(prior.covariance))
     elif prior is not None:
         prior = GaussianPrior.of_deviations(sizes)

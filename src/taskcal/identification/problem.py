@@ -133,10 +133,6 @@ class Linearisation:
         propagated[self.valid] = moved.reshape(by_entry.shape) @ np.swapaxes(by_entry, 1, 2)
         return residual, 0.5 * (propagated + np.swapaxes(propagated, -1, -2))
 
-    def moved(self, step: Float[np.ndarray, " z"]) -> Float[np.ndarray, "n targets b"]:
-        """By how much what is predicted moves with a step of the estimate, to first order; zero where nothing was measured."""
-        return (self.by_entry @ step).reshape(*self.valid.shape, -1)
-
 
 class Rows(NamedTuple):
     """The rows of a campaign at an estimate."""
@@ -287,10 +283,6 @@ def stated_rows(layout: Layout, z: Float[np.ndarray, " z"], kinds: tuple[Observa
     return StatedRows(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
-MAX_CACHED_NUMBERS = 1_000_000
-"""Derivatives that a problem caches, at most (8 MB). Of more it would take longer to read them again than to work them out."""
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Problem:
     """A campaign to be fitted."""
@@ -346,8 +338,7 @@ class Problem:
 
         def evaluate(z: np.ndarray) -> Equations:
             try:
-                rows = self.rows(z) if not self._reads_cache(z) else self.cached(z)
-                cost, g, H = rows.equations(whitener, loss, threshold)
+                cost, g, H = self.rows(z).equations(whitener, loss, threshold)
             except ClosureError:
                 return np.inf, np.zeros(len(z)), np.zeros((len(z), len(z)))
             r, A = stated_rows(self.layout, z, self.seen.kinds)
@@ -355,44 +346,21 @@ class Problem:
 
         return evaluate
 
-    @cached_property
-    def caches(self) -> bool:
-        """Whether derivatives are cached, since they are few."""
-        return self.noise[..., 0].size * len(self.layout.names) <= MAX_CACHED_NUMBERS
+    def linearise(self, z: Float[np.ndarray, " z"], *, joints: bool = True) -> Linearisation:
+        """Rows about an estimate.
 
-    def _reads_cache(self, z: Float[np.ndarray, " z"]) -> bool:
-        """Whether rows at an estimate are there, or worth caching now: those of points are streamed in less time at first."""
-        return self.caches and (not all(kind.streamed for kind in self.seen.kinds) or z.tobytes() in self._cache)
-
-    @cached_property
-    def _cache(self) -> dict[bytes, Linearisation]:
-        """Rows about the latest estimate."""
-        return {}
-
-    def cached(self, z: Float[np.ndarray, " z"]) -> Linearisation:
-        """Rows about an estimate, those of the latest one from the cache.
+        Args:
+            z: the estimate.
+            joints: with derivatives by the joints' true positions.
 
         Raises:
             ClosureError: a closed loop cannot be assembled at some pose.
         """
-        key = z.tobytes()
-        if key not in self._cache:
-            rows = self.rows(z).linearise()
-            self._cache.clear()
-            self._cache[key] = rows
-        return self._cache[key]
-
-    def linearise(self, z: Float[np.ndarray, " z"]) -> Linearisation:
-        """Rows about an estimate, with their derivatives by the joints' true positions.
-
-        Raises:
-            ClosureError: a closed loop cannot be assembled at some pose.
-        """
-        return self.rows(z).linearise(joints=True)
+        return self.rows(z).linearise(joints=joints)
 
     def propagate(self, z: Float[np.ndarray, " z"], covariance: Float[np.ndarray, "z z"]) -> Propagated:
         """Residuals at an estimate, and the covariance of what is predicted for one of the estimate."""
-        return (self.cached(z) if self.caches else self.rows(z)).propagate(covariance)
+        return self.rows(z).propagate(covariance)
 
     def information(
         self, z: Float[np.ndarray, " z"], whitener: Float[np.ndarray, "n targets b b"]

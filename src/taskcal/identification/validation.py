@@ -120,7 +120,7 @@ def reregister_frames(
     from scipy.linalg import block_diag
 
     p = len(calibration.model)
-    layout = replace(frames, kept=np.arange(p), given=None)
+    layout = replace(frames, estimated=np.arange(p), given=None)
     T_tracker_base, T_tool_target = frames.frames(z)
     return replace(
         calibration,

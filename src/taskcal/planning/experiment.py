@@ -189,7 +189,7 @@ def lay_out(model: ErrorModel, instrument: Instrument, prior: PlanPrior) -> Layo
             unobservable=np.zeros((3 * len(targets),) * 2),
             unknowns=tuple(instrument.unknown for _ in names),
         )
-    return Layout(model=model, kept=np.arange(len(model)), registration=registration, targets=names, kinds=kinds)
+    return Layout(model=model, estimated=np.arange(len(model)), registration=registration, targets=names, kinds=kinds)
 
 
 def task_rows(linear: Linearisation, goal: TaskPoses) -> Float[np.ndarray, "rows c"]:
@@ -294,7 +294,7 @@ def make_experiment(
     calibration, campaign, hyper = prior.calibration, prior.campaign, prior.hyper
     layout = calibration.layout if calibration is not None else lay_out(model, instrument, prior)
     own = [kind.deviations for kind in layout.kinds]
-    frames = np.full(len(layout.names) - len(layout.kept) - sum(map(len, own)), FRAME_DEVIATION)
+    frames = np.full(len(layout.names) - len(layout.estimated) - sum(map(len, own)), FRAME_DEVIATION)
     error = hyper.model_error[0]
     share = instrument.smooth_share if smooth and error > 0.0 else 0.0
     field = SmoothField.over(error * np.sqrt(share), goal.q, measurable.q.std(axis=0)) if share else None
@@ -302,7 +302,7 @@ def make_experiment(
         instrument=instrument,
         layout=layout,
         about=layout.start() if calibration is None else calibration.z,
-        deviations=np.concatenate([hyper.deviations(model)[layout.kept], frames, *own]),
+        deviations=np.concatenate([hyper.deviations(model)[layout.estimated], frames, *own]),
         noise=noise or TrackerNoise(),
         white=error * np.sqrt(1.0 - share),
         field=field,
@@ -464,7 +464,7 @@ def nominal_error(
     rows, J_task = np.concatenate(measured), task_rows(linear, goal)
     flat = rows.reshape(-1, rows.shape[2])
     A, W = flat.T @ flat + linear.stated, J_task.T @ J_task
-    m, f = np.split(np.arange(len(A)), [len(linear.layout.kept)])
+    m, f = np.split(np.arange(len(A)), [len(linear.layout.estimated)])
     # directions that these postures do not see stay where they are stated
     inverse = pseudo_invert_scaled(A[np.ix_(f, f)], rcond=1e-10)
     follow = inverse @ A[np.ix_(f, m)]

@@ -26,7 +26,6 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FileError, NothingLearntError, TaskcalError, UnknownName
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.geometry import se3
-from taskcal.identification.batch import Estimate, can_fit_together, fit_together
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.effects import explain
 from taskcal.identification.identify import fit_nominal, identify
@@ -260,7 +259,7 @@ def aligned_errors(
 # Robots of a study: each drawn, measured in every way, identified with every model, and compared with the truth.
 
 TOGETHER = 16
-"""Robots that are tried at once: a study that is interrupted loses no more than what they take."""
+"""Robots of a worker's task, at most: a study that is interrupted loses no more than what they take."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -296,12 +295,6 @@ class _Measured(NamedTuple):
     """What single poses of the task add, metres."""
 
 
-def robots_together(setting: StudySetting) -> int:
-    """Number of robots best tried at once: other instruments than a tracker are identified one by one."""
-    fitted = (can_fit_together(_model_of(setting, name), options) for name, options in setting.models.items())
-    return TOGETHER if not setting.aligned and any(fitted) else 1
-
-
 def try_robots(setting: StudySetting, indices: Sequence[int]) -> list[tuple[int, list[dict[str, Any]]]]:
     """All ways to measure, plans and models of some of the true robots; of each what it would be by itself."""
     measured = [case for index in indices for case in _measure(setting, index)]
@@ -335,20 +328,17 @@ def _model_of(setting: StudySetting, name: str) -> ErrorModel:
     return ErrorModel(model.robot, lengths_only=model.lengths_only) if name in ("geometry", "auto") else model
 
 
-def _learn(setting: StudySetting, name: str, measured: Sequence[_Measured]) -> list[Calibration | Estimate | None]:
+def _learn(setting: StudySetting, name: str, measured: Sequence[_Measured]) -> list[Calibration | None]:
     """Result of the named model for each campaign; None where nothing was learnt."""
     model, options = _model_of(setting, name), setting.models[name]
-    campaigns = [case.campaign for case in measured]
-    together = [None] * len(campaigns) if name == "auto" else fit_together(model, campaigns, options)
-    out: list[Calibration | Estimate | None] = []
-    for campaign, found in zip(campaigns, together, strict=True):
+    out: list[Calibration | None] = []
+    for case in measured:
         try:
-            found = found or _identify(model, campaign, name, options)
+            found = _identify(model, case.campaign, name, options)
         except NothingLearntError:
             found = None
-        if isinstance(found, Calibration) and not len(found.estimated) and options.keep != ():
-            found = None  # tracker frame and targets alone
-        out.append(found)
+        # tracker frame and targets alone are nothing learnt
+        out.append(None if found is not None and not len(found.estimated) and options.keep != () else found)
     return out
 
 
@@ -358,7 +348,7 @@ def _identify(model: ErrorModel, campaign: Campaign, name: str, options: FitOpti
     return identify(model, campaign, options=options)
 
 
-def _compare(setting: StudySetting, case: _Measured, name: str, found: Calibration | Estimate | None) -> dict[str, Any]:
+def _compare(setting: StudySetting, case: _Measured, name: str, found: Calibration | None) -> dict[str, Any]:
     """The row of one robot, way to measure and model."""
     robots, options = setting.robots, setting.models[name]
     # where nothing is learnt, what is left to its user is the robot as it is
@@ -382,7 +372,7 @@ def _own_numbers(setting: StudySetting, index: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index,)))
 
 
-def _off(setting: StudySetting, calibration: Calibration | Estimate, truth: Truth) -> Float[np.ndarray, "n 3"]:
+def _off(setting: StudySetting, calibration: Calibration, truth: Truth) -> Float[np.ndarray, "n 3"]:
     """Predicted less true tool points over the task, in the measuring frame, millimetres."""
     q, way = setting.task_q, setting.robots.conditions(setting.task_q)
     if not setting.aligned:
@@ -580,19 +570,19 @@ def study(
 
 def _tried(setting: StudySetting, robots: list[int], engine: str, workers: int) -> Generator[Rows, None, None]:
     """Rows of some robots after another, as they are done."""
-    function, most = partial(try_robots, setting), robots_together(setting)
-    if engine == "loky" and most > 1 and robots:
+    function = partial(try_robots, setting)
+    if engine == "loky" and robots:
         # here, so that what has to be compiled is compiled once, and said, before every worker would
         yield function(robots[:1])
         robots = robots[1:]
-    yield from side_by_side(function, _in_groups(robots, most, engine, workers), engine, workers)
+    yield from side_by_side(function, _in_groups(robots, engine, workers), engine, workers)
 
 
-def _in_groups(robots: list[int], most: int, engine: str, workers: int) -> list[list[int]]:
-    """Robots that are tried at once, so many at most, and so few that every worker gets some groups."""
+def _in_groups(robots: list[int], engine: str, workers: int) -> list[list[int]]:
+    """Robots of each task, so few that every worker gets some groups."""
     if workers < 1:
         workers = 1 if engine == "sequential" else os.cpu_count() or 1
-    size = max(min(most, -(-len(robots) // (GROUPS * workers))), 1)
+    size = max(min(TOGETHER, -(-len(robots) // (GROUPS * workers))), 1)
     return [robots[first : first + size] for first in range(0, len(robots), size)]
 
 

@@ -95,6 +95,11 @@ def find_consensus(
     seen, cloud = np.flatnonzero(campaign.seen), Cloud.of(poses, campaign)
     best: Consensus | None = None
     if len(seen) <= SAMPLED_FROM:
+        if cloud.shows_all:
+            whole = register_cloud(cloud)
+            if serves(whole, cloud, campaign, model.robot.reach) and agrees_throughout(whole, cloud):
+                distance = _distances(whole, cloud, len(campaign), model)
+                return Consensus(rows=campaign.seen, registration=whole, distance=distance, of_all=True)
         best = _settle(model, campaign, cloud, seen)
         whole = None if best is None or not best.rows[seen].all() else best.first
         if best is not None and whole is not None and serves(whole, cloud, campaign, model.robot.reach):

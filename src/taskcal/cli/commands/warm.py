@@ -10,9 +10,7 @@ from jaxtyping import Float
 from taskcal.cli.options.common import JsonOption
 from taskcal.cli.output import tell, write_json
 from taskcal.estimation.prior import Huber
-from taskcal.identification.batch import fit_together
 from taskcal.identification.identify import identify
-from taskcal.identification.options import FitOptions
 from taskcal.identification.validation import validate
 from taskcal.kinematics.inverse import Spin, solve_near
 from taskcal.planning.workers import side_by_side
@@ -78,7 +76,7 @@ def _walk(model: ErrorModel, q: Float[np.ndarray, "n joints"], rng: np.random.Ge
 
 
 def _fit(model: ErrorModel, q: Float[np.ndarray, "n joints"], rng: np.random.Generator) -> None:
-    """Identify from points and from poses, with rows that are kept and with rows that are streamed, as of large campaigns."""
+    """Identify from points and from poses."""
     for pose in (False, True):
         campaign, _ = simulate(model, q, rng=rng, pose=pose)
         calibration = identify(model, campaign, prior_scale=1.0, model_error=(1e-4, 1e-4))
@@ -87,11 +85,6 @@ def _fit(model: ErrorModel, q: Float[np.ndarray, "n joints"], rng: np.random.Gen
         validate(calibration, campaign, reregister=True)
 
 
-def _fit_many(model: ErrorModel, q: Float[np.ndarray, "n joints"], rng: np.random.Generator) -> None:
-    """Identify campaigns together, as a study does."""
-    fit_together(model, [simulate(model, q, rng=rng)[0]], FitOptions())
-
-
 Use = Callable[[ErrorModel, np.ndarray, np.random.Generator], None]
-USES: tuple[Use, ...] = (_fit, _fit_many, _walk)
+USES: tuple[Use, ...] = (_fit, _walk)
 """Of the kernels, longest first."""
