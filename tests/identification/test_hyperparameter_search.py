@@ -18,7 +18,7 @@ from tests.identification.arms import arm, defects
 from tests.laws.campaigns import measure
 from tests.laws.robots import industrial_positions
 
-KINDS = {"points": {"targets": 2, "lost": 0.2}, "poses": {"pose": True}}
+KINDS = {"points": {"targets": 2, "lost": 0.2}, "poses": {"pose": True, "rotation_sigma": 3e-4}}
 
 
 def measured(kind: str, rows: int, seed: int = 0):
