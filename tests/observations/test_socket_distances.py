@@ -4,11 +4,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.campaigns.campaign import Campaign
+from taskcal.campaigns.campaign import Campaign, with_distances
 from taskcal.errors import FileError
 from taskcal.observations import Sockets
 from taskcal.observations.socket import CALLIPER
-from taskcal.reading.stated_scale import with_distances
 
 
 def campaign(*names):

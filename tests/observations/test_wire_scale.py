@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from taskcal.campaigns.campaign import with_unknown_scale
 from taskcal.errors import CampaignError
 from taskcal.identification.identify import identify
 from taskcal.reading.reader import ReadOptions, read_campaign
-from taskcal.reading.stated_scale import with_unknown_scale
 from tests.laws.observations import observed
 from tests.observations.files import ROBOT, written
 

@@ -38,7 +38,6 @@ ONE_IMPORTER = {
         "robot_programs.tp.read",
         "robot_programs.tp.rewrite",
         "taskcal.robot.importers.ur",
-        "taskcal.tables.motion_capture",
         "taskcal.tables.spreadsheet",
     },
     "the page of one subject": {

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from taskcal.errors import FileError
-from taskcal.tables.motion_capture import is_motion_capture, parse_motion_capture
+from taskcal.tables.text import is_motion_capture, parse_motion_capture
 
 EXPORT = """Format Version,1.23,Take Name,a,Rotation Type,Quaternion,Length Units,Millimeters
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from taskcal.campaigns.campaign import distances_text, with_distances
 from taskcal.errors import CampaignError, UnknownName
 from taskcal.identification.identify import identify
 from taskcal.observations import Sockets, instrument_of, kinds
 from taskcal.observations.base import Measured, TrackerNoise
 from taskcal.observations.landmark import FARTHEST, NEAREST, VIEW
 from taskcal.reading.reader import read_campaign
-from taskcal.reading.stated_scale import distances_text, with_distances
 from taskcal.reading.writer import campaign_text
 from taskcal.robot.effects import Backlash
 from taskcal.virtual import cell as virtual_cell

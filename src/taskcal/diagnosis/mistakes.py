@@ -13,10 +13,10 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.diagnosis.hypotheses import Case, Hypothesis, JointMap, looked_for
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
-from taskcal.reading.columns import LENGTHS
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.robot import Robot
 from taskcal.robot.robot_file import robot_from
+from taskcal.tables.table import LENGTHS, PLURALS
 
 # Joints in another unit, with other signs, zeros or couplings, or in another order.
 
@@ -151,13 +151,11 @@ MIN_SCATTER_SHARE, MAX_SCATTER_SHARE = 0.02, 5.0
 they are made a thousand times smaller."""
 
 OTHER_UNITS = {unit: LENGTHS[unit] for unit in ("mm", "m", "in", "cm", "ft")}
-"""In which points are written, and taken for one another."""
+"""In which points are written, and taken for one another; yards cannot be told from metres."""
 
 MAX_SCATTER_RATIO = 2.0
 """Factor, at most, between the scatter of the points and that of the nominal tool point, which a target's place and mistakes of
 joints explain; units nearer to each other are not told apart. A convention: below 2.54, the ratio of inches and centimetres."""
-
-_LONG = {"mm": "millimetres", "m": "metres", "in": "inches", "cm": "centimetres", "ft": "feet"}
 
 
 @looked_for("frames", "points-in-metres", "points-in-other-unit")
@@ -216,7 +214,7 @@ def _other_units(names: tuple[str, ...], ratio: Float[np.ndarray, " targets"]) -
                 id="points-in-other-unit",
                 subject=subject,
                 measured=partial(_scaled, factors=np.where(wrong, factor, 1.0)),
-                fix=f"the points{of} are in {_LONG[unit]}, not {_LONG[taken]}: name their columns with _{unit} instead of "
+                fix=f"the points{of} are in {PLURALS[unit]}, not {PLURALS[taken]}: name their columns with _{unit} instead of "
                 f"_{taken}, such as x_{unit}, or multiply them by {factor:.6g}",
                 size=factor if wrong.all() else 1.0,
                 cost=0.02,

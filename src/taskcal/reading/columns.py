@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from taskcal.observations import find_columns
+from taskcal.tables.table import ANGLES, LENGTHS, UNITS
 
 # What makers call the joints of their robots, in columns of measurements.
 
@@ -39,34 +40,11 @@ def logged_unit(text: str) -> str | None:
     return "rad" if re.fullmatch(r"(?:actual|target) q ?\[?[0-5]\]?", text) else None
 
 
-# Units of measurements, as instruments and people write them, alone or in a column's name.
-
-LENGTHS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "cm": 1e-2, "in": 0.0254, "ft": 0.3048}
-"""Metres in each unit of length."""
-
-ANGLES = {"deg": 0.017453292519943295, "rad": 1.0, "mrad": 1e-3, "gon": 0.015707963267948967}
-"""Radians in each unit of angle."""
-
 MAX_COORDINATE_M = 100.0
 """Largest coordinate of a measurement, metres: beyond any robot, and the range of the instruments that measure one."""
 
-TIMES = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
-"""Seconds in each unit of time."""
-
 MAX_NAME_LETTERS = 200
 """Letters of a column's name that may mean something; longer ones are text."""
-
-UNITS = {
-    "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
-    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
-    "um": "um", "µm": "um", "μm": "um", "micron": "um", "microns": "um", "cm": "cm",
-    "in": "in", "inch": "in", "inches": "in", "ft": "ft", "foot": "ft", "feet": "ft",
-    "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg", "gon": "gon",
-    "rad": "rad", "radian": "rad", "radians": "rad", "mrad": "mrad",
-    "c": "C", "°c": "C", "degc": "C", "celsius": "C",
-    "s": "s", "sec": "s", "seconds": "s", "ms": "ms", "min": "min", "h": "h",
-}  # fmt: skip
-"""Units as people write them. A German "Grad" is a degree; instruments on robots do not write the hundredth of a right angle."""
 
 
 def split_unit(name: str) -> tuple[str, str | None]:
@@ -515,54 +493,3 @@ def _units_of(line: str) -> Iterable[str]:
     else:
         words = [found["unit"].casefold() for found in _VALUES_IN.finditer(line)]
     return [UNITS[word] for word in words if UNITS.get(word) in {*LENGTHS, *ANGLES}]
-
-
-# Names of poses and of targets in one: ``P12_T1``.
-
-_PARTED = re.compile(r"(?P<pose>.*[^\s_\-./:])(?:::|[\s_\-./:])(?P<target>[^\s_\-./:]+)")
-
-MAX_NAMED_TARGETS = 20
-"""On one tool; more names are those of something else."""
-
-
-def split_names(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
-    """Pose and target of each name; None where names do not consist of both throughout.
-
-    All names differ, and `are_poses_and_targets`.
-    """
-    matches = [_PARTED.fullmatch(name) for name in names]
-    if not names or None in matches:
-        return None
-    poses = tuple(match["pose"] for match in matches if match)
-    targets = tuple(match["target"] for match in matches if match)
-    return (poses, targets) if are_poses_and_targets(poses, targets) else None
-
-
-def parts_of_names(names: Sequence[str]) -> tuple[tuple[str, ...] | None, tuple[str, ...]] | None:
-    """Group and point of names such as ``Collection::Group::P1``; None where one is written otherwise.
-
-    Parts that are the same in all names are left out: no group is left where only one part differs.
-    """
-    if not names or "::" not in names[0]:
-        return None
-    parts = [name.split("::") for name in names]
-    if any(len(part) != len(parts[0]) or not all(part) for part in parts):
-        return None
-    columns = [column for column in zip(*parts, strict=True) if len(set(column)) > 1]
-    if len(columns) < 2:
-        return None, columns[0] if columns else tuple(part[-1] for part in parts)
-    return tuple(map(" ".join, zip(*columns[:-1], strict=True))), columns[-1]
-
-
-def each_in_most(poses: Sequence[str], targets: Sequence[str]) -> bool:
-    """Whether there are several poses, at most `MAX_NAMED_TARGETS` targets and two at least, and each target is in most poses."""
-    seen_in: dict[str, set[str]] = {}
-    for pose, target in zip(poses, targets, strict=True):
-        seen_in.setdefault(target, set()).add(pose)
-    count = len(set(poses))
-    return 2 <= len(seen_in) <= MAX_NAMED_TARGETS and count > 1 and min(map(len, seen_in.values())) > count / 2
-
-
-def are_poses_and_targets(poses: Sequence[str], targets: Sequence[str]) -> bool:
-    """Whether no target stands twice in a pose, and `each_in_most`."""
-    return len(set(zip(poses, targets, strict=True))) == len(poses) and each_in_most(poses, targets)

@@ -15,11 +15,13 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FileError, TaskcalError, shown
 from taskcal.geometry import se3
 from taskcal.geometry.point_registration import Moments, closed_form, closed_form_rotations
-from taskcal.reading.columns import ANGLES, LENGTHS, MAX_COORDINATE_M, StatedUnits, split_names, stated_units
+from taskcal.reading.columns import MAX_COORDINATE_M, StatedUnits, stated_units
 from taskcal.reading.readings import Readings
+from taskcal.reading.rows import split_names
 from taskcal.registration.registration import register
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
+from taskcal.tables.table import ANGLES, LENGTHS
 
 # Units that a file does not state, told by what the robot can have done.
 

@@ -9,16 +9,15 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from taskcal.arguments import expect_kinds
-from taskcal.campaigns.campaign import Campaign
+from taskcal.campaigns.campaign import Campaign, with_distances, with_unknown_scale
 from taskcal.errors import FileError, shown
 from taskcal.observations import Point, Pose, Read, kinds
-from taskcal.reading.columns import LENGTHS
 from taskcal.reading.readings import MAX_TARGETS, AngleForm, Readings, no_joint, read_readings
 from taskcal.reading.rows import average_shots, side_by_side, with_targets_in_names, without_means
-from taskcal.reading.stated_scale import with_distances, with_unknown_scale
 from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.robot import Robot
 from taskcal.tables.forms import TableForm
+from taskcal.tables.table import LENGTHS
 
 
 @dataclass(frozen=True, kw_only=True)

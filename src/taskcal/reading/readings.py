@@ -14,12 +14,8 @@ from taskcal.geometry import se3
 from taskcal.observations import ObservedColumns, kinds
 from taskcal.observations.base import Quantity
 from taskcal.reading.columns import (
-    ANGLES,
     CALCULATED,
-    LENGTHS,
     MAX_COORDINATE_M,
-    TIMES,
-    UNITS,
     Kind,
     Meaning,
     contradiction,
@@ -30,7 +26,7 @@ from taskcal.reading.columns import (
 )
 from taskcal.robot.robot import Robot
 from taskcal.tables.forms import TableForm, read_table
-from taskcal.tables.table import LEAVE_OUT, NUMBER, UNIT_LENGTH, Table
+from taskcal.tables.table import ANGLES, LEAVE_OUT, LENGTHS, NUMBER, TIMES, UNIT_LENGTH, UNITS, Table
 from taskcal.tables.text import footer_note, is_statistic
 
 

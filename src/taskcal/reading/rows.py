@@ -1,5 +1,6 @@
 """From the rows of a file to one row a pose: shots are averaged, targets set side by side, statistics left out."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -9,7 +10,6 @@ from jaxtyping import Bool, Float, Int
 from taskcal.errors import Faults, FileError, shown
 from taskcal.geometry import se3
 from taskcal.observations.base import TrackerNoise
-from taskcal.reading.columns import MAX_NAMED_TARGETS, each_in_most, parts_of_names, split_names
 from taskcal.reading.readings import MAX_TARGETS, Readings
 
 # Shots of one pose, averaged.
@@ -307,6 +307,57 @@ def _poses(readings: Readings) -> np.ndarray:
         )
     moved = np.abs(np.diff(readings.q, axis=0)).max(axis=1) > SAME_POSE_RAD
     return np.concatenate([[0], np.cumsum(moved)])
+
+
+# Names of poses and of targets in one: ``P12_T1``.
+
+_PARTED = re.compile(r"(?P<pose>.*[^\s_\-./:])(?:::|[\s_\-./:])(?P<target>[^\s_\-./:]+)")
+
+MAX_NAMED_TARGETS = 20
+"""On one tool; more names are those of something else."""
+
+
+def split_names(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+    """Pose and target of each name; None where names do not consist of both throughout.
+
+    All names differ, and `are_poses_and_targets`.
+    """
+    matches = [_PARTED.fullmatch(name) for name in names]
+    if not names or None in matches:
+        return None
+    poses = tuple(match["pose"] for match in matches if match)
+    targets = tuple(match["target"] for match in matches if match)
+    return (poses, targets) if are_poses_and_targets(poses, targets) else None
+
+
+def parts_of_names(names: Sequence[str]) -> tuple[tuple[str, ...] | None, tuple[str, ...]] | None:
+    """Group and point of names such as ``Collection::Group::P1``; None where one is written otherwise.
+
+    Parts that are the same in all names are left out: no group is left where only one part differs.
+    """
+    if not names or "::" not in names[0]:
+        return None
+    parts = [name.split("::") for name in names]
+    if any(len(part) != len(parts[0]) or not all(part) for part in parts):
+        return None
+    columns = [column for column in zip(*parts, strict=True) if len(set(column)) > 1]
+    if len(columns) < 2:
+        return None, columns[0] if columns else tuple(part[-1] for part in parts)
+    return tuple(map(" ".join, zip(*columns[:-1], strict=True))), columns[-1]
+
+
+def each_in_most(poses: Sequence[str], targets: Sequence[str]) -> bool:
+    """Whether there are several poses, at most `MAX_NAMED_TARGETS` targets and two at least, and each target is in most poses."""
+    seen_in: dict[str, set[str]] = {}
+    for pose, target in zip(poses, targets, strict=True):
+        seen_in.setdefault(target, set()).add(pose)
+    count = len(set(poses))
+    return 2 <= len(seen_in) <= MAX_NAMED_TARGETS and count > 1 and min(map(len, seen_in.values())) > count / 2
+
+
+def are_poses_and_targets(poses: Sequence[str], targets: Sequence[str]) -> bool:
+    """Whether no target stands twice in a pose, and `each_in_most`."""
+    return len(set(zip(poses, targets, strict=True))) == len(poses) and each_in_most(poses, targets)
 
 
 # Targets without a column that says so: behind the name of the pose, as in ``P12_T1``, or as points of a group.

@@ -14,9 +14,8 @@ import numpy as np
 from taskcal.errors import MAX_MET, FaultyFile, FileError, shown
 from taskcal.io.text_file import read_bytes
 from taskcal.plugins import load_plugins
-from taskcal.tables.motion_capture import is_motion_capture, parse_motion_capture
 from taskcal.tables.parquet import is_parquet, read_parquet
-from taskcal.tables.table import MAX_COLUMNS, Cells, Row, Sheet, Table, refuse_wide, too_wide
+from taskcal.tables.table import MAX_COLUMNS, UNITS, Cells, Row, Sheet, Table, refuse_wide, too_wide
 from taskcal.tables.text import (
     MAX_REMARKS,
     DecimalMark,
@@ -24,8 +23,10 @@ from taskcal.tables.text import (
     has_labelled_values,
     in_plain_digits,
     is_footer,
+    is_motion_capture,
     parse_delimited,
     parse_labelled_values,
+    parse_motion_capture,
     separator_of,
     split_line,
     with_decimal_points,
@@ -375,12 +376,8 @@ def joined_names(above: Sequence[str], names: Sequence[str]) -> tuple[str, ...] 
     return joined if len(set(filter(None, joined))) == sum(map(bool, joined)) else None
 
 
-UNITS = frozenset({
-    "mm", "m", "um", "µm", "μm", "cm", "in", "inch", "inches", "ft", "deg", "degree", "degrees", "grad", "gon", "°", "rad",
-    "radian", "radians", "mrad",
-    "s", "sec", "ms", "h", "min", "c", "°c", "degc", "k", "celsius", "-", "1",
-})  # fmt: skip
-"""What may stand under a column's name in a row of units."""
+_UNDER_NAMES = frozenset({*UNITS, "k", "-", "1"})
+"""What may stand under a column's name in a row of units: a unit, also one that no campaign has, or that there is none."""
 
 _NUMBER_OR_NOT_FINITE = re.compile(
     r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d+)?|[+-]?(?:nan|inf)", re.ASCII | re.IGNORECASE
@@ -494,7 +491,7 @@ def _is_statement(row: Sequence[str], width: int) -> bool:
 
 def _is_units(row: Sequence[str]) -> bool:
     filled = [bare_unit(cell) for cell in row if cell]
-    return bool(filled) and all(cell in UNITS for cell in filled)
+    return bool(filled) and all(cell in _UNDER_NAMES for cell in filled)
 
 
 def bare_unit(text: str) -> str:

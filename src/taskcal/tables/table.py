@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from typing import Any, overload
+from typing import Any, Literal, NamedTuple, overload
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -349,6 +349,55 @@ def _trouble(text: str, remedy: str, largest: float) -> str:
     if _NOT_FINITE.fullmatch(text):
         return f"'{shown(text)}' is not a finite number; {remedy}"
     return f"'{shown(text)}' is not a number; give a number such as 12.5"
+
+
+# Units of measurements: each is one entry here, from which the reading of names, of rows of units and of cells is derived.
+
+
+class Unit(NamedTuple):
+    """A unit of measurements."""
+
+    name: str
+    """In a column's name, such as ``x_mm``."""
+    quantity: Literal["length", "angle", "time", "temperature"]
+    size: float
+    """Metres, radians or seconds in one; 1 for a temperature, °C."""
+    plural: str
+    """In a message."""
+    words: tuple[str, ...] = ()
+    """Others that people write for it, in small letters."""
+
+
+_UNITS = (
+    Unit("mm", "length", 1e-3, "millimetres", ("millimeter", "millimeters", "millimetre", "millimetres")),
+    Unit("m", "length", 1.0, "metres", ("meter", "meters", "metre", "metres")),
+    Unit("um", "length", 1e-6, "micrometres", ("µm", "μm", "micron", "microns")),
+    Unit("cm", "length", 1e-2, "centimetres", ("centimeter", "centimeters", "centimetre", "centimetres")),
+    Unit("in", "length", 0.0254, "inches", ("inch", "inches")),
+    Unit("ft", "length", 0.3048, "feet", ("foot", "feet")),
+    Unit("yd", "length", 0.9144, "yards", ("yard", "yards")),
+    # a German "Grad" is a degree; instruments on robots do not write the hundredth of a right angle so
+    Unit("deg", "angle", math.pi / 180.0, "degrees", ("degree", "degrees", "°", "grad")),
+    Unit("rad", "angle", 1.0, "radians", ("radian", "radians")),
+    Unit("mrad", "angle", 1e-3, "milliradians"),
+    Unit("gon", "angle", math.pi / 200.0, "gon"),
+    Unit("s", "time", 1.0, "seconds", ("sec", "seconds")),
+    Unit("ms", "time", 1e-3, "milliseconds"),
+    Unit("min", "time", 60.0, "minutes"),
+    Unit("h", "time", 3600.0, "hours"),
+    Unit("C", "temperature", 1.0, "degrees Celsius", ("°c", "degc", "celsius")),
+)
+
+UNITS = {word: unit.name for unit in _UNITS for word in (unit.name.casefold(), *unit.words)}
+"""Units by every word that people write for them."""
+
+LENGTHS, ANGLES, TIMES = (
+    {unit.name: unit.size for unit in _UNITS if unit.quantity == quantity} for quantity in ("length", "angle", "time")
+)
+"""Metres, radians and seconds in each unit."""
+
+PLURALS = {unit.name: unit.plural for unit in _UNITS}
+"""Units in a message."""
 
 
 # Rows of cells as a file has them, before anyone says what they mean.

@@ -130,7 +130,7 @@ def command(
         [("--output", output), ("--truth", truth), ("--distances", how.distances)],
         [robot, *files_of_task(task), truth_from],
     )
-    from taskcal.reading.stated_scale import distances_text
+    from taskcal.campaigns.campaign import distances_text
     from taskcal.reading.writer import campaign_text
     from taskcal.robot.error_model import ErrorModel
     from taskcal.virtual.cell import SimulationOptions
