@@ -49,6 +49,11 @@ READ = {
     "scalar first by name": ([*JOINTS, *XYZ, "qw", "qx", "qy", "qz"], lines(DEG, MM, WXYZ)),
     "KUKA": (["A1", "A2", "A3", "A4", "A5", "A6", "X", "Y", "Z", "A", "B", "C"], lines(DEG, MM, ANGLES)),
     "feet": ([*JOINTS, "X [ft]", "Y [ft]", "Z [ft]"], lines(DEG, P / 0.3048)),
+    "yards": ([*JOINTS, "X [yd]", "Y [yd]", "Z [yd]"], lines(DEG, P / 0.9144)),
+    "yards in the cells": (
+        [*JOINTS, "X", "Y", "Z"],
+        lines(DEG, np.char.add(np.char.mod("%.9f", P / 0.9144), " yards")),
+    ),
     "gon": ([f"Achse {k} [gon]" for k in range(1, 7)] + XYZ, lines(DEG / 0.9, MM)),
     "units in a row": ([*BARE, "X", "Y", "Z"], ["deg,deg,deg,deg,deg,deg,mm,mm,mm", *lines(DEG, MM)]),
     "columns numbered from one": (None, ["1,2,3,4,5,6,7,8,9", *lines(DEG, MM)]),

@@ -21,7 +21,7 @@ from taskcal.reading.rows import split_names
 from taskcal.registration.registration import register
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
-from taskcal.tables.table import ANGLES, LENGTHS
+from taskcal.tables.table import ANGLES, LENGTHS, PLURALS
 
 # Units that a file does not state, told by what the robot can have done.
 
@@ -146,24 +146,12 @@ def with_stated_units(readings: Readings, robot: Robot) -> Readings:
     if angle is None and length is None:
         return readings
     _refuse_contradiction(readings, stated, robot, angle, length)
-    q, notes = readings.q, []
-    if angle is not None and q is not None:
-        q = np.where(robot.prismatic, q, q * ANGLES[angle])
-        notes.append(f"joints are read in {angle}")
-    scale = 1.0 if length is None else LENGTHS[length]
-    if length is not None:
-        notes.append(f"positions are read in {length}")
+    notes = [f"joints are read in {angle}"] if angle is not None and readings.q is not None else []
+    notes += [] if length is None else [f"positions are read in {length}"]
     where = f", as stated above the table: '{shown(stated.where, 60)}'"
-    out = replace(
-        readings,
-        q=q,
-        points={name: points * scale for name, points in readings.points.items()},
-        uncertainty={
-            name: u if name in readings.uncertainty_stated else u * scale for name, u in readings.uncertainty.items()
-        },
-        joint_unit_stated=readings.joint_unit_stated or angle is not None,
-        length_unit_stated=readings.length_unit_stated or length is not None,
-    ).noted(" and ".join(notes) + where)
+    lengths = {} if length is None else dict.fromkeys(readings.points, length)
+    out = readings.converted(robot, angle, lengths).noted(" and ".join(notes) + where)
+    out = replace(out, length_unit_stated=readings.length_unit_stated or length is not None)
     if out.length_unit_stated:
         refuse_far(out)
     return out
@@ -236,16 +224,14 @@ def with_inferred_units(readings: Readings, robot: Robot) -> Readings:
         _refuse_small_angles(readings, robot, readings.q)
     if points is not None and not readings.length_unit_stated and len({unit for _, unit in fitting}) != 1:
         raise FileError(readings.path, _unit_of_points(fitting), line=1, column="x")
-    notes: list[str] = []
-    q = readings.q
+    out = readings
     if not readings.joint_unit_stated:
         (unit,) = angles
-        q = np.where(robot.prismatic, q, q * ANGLES[unit])
-        notes.append(f"joints without a unit are read as {'degrees' if unit == 'deg' else 'radians'}, by their size")
-    out = replace(readings, q=q, joint_unit_stated=True).noted(*notes)
+        said = f"joints without a unit are read as {PLURALS[unit]}, by their size"
+        out = readings.converted(robot, unit, {}).noted(said)
     if points is None or readings.length_unit_stated:
         return out
-    return _scaled(out, _unit_of_each(out, robot, fitting[0][1]), f"by how far {robot.name} moved")
+    return _scaled(out, robot, _unit_of_each(out, robot, fitting[0][1]), f"by how far {robot.name} moved")
 
 
 def _unit_of_each(readings: Readings, robot: Robot, first: str) -> dict[str, str]:
@@ -287,10 +273,10 @@ def _with_length(readings: Readings, robot: Robot) -> Readings:
     unit = infer_length(robot, next(iter(readings.points.values())))
     if unit is None:
         raise FileError(readings.path, _unit_of_points([("", "mm"), ("", "m")]), line=1, column="x")
-    return _scaled(readings, dict.fromkeys(readings.points, unit), f"by the reach of {robot.name}")
+    return _scaled(readings, robot, dict.fromkeys(readings.points, unit), f"by the reach of {robot.name}")
 
 
-def _scaled(readings: Readings, units: Mapping[str, str], why: str) -> Readings:
+def _scaled(readings: Readings, robot: Robot, units: Mapping[str, str], why: str) -> Readings:
     """Readings whose positions are in a unit for each target, in metres.
 
     Raises:
@@ -299,24 +285,12 @@ def _scaled(readings: Readings, units: Mapping[str, str], why: str) -> Readings:
     several = len(set(units.values())) > 1
     if several and "" in readings.uncertainty.keys() - readings.uncertainty_stated:
         raise FileError(readings.path, "the unit of the uncertainty is not stated; name its column u_mm", line=1)
-    scale = {name: LENGTHS[unit] for name, unit in units.items()}
-    points = {name: values * scale[name] for name, values in readings.points.items()}
-    by_case = {name.casefold(): factor for name, factor in scale.items()}
     each = (
         ", ".join(f"{name} in {unit}" for name, unit in units.items())
         if several
         else f"in {next(iter(units.values()))}"
     )
-    out = replace(
-        readings,
-        points=points,
-        uncertainty={
-            name: values
-            * (1.0 if name in readings.uncertainty_stated else by_case.get(name, next(iter(scale.values()))))
-            for name, values in readings.uncertainty.items()
-        },
-        length_unit_stated=True,
-    ).noted(f"positions without a unit are read {each}, {why}")
+    out = readings.converted(robot, None, units).noted(f"positions without a unit are read {each}, {why}")
     refuse_far(out)
     return out
 

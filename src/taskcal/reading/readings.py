@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from taskcal.errors import Faults, FileError, shown
 from taskcal.geometry import se3
@@ -82,27 +82,15 @@ MAX_STILL_RANGE = 1e-3
 """Range of an axis, at most, that stands still, in any unit. A convention: what an encoder flickers."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class JointColumns:
-    """The joints of a table's rows."""
-
-    columns: tuple[str, ...] = ()
-    """As the file names them, one for each joint."""
-    values: Float[np.ndarray, "rows joints"] | None = None
-    """Radians and metres where units are stated; as in the file where none is. None without joints."""
-    unit_stated: bool = True
-    """False where no joint that turns has a unit."""
-
-
-def joint_columns(measured: MeasuredTable) -> JointColumns:
-    """The joints of a table's rows.
+def joints_of(measured: MeasuredTable) -> dict[str, Any]:
+    """Fields of `Readings` on the joints of a table's rows; none where it has no column of a joint.
 
     Raises:
         FileError: a joint has no column, or two, or a joint too many, only some have a unit, or a cell is not a number.
     """
     table, robot, at = measured.table, measured.robot, measured.by_joint("joint")
     if not at:
-        return JointColumns()
+        return {}
     for j in range(len(robot.joints)):
         if j not in at:
             raise table.header_error(no_joint(robot, j))
@@ -121,21 +109,21 @@ def joint_columns(measured: MeasuredTable) -> JointColumns:
             )
     columns = tuple(at[j][0] for j in range(len(at)))
     values = _together(table, columns, remedy=LEAVE_OUT)
-    return JointColumns(columns=columns, values=values * scale, unit_stated=any(turning) or not turning)
+    return {"q": values * scale, "joint_columns": columns, "joint_unit_stated": any(turning) or not turning}
 
 
 def read_joints(table: Table, robot: Robot) -> Float[np.ndarray, "rows joints"] | None:
     """The joints of a table's rows, radians and metres; None where it has no column of a joint.
 
     Raises:
-        FileError: as of `joint_columns`, or no unit is stated.
+        FileError: as of `joints_of`, or no unit is stated.
     """
     known = tuple(meanings(table.header, [""] * len(table.header), robot.joint_names))
-    joints = joint_columns(MeasuredTable(table=table, known=known, robot=robot))
-    if not joints.unit_stated:
-        name = joints.columns[int(np.argmin(robot.prismatic))]
+    found = joints_of(MeasuredTable(table=table, known=known, robot=robot))
+    if not found.get("joint_unit_stated", True):
+        name = found["joint_columns"][int(np.argmin(robot.prismatic))]
         raise table.header_error(f"the unit is not stated; name the column {name}_deg or {name}_rad", name)
-    return joints.values
+    return found.get("q")
 
 
 def no_joint(robot: Robot, j: int) -> str:
@@ -232,36 +220,35 @@ class OpenAngles:
         return replace(self, meanings={form: function(R) for form, R in self.meanings.items()})
 
 
-Rotations = tuple[dict[str, Float[np.ndarray, "rows 3 3"]], OpenAngles | None]
-"""The orientations of a table's rows by target, an empty name where their columns name none; and what may be open of them."""
-
-
-def rotations(
-    measured: MeasuredTable, needed: Mapping[str, Bool[np.ndarray, " rows"]], form: AngleForm | None = None
-) -> Rotations:
-    """The orientations of a table's rows.
+def rotations_of(
+    measured: MeasuredTable, points: Mapping[str, Float[np.ndarray, "rows 3"]], form: AngleForm | None = None
+) -> dict[str, Any]:
+    """Fields of `Readings` on the orientations of a table's rows, and on what is open of them.
 
     Args:
         measured: the cells.
-        needed: rows that must have one, by target in small letters, empty for any; the others may be empty.
+        points: positions by target, NaN where it was not seen: only rows with one must have an orientation.
         form: what three angles mean, where their names do not say.
 
     Raises:
         FileError: columns are lacking, or a cell is not what it must be.
     """
-    quaternions = measured.by_target("quaternion")
-    if quaternions:
+    seen = {name.casefold(): ~np.isnan(values[:, 0]) for name, values in points.items()}
+    needed = np.any(list(seen.values()), axis=0) if seen else np.ones(len(measured.table), dtype=bool)
+    if quaternions := measured.by_target("quaternion"):
         return {
-            next(iter(at.values()))[1].target: _of_quaternions(measured.table, at, needed.get(target, needed[""]))
-            for target, at in quaternions.items()
-        }, None
+            "rotations": {
+                next(iter(at.values()))[1].target: _of_quaternions(measured.table, at, seen.get(target, needed))
+                for target, at in quaternions.items()
+            }
+        }
     matrix = {meaning.index: name for name, meaning in measured.of("matrix")}
     if len(matrix) >= 9:
-        return {"": _of_matrices(measured.table, matrix, needed[""])}, None
+        return {"rotations": {"": _of_matrices(measured.table, matrix, needed)}}
     angles = {meaning.index: (name, meaning) for name, meaning in measured.of("euler")}
     if angles and form != "none":
-        return _of_angles(measured.table, [angles[i][0] for i in range(3)], angles[0][1], needed[""], form)
-    return {}, None
+        return _of_angles(measured.table, [angles[i][0] for i in range(3)], angles[0][1], needed, form)
+    return {}
 
 
 def _of_quaternions(table: Table, at: Mapping[int, tuple[str, Meaning]], needed: np.ndarray) -> np.ndarray:
@@ -295,12 +282,12 @@ def _of_matrices(table: Table, at: Mapping[int, str], needed: np.ndarray) -> np.
 
 def _of_angles(
     table: Table, names: Sequence[str], first: Meaning, needed: np.ndarray, form: AngleForm | None
-) -> Rotations:
+) -> dict[str, Any]:
     cells = table.side_by_side(names, empty=True)
     table.refuse_empty(cells, names, needed, "a pose needs all three angles")
     cells[~needed] = 0.0
     if form is not None or first.form == "rotvec":
-        return {"": _turned(cells, *_stated(first, form))}, None
+        return {"rotations": {"": _turned(cells, *_stated(first, form))}}
     unit = first.unit or {"abc": "deg", "wpr": "deg"}.get(first.form)
     largest = np.abs(cells).max(initial=0.0)
     if first.unit is None and unit is not None and 0.0 < largest <= np.pi:
@@ -317,7 +304,7 @@ def _of_angles(
     }
     assumed = None if first.form == "rxyz" or unit is None else next(iter(meant))
     open_angles = OpenAngles(columns=" ".join(names), assumed=assumed, meanings=meant)
-    return {} if assumed is None else {"": meant[assumed]}, open_angles
+    return {"open_angles": open_angles, "rotations": {} if assumed is None else {"": meant[assumed]}}
 
 
 def _turned(cells: Float[np.ndarray, "rows 3"], what: str, unit: str) -> Float[np.ndarray, "rows 3 3"]:
@@ -543,29 +530,8 @@ _OFF = re.compile(
 """Names of how far the robot was off."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TargetColumns:
-    """The positions of a table's rows."""
-
-    points: dict[str, Float[np.ndarray, "rows 3"]] = field(default_factory=dict[str, np.ndarray])
-    """By target, ``tool`` where the file names none; NaN for a lost beam. Metres, or as in the file where no unit is stated."""
-    uncertainty: dict[str, Float[np.ndarray, " rows"]] = field(default_factory=dict[str, np.ndarray])
-    """Standard uncertainty per axis, by the target whose it is, empty for all; units as of the points, or metres."""
-    uncertainty_stated: frozenset[str] = frozenset()
-    """Those of them that are in metres, whatever the points are in."""
-    unit_stated: bool = True
-    """False where no position has a unit."""
-    notes: tuple[str, ...] = ()
-    """What was decided on the way."""
-
-    def needed(self, rows: int) -> dict[str, Bool[np.ndarray, " rows"]]:
-        """Rows with a position, which need a rotation too: by target in small letters, and of any."""
-        seen = {name.casefold(): ~np.isnan(points[:, 0]) for name, points in self.points.items()}
-        return {**seen, "": np.any(list(seen.values()), axis=0) if seen else np.ones(rows, dtype=bool)}
-
-
-def target_columns(measured: MeasuredTable) -> TargetColumns:
-    """The positions of a table's rows, and how sure they are.
+def targets_of(measured: MeasuredTable) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Fields of `Readings` on the positions of a table's rows and how sure they are, and notes of what was decided on the way.
 
     Raises:
         FileError: an axis is lacking or given twice, only some have a unit, or a cell is not what it must be.
@@ -611,13 +577,13 @@ def target_columns(measured: MeasuredTable) -> TargetColumns:
     invalid, said = rows_not_valid(table) if points else ([], ())
     for values in points.values():
         values[invalid] = np.nan
-    return TargetColumns(
-        points=points,
-        uncertainty=uncertainty,
-        uncertainty_stated=in_metres,
-        unit_stated=stated != {False},
-        notes=(*notes, *said),
-    )
+    fields = {
+        "points": points,
+        "length_unit_stated": stated != {False},
+        "uncertainty": uncertainty,
+        "uncertainty_stated": in_metres,
+    }
+    return fields, (*notes, *said)
 
 
 def _refuse_goals(measured: MeasuredTable, places: Mapping[str, object]) -> None:
@@ -923,45 +889,48 @@ class Readings:
     """The rows of one file, or of two whose rows were paired."""
 
     path: Path
-    ids: tuple[str, ...] | None
-    """As the file names its rows, repeated where it repeats them; None where it does not."""
-    groups: tuple[str, ...] | None
-    """Of points that have names of their own in each; None where the file states none, or one throughout."""
     lines: Int[np.ndarray, " n"]
     """Of the file, from 1."""
-    q: Float[np.ndarray, "n joints"] | None
-    """Radians and metres; where `joint_unit_stated` is false, as in the file."""
-    joint_unit_stated: bool
-    joint_columns: tuple[str, ...]
-    """As the file names them."""
-    points: Mapping[str, Float[np.ndarray, "n 3"]]
-    """By target, metres; where `length_unit_stated` is false, as in the file. NaN for a lost beam."""
-    length_unit_stated: bool
-    uncertainty: Mapping[str, Float[np.ndarray, " n"]]
-    """By target in small letters, empty for all; as the points."""
-    uncertainty_stated: frozenset[str]
+    ids: tuple[str, ...] | None = None
+    """As the file names its rows, repeated where it repeats them; None where it does not."""
+    groups: tuple[str, ...] | None = None
+    """Of points that have names of their own in each; None where the file states none, or one throughout."""
+    q: Float[np.ndarray, "n joints"] | None = None
+    """Radians and metres; where `joint_unit_stated` is false, as in the file. None without joints."""
+    joint_unit_stated: bool = True
+    """False where no joint that turns has a unit."""
+    joint_columns: tuple[str, ...] = ()
+    """As the file names them, one for each joint."""
+    points: Mapping[str, Float[np.ndarray, "n 3"]] = field(default_factory=dict[str, np.ndarray])
+    """By target, ``tool`` where the file names none, metres; where `length_unit_stated` is false, as in the file. NaN for a lost
+    beam."""
+    length_unit_stated: bool = True
+    """False where no position has a unit."""
+    uncertainty: Mapping[str, Float[np.ndarray, " n"]] = field(default_factory=dict[str, np.ndarray])
+    """Standard uncertainty per axis, by target in small letters, empty for all; as the points."""
+    uncertainty_stated: frozenset[str] = frozenset()
     """Those of them that are in metres, whatever the points are in."""
-    rotations: Mapping[str, Float[np.ndarray, "n 3 3"]]
+    rotations: Mapping[str, Float[np.ndarray, "n 3 3"]] = field(default_factory=dict[str, np.ndarray])
     """By target, an empty name where their columns name none."""
-    open_angles: OpenAngles | None
+    open_angles: OpenAngles | None = None
     """Where it is open what three angles mean."""
-    temperature: Float[np.ndarray, " n"] | None
+    temperature: Float[np.ndarray, " n"] | None = None
     """°C."""
-    time: Float[np.ndarray, " n"] | None
+    time: Float[np.ndarray, " n"] | None = None
     """Seconds."""
-    approach: Float[np.ndarray, "n joints"] | None
+    approach: Float[np.ndarray, "n joints"] | None = None
     """1, −1, or 0 where it is unknown."""
-    move: Float[np.ndarray, "n joints"] | None
+    move: Float[np.ndarray, "n joints"] | None = None
     """Radians and metres."""
-    targets_by_row: tuple[str, ...] | None
+    targets_by_row: tuple[str, ...] | None = None
     """Whose position each row holds, where a column says."""
-    observed: ObservedColumns | None
+    observed: ObservedColumns | None = None
     """Columns of kinds of observation that need no tracker; None where there are none."""
-    preamble: tuple[str, ...]
+    preamble: tuple[str, ...] = ()
     """Lines above the table and comments."""
-    left_lengths: tuple[str, ...]
+    left_lengths: tuple[str, ...] = ()
     """Columns of lengths that were left out and vary by more than `MIN_RANGE_M`."""
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
     """What was decided on the way."""
 
     def __len__(self) -> int:
@@ -970,6 +939,28 @@ class Readings:
     def noted(self, *notes: str) -> "Readings":
         """The readings with more notes."""
         return replace(self, notes=(*self.notes, *notes))
+
+    def converted(self, robot: Robot, angle: str | None, lengths: Mapping[str, str]) -> "Readings":
+        """With joints that turn in radians from a unit, and positions in metres from one for each target, where these are given.
+
+        An uncertainty is as its target; one of all targets as the first.
+        """
+        scale = {name.casefold(): LENGTHS[unit] for name, unit in lengths.items()}
+        first = next(iter(scale.values()), 1.0)
+        q = self.q
+        if angle is not None and q is not None:
+            q = np.where(robot.prismatic, q, q * ANGLES[angle])
+        return replace(
+            self,
+            q=q,
+            joint_unit_stated=self.joint_unit_stated or angle is not None,
+            points={name: values * scale.get(name.casefold(), 1.0) for name, values in self.points.items()},
+            length_unit_stated=self.length_unit_stated or bool(lengths),
+            uncertainty={
+                name: values * (1.0 if name in self.uncertainty_stated else scale.get(name, first))
+                for name, values in self.uncertainty.items()
+            },
+        )
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Readings":
         """Some of the rows."""
@@ -1021,21 +1012,21 @@ def read_readings(
             with faults.collecting():
                 message = f"the name states {units[0]}, the row of units {units[1]}; mend one of them"
                 raise table.header_error(message, name)
-    joints, targets, ids = JointColumns(), TargetColumns(), None
-    turned, open_angles = dict[str, np.ndarray](), None
-    temperature = time = approach = move = None
+    found: dict[str, Any] = {}
+    notes: tuple[str, ...] = ()
     with faults.collecting():
-        joints = joint_columns(measured)
+        found |= joints_of(measured)
     with faults.collecting():
-        targets = target_columns(measured)
+        targets, notes = targets_of(measured)
+        found |= targets
     with faults.collecting():
-        turned, open_angles = rotations(measured, targets.needed(len(table)), angles)
+        found |= rotations_of(measured, found.get("points", {}), angles)
     with faults.collecting():
-        ids = _ids(measured)
+        found["ids"] = _ids(measured)
     with faults.collecting():
-        temperature, time = _temperature(measured), _time(measured)
+        found |= {"temperature": _temperature(measured), "time": _time(measured)}
     with faults.collecting():
-        approach, move = _approaches(measured), _moves(measured)
+        found |= {"approach": _approaches(measured), "move": _moves(measured)}
     for refuse in (_refuse_nearly_known, refuse_other_axes, _refuse_unlabelled):
         with faults.collecting():
             refuse(measured)
@@ -1043,36 +1034,23 @@ def read_readings(
     if not len(table):
         raise FileError(table.path, "has no measurements below its header")
     groups, observed = _groups(measured), _observed(measured)
-    if ids is None and groups is not None:
+    if found["ids"] is None:
         # of a group in which targets have names, or the rows none
-        ids, groups = groups, None
-    if joints.values is None and not any(np.isfinite(points).any() for points in targets.points.values()):
+        found["ids"], groups = groups, None
+    if "q" not in found and not any(np.isfinite(points).any() for points in found["points"].values()):
         _refuse_nothing_measured(measured, observed)
     named = measured.of("target")
     left_numbers, left_texts, left_lengths = _left_out(measured)
     return Readings(
         path=table.path,
-        ids=ids,
-        groups=groups,
         lines=np.array(table.lines, dtype=np.int64),
-        q=joints.values,
-        joint_unit_stated=joints.unit_stated,
-        joint_columns=joints.columns,
-        points=targets.points,
-        length_unit_stated=targets.unit_stated,
-        uncertainty=targets.uncertainty,
-        uncertainty_stated=targets.uncertainty_stated,
-        rotations=turned,
-        open_angles=open_angles,
-        temperature=temperature,
-        time=time,
-        approach=approach,
-        move=move,
+        groups=groups,
         targets_by_row=tuple(table.texts(named[0][0])) if named else None,
         observed=observed,
         preamble=table.preamble,
         left_lengths=left_lengths,
-        notes=(*left_numbers, *table.notes, *targets.notes, *left_texts),
+        notes=(*left_numbers, *table.notes, *notes, *left_texts),
+        **found,
     )
 
 

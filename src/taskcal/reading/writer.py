@@ -11,9 +11,13 @@ from jaxtyping import Float
 from taskcal.campaigns.campaign import Campaign
 from taskcal.geometry import se3
 from taskcal.io.files import write_whole
+from taskcal.observations.base import written
 from taskcal.reading.readings import Readings
 from taskcal.robot.robot import Robot
 from taskcal.tables.parquet import parquet_of
+
+Columns = dict[str, list[str]]
+"""Cells as text, by the names of their columns."""
 
 
 def write_campaign(path: str | Path, campaign: Campaign, robot: Robot) -> None:
@@ -34,41 +38,26 @@ def write_campaign(path: str | Path, campaign: Campaign, robot: Robot) -> None:
 
 def campaign_text(campaign: Campaign, robot: Robot) -> str:
     """Text of the file that `write_campaign` writes."""
-    header, columns = _joint_columns(campaign.q, robot)
+    columns: Columns = {"id": list(campaign.ids), **_joint_columns(campaign.q, robot)}
     for t, name in enumerate(campaign.targets):
-        prefix = "" if name == "tool" else f"{name}_"
         own = campaign.observations[t].cells(campaign.read(t)) if campaign.observations else None
-        for column, texts in (own or {}).items():
-            header.append(column)
-            columns.append(texts)
-        for axis in range(3) if own is None else ():
-            header.append(f"{prefix}{'xyz'[axis]}_mm")
-            columns.append(_texts(campaign.points[:, t, axis] * 1e3, 6))
+        columns |= _position(_prefix(name), campaign.points[:, t]) if own is None else own
         if campaign.uncertainty is not None:
-            header.append(f"{prefix}u_mm")
-            columns.append(_texts(campaign.uncertainty[:, t] * 1e3, 6))
+            columns[f"{_prefix(name)}u_mm"] = written(campaign.uncertainty[:, t] * 1e3)
     if campaign.rotations is not None and all(one.in_tracker for one in campaign.observations if one.width == 6):
-        quaternion = se3.to_quaternion(campaign.rotations)
-        for k, name in enumerate(("qx", "qy", "qz", "qw")):
-            header.append(name)
-            columns.append(_texts(quaternion[:, k], 10))
+        columns |= _quaternion("", campaign.rotations)
     for name, points in campaign.reference_points.items():
-        for axis in range(3):
-            header.append(f"{name}_{'xyz'[axis]}_mm")
-            columns.append(_texts(points[:, axis] * 1e3, 6))
+        columns |= _position(f"{name}_", points)
     if campaign.temperature is not None:
-        header.append("temp_C")
-        columns.append(_texts(campaign.temperature, 3))
+        columns["temp_C"] = written(campaign.temperature, 3)
     if campaign.time is not None:
-        header.append("time_s")
-        columns.append(_texts(campaign.time, 3))
+        columns["time_s"] = written(campaign.time, 3)
     if campaign.approach is not None:
-        header += [f"{name}_approach" for name in robot.joint_names]
-        columns += [_texts(campaign.approach[:, j], 0) for j in range(len(robot.joints))]
+        ways = zip(robot.joint_names, campaign.approach.T, strict=True)
+        columns |= {f"{name}_approach": written(way, 0) for name, way in ways}
     if campaign.move is not None:
-        more, moved = _joint_columns(campaign.move, robot, "_move")
-        header, columns = header + more, columns + moved
-    return _table(["id", *header], [list(campaign.ids), *columns])
+        columns |= _joint_columns(campaign.move, robot, "_move")
+    return _table(columns)
 
 
 def as_parquet(text: str) -> bytes:
@@ -88,28 +77,19 @@ def readings_text(readings: Readings, robot: Robot) -> str:
         readings: in radians and metres.
         robot: whose joints they are.
     """
-    header: list[str] = []
-    columns: list[list[str]] = []
-    if readings.q is not None:
-        header, columns = _joint_columns(readings.q, robot)
-    for name, points in readings.points.items():
-        prefix = "" if name == "tool" else f"{name}_"
-        for axis in range(3):
-            header.append(f"{prefix}{'xyz'[axis]}_mm")
-            columns.append(_texts(points[:, axis] * 1e3, 6))
-    for name, uncertainty in readings.uncertainty.items():
-        header.append(f"{name}_u_mm" if name else "u_mm")
-        columns.append(_texts(uncertainty * 1e3, 6))
-    for name, rotations in readings.rotations.items():
-        prefix = f"{name}_" if name and len(readings.points) > 1 else ""
-        quaternion = se3.to_quaternion(rotations)
-        header += [f"{prefix}q{part}" for part in "xyzw"]
-        columns += [_texts(quaternion[:, k], 10) for k in range(4)]
-    if readings.observed is not None:
-        header += list(readings.observed.headers.values())
-        columns += [list(texts) for texts in readings.observed.cells.values()]
     ids = readings.ids or tuple(str(number) for number in range(1, len(readings) + 1))
-    return _table(["id", *header], [list(ids), *columns])
+    columns: Columns = {"id": list(ids)}
+    if readings.q is not None:
+        columns |= _joint_columns(readings.q, robot)
+    for name, points in readings.points.items():
+        columns |= _position(_prefix(name), points)
+    for name, uncertainty in readings.uncertainty.items():
+        columns[f"{name}_u_mm" if name else "u_mm"] = written(uncertainty * 1e3)
+    for name, rotations in readings.rotations.items():
+        columns |= _quaternion(f"{name}_" if name and len(readings.points) > 1 else "", rotations)
+    if (observed := readings.observed) is not None:
+        columns |= {observed.headers[name]: list(texts) for name, texts in observed.cells.items()}
+    return _table(columns)
 
 
 def write_joints(path: str | Path, q: Float[np.ndarray, "n joints"], robot: Robot) -> None:
@@ -123,27 +103,35 @@ def write_joints(path: str | Path, q: Float[np.ndarray, "n joints"], robot: Robo
 
 def joints_text(q: Float[np.ndarray, "n joints"], robot: Robot, more: Mapping[str, Sequence[str]] | None = None) -> str:
     """Text of the file that `write_joints` writes, with more columns after the joints."""
-    header, columns = _joint_columns(q, robot)
-    own = more or {}
-    return _table(["id", *header, *own], [[str(i) for i in range(len(q))], *columns, *map(list, own.values())])
+    ids = [str(i) for i in range(len(q))]
+    own = {name: list(cells) for name, cells in (more or {}).items()}
+    return _table({"id": ids, **_joint_columns(q, robot), **own})
 
 
-def _joint_columns(q: np.ndarray, robot: Robot, kind: str = "") -> tuple[list[str], list[list[str]]]:
-    header = [
-        f"{name}{kind}_{'mm' if slides else 'deg'}"
-        for name, slides in zip(robot.joint_names, robot.prismatic, strict=True)
-    ]
-    scale = np.where(robot.prismatic, 1e3, 180 / np.pi)
-    return header, [_texts(q[:, j] * scale[j], 9) for j in range(q.shape[1])]
+def _prefix(target: str) -> str:
+    return "" if target == "tool" else f"{target}_"
 
 
-def _texts(values: np.ndarray, decimals: int) -> list[str]:
-    return ["" if np.isnan(v) else f"{v:.{decimals}f}" for v in values]
+def _joint_columns(q: np.ndarray, robot: Robot, kind: str = "") -> Columns:
+    units = [("mm", 1e3) if slides else ("deg", 180 / np.pi) for slides in robot.prismatic]
+    return {
+        f"{name}{kind}_{unit}": written(values * scale, 9)
+        for name, (unit, scale), values in zip(robot.joint_names, units, q.T, strict=True)
+    }
 
 
-def _table(header: list[str], columns: list[list[str]]) -> str:
+def _position(prefix: str, points: Float[np.ndarray, "n 3"]) -> Columns:
+    return {f"{prefix}{axis}_mm": written(points[:, k] * 1e3) for k, axis in enumerate("xyz")}
+
+
+def _quaternion(prefix: str, rotations: Float[np.ndarray, "n 3 3"]) -> Columns:
+    quaternion = se3.to_quaternion(rotations)
+    return {f"{prefix}q{part}": written(quaternion[:, k], 10) for k, part in enumerate("xyzw")}
+
+
+def _table(columns: Columns) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(zip(*columns, strict=True))
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
     return out.getvalue()
