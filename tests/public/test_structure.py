@@ -26,7 +26,6 @@ ONE_IMPORTER = {
         "taskcal.identification.group_search",
         "taskcal.planning.experiment",
         "taskcal.reading.inference",
-        "taskcal.reading.rows",
         "taskcal.studio.server",
     },
     "one of many alike, which a table names": {
