@@ -76,8 +76,8 @@ settings.register_profile("quick", settings.get_profile("ci"), max_examples=5)
 settings.register_profile("thorough", settings.get_profile("ci"), derandomize=False, max_examples=1000)
 settings.load_profile("ci")
 
-FEW = 1
-"""Functions of a file whose first cases make the quick choice: one of each, for it has to end within a minute on two cores."""
+QUICK_FUNCTIONS_PER_FILE = 1
+"""Functions of a file whose first cases `make test-quick` runs, which has to end within a minute on two cores."""
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -88,7 +88,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if any(item.get_closest_marker(name) for name in ("slow", "long", "realdata")):
             continue
         function = item.nodeid.partition("[")[0]
-        if function not in chosen[item.path] and len(chosen[item.path]) < FEW:
+        if function not in chosen[item.path] and len(chosen[item.path]) < QUICK_FUNCTIONS_PER_FILE:
             chosen[item.path].add(function)
             item.add_marker("quick")
 

@@ -75,7 +75,7 @@ def test_errors_of_a_line_are_those_across_it_in_any_frame(seed):
 def test_path_repeatability_of_normal_noise_is_rayleigh():
     """Only what lies in the normal plane counts: two coordinates, not three."""
     rng = np.random.default_rng(0)
-    passes = LINE + np.r_["-1", np.zeros((3_000, 11, 1)), 1e-4 * rng.normal(size=(3_000, 11, 2))]
+    passes = LINE + np.r_["-1", np.zeros((1_500, 11, 1)), 1e-4 * rng.normal(size=(1_500, 11, 2))]
     found = assess_path(LINE, passes)
     expected = 1e-4 * (np.sqrt(np.pi / 2) + 3 * np.sqrt(2 - np.pi / 2))
     np.testing.assert_allclose(found.repeatability_along, expected, rtol=0.06)

@@ -6,7 +6,7 @@ from scipy.stats import multivariate_normal
 
 from taskcal.campaigns.drift import smooth
 
-FAR = 100.0
+DIFFUSE_DEVIATION = 100.0
 
 
 def draw(rng, n, step, white, noise):
@@ -19,7 +19,7 @@ def draw(rng, n, step, white, noise):
 def prior(n, step, white):
     """Covariance of the course, whose first row may be anywhere."""
     rows = np.arange(n)
-    return FAR**2 + step**2 * np.minimum.outer(rows, rows) + white**2 * np.eye(n)
+    return DIFFUSE_DEVIATION**2 + step**2 * np.minimum.outer(rows, rows) + white**2 * np.eye(n)
 
 
 @pytest.mark.parametrize("seed", range(3))

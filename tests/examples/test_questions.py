@@ -7,7 +7,7 @@ import pytest
 
 GUIDES = Path(__file__).parents[2] / "docs" / "how-to"
 NUMBER = r"\d+(?:\.\d+)?"
-FEW = 1
+ROBOTS = 1
 """Robots, in place of the pages' ten or twenty: what they show is then right within a factor of two."""
 
 
@@ -36,7 +36,7 @@ def printed(tmp_path, monkeypatch, capsys):
             (tmp_path / f"{name}.toml").write_text(text, encoding="utf-8")
         monkeypatch.chdir(tmp_path)
         (block,) = blocks(page, "python")
-        fewer, replaced = re.subn(r"for seed in range\(\d+\)", f"for seed in range({FEW})", block)
+        fewer, replaced = re.subn(r"for seed in range\(\d+\)", f"for seed in range({ROBOTS})", block)
         assert replaced == 1
         exec(compile(fewer, page, "exec"), {"__name__": page})
         return capsys.readouterr().out.splitlines()

@@ -20,14 +20,14 @@ from tests.faults.kills import digests
 from tests.faults.uncovered import uncovered_environment
 from tests.reading.known_campaign import ROBOT
 
-ROOM = 50
+MAX_FILE_BYTES = 50
 """Bytes that a file may get; none that a command writes has fewer."""
 
 
 def _bounded() -> None:
     """As on a full disk, writing fails at some byte; a cache of compiled code that cannot be written costs time alone."""
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM, ROOM))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (MAX_FILE_BYTES, MAX_FILE_BYTES))
 
 
 def without_room(folder, line: str) -> subprocess.CompletedProcess[str]:
@@ -68,7 +68,7 @@ def test_bytecode_that_was_cut_off_is_named(tmp_path):
 
     assert run().returncode == 0
     (path,) = tmp_path.rglob("commands/robots*.pyc")
-    path.write_bytes(path.read_bytes()[:ROOM])
+    path.write_bytes(path.read_bytes()[:MAX_FILE_BYTES])
     ended = run()
     assert refused(ended, f"{path}: compiled Python file is truncated"), ended.stderr
     path.unlink()

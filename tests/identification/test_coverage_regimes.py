@@ -5,15 +5,18 @@ import pytest
 
 from tests.identification.coverage_regimes import REGIMES, covered
 
-FEW = "15 poses", "5 % wrong by 5 mm, left out", "right, Cauchy"
+SAMPLED_REGIMES = "15 poses", "5 % wrong by 5 mm, left out", "right, Cauchy"
 
-MANY = dict.fromkeys(REGIMES, 40) | {"10 % wrong by 0.15 mm, Huber": 100}
+ROBOTS = dict.fromkeys(REGIMES, 40) | {"10 % wrong by 0.15 mm, Huber": 100}
 """Robots of each; more where regions are wider than they need be, and the share is near the bound."""
 
 
 @pytest.mark.parametrize(
     ("name", "robots"),
-    [*((name, 5) for name in FEW), *(pytest.param(*many, marks=pytest.mark.long) for many in MANY.items())],
+    [
+        *((name, 5) for name in SAMPLED_REGIMES),
+        *(pytest.param(*many, marks=pytest.mark.long) for many in ROBOTS.items()),
+    ],
 )
 def test_intervals_hold_in_every_regime(name: str, robots: int) -> None:
     share = np.mean([covered(REGIMES[name], seed)[0] for seed in range(robots)])

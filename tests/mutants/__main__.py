@@ -31,7 +31,7 @@ CORE = ("kernels/*.py", "geometry/*.py", "analysis/*.py", "estimation/*.py", "id
 WORKERS = 2
 LONGEST = 90.0
 """Seconds that the tests of one mistake take together, without the mistake; four times that at a second look."""
-PATIENCE = 420.0
+MAX_SECONDS = 420.0
 """Seconds after which a mistake has stopped the tests from ending, which is noticing it, too."""
 
 
@@ -108,7 +108,7 @@ def failing(python: str, folder: Path, tests: Sequence[str], *, first_only: bool
     # bytecode of a moment ago would be taken for that of a file that was changed since
     own = {"PYTHONPATH": f"{folder / 'src'}{os.pathsep}{folder}", "PYTHONDONTWRITEBYTECODE": "1"}
     own |= {"NUMBA_CACHE_DIR": str(folder / "kernels")}
-    ended = run_to_the_end(command, folder, os.environ | own, PATIENCE if first_only else None)
+    ended = run_to_the_end(command, folder, os.environ | own, MAX_SECONDS if first_only else None)
     if ended is None:
         return ["no end"]
     status, output = ended

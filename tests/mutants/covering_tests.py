@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 from coverage import CoverageData
 
-LEAST = 0.005
+MIN_SECONDS = 0.005
 """Seconds that a test takes of which nothing else is known."""
 
 
@@ -50,14 +50,14 @@ class CoveringTests:
         rest = sorted(tests.difference(own, near))
         chosen: list[str] = []
         for part in (own, near, rest):
-            left = longest - sum(self.seconds.get(test, LEAST) for test in chosen)
+            left = longest - sum(self.seconds.get(test, MIN_SECONDS) for test in chosen)
             chosen += self._quick(_in_turns(sorted(part)), left)
         return chosen
 
     def _quick(self, tests: Iterable[str], longest: float) -> list[str]:
         out: list[str] = []
         for test in tests:
-            longest -= self.seconds.get(test, LEAST)
+            longest -= self.seconds.get(test, MIN_SECONDS)
             if longest < 0:
                 break
             out.append(test)

@@ -11,7 +11,7 @@ import pytest
 import taskcal as tc
 from robot_programs.core.program import Program
 
-MOST = 400
+MAX_CHARACTERS = 400
 NAMESPACES = ["taskcal", *(f"taskcal.{name}" for name in set(dir(tc)) - set(tc.__all__) - {"__version__"})]
 TYPES = sorted(
     {
@@ -91,7 +91,7 @@ def test_every_result_is_shown_in_a_line_or_two(results: dict[str, Any]) -> None
     for name, result in results.items():
         text = repr(result)
         assert text.startswith(type(result).__name__), name
-        assert len(text) < MOST, (name, text)
+        assert len(text) < MAX_CHARACTERS, (name, text)
         assert "array(" not in text, (name, text)
         assert " object at 0x" not in text, (name, text)
 

@@ -14,10 +14,10 @@ from pathlib import Path
 
 from taskcal.errors import TaskcalError
 
-WAITED = 10
+MAX_CLOCK_RATIO = 10
 """Times the seconds of computing that a process may take; after them by the clock it is ended that does not even compute."""
 
-BEYOND = 3 * 10**9
+EXTRA_MEMORY_BYTES = 3 * 10**9
 """Bytes of address space beyond what the process has already, so that a failure does not take the machine with it."""
 
 
@@ -52,7 +52,7 @@ def in_own_process(read: Callable[[], object], given_up: int) -> Outcome:
         _report(read, given_up, sending)
     sending.close()
     try:
-        if not receiving.poll(WAITED * given_up):
+        if not receiving.poll(MAX_CLOCK_RATIO * given_up):
             os.kill(child, signal.SIGKILL)
         said, taskcal, seconds, megabytes = receiving.recv()
     except EOFError:
@@ -63,7 +63,7 @@ def in_own_process(read: Callable[[], object], given_up: int) -> Outcome:
 
 def _report(read: Callable[[], object], given_up: int, sending: multiprocessing.connection.Connection) -> None:
     """Read, tell the other process, and end without what Python does at its end."""
-    bound = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize() + BEYOND
+    bound = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize() + EXTRA_MEMORY_BYTES
     resource.setrlimit(resource.RLIMIT_AS, (bound, bound))
     resource.setrlimit(resource.RLIMIT_CPU, (given_up, given_up))
     warnings.simplefilter("error")

@@ -114,7 +114,7 @@ TEN = (pytest.mark.long,)
 @pytest.mark.parametrize(
     ("name", "rows", "splits", "bound_mm"),
     [
-        pytest.param("ur5", 60, 3, 0.073, id="ur5, 60 rows"),
+        pytest.param("ur5", 60, 1, 0.073, id="ur5, 60 rows"),
         pytest.param("ur5", 60, 10, 0.071, id="ur5, 60 rows, ten splits", marks=TEN),
         pytest.param("ur5", 700, 1, 0.047, id="ur5, 700 rows", marks=TEN),
         pytest.param("abb-irb120", 60, 2, 0.305, id="irb120, 60 rows", marks=TEN),

@@ -7,10 +7,10 @@ from tests.robot_programs.shares import programs, share_of
 
 pytestmark = pytest.mark.realdata
 
-LEAST = {"RAPID": 0.945, "KRL": 0.44, "APT": 0.99}
+MIN_SHARES = {"RAPID": 0.945, "KRL": 0.44, "APT": 0.99}
 """Shares of their motions that are understood; the rest is computed at run time, or needs files that are not there."""
 
-SOME = "rapid-toolpath-viewer", "BPF2PLTZPK2", "KONTUR"
+SAMPLED_PROGRAMS = "rapid-toolpath-viewer", "BPF2PLTZPK2", "KONTUR"
 
 
 def read(folder, chosen):
@@ -27,8 +27,8 @@ def read(folder, chosen):
 
 
 def test_some_programs_are_read_and_keep_every_byte(data_folder):
-    totals = read(data_folder, lambda path: any(name in path for name in SOME))
-    assert totals.keys() == LEAST.keys()
+    totals = read(data_folder, lambda path: any(name in path for name in SAMPLED_PROGRAMS))
+    assert totals.keys() == MIN_SHARES.keys()
     assert all(understood > 0.25 * motions for motions, understood in totals.values())
     assert totals["APT"][1] > 0.95 * totals["APT"][0]
 
@@ -37,4 +37,4 @@ def test_some_programs_are_read_and_keep_every_byte(data_folder):
 def test_of_all_programs_as_much_is_understood_as_before(data_folder):
     totals = read(data_folder, lambda path: True)
     shares = {language: understood / motions for language, (motions, understood) in totals.items()}
-    assert all(shares[language] >= least for language, least in LEAST.items()), shares
+    assert all(shares[language] >= least for language, least in MIN_SHARES.items()), shares

@@ -192,7 +192,7 @@ def test_held_out_section_omits_many_parts(fitted, by):
 IRB6660 = ErrorModel(load_robot("abb-irb6660-205-1.9"))
 
 
-FAR = {"a": np.array([0.6, -0.7, 0.4]), "b": np.array([0.65, -0.7, 0.4]), "c": np.array([0.6, -0.6, 0.45])}
+FAR_TARGETS_M = {"a": np.array([0.6, -0.7, 0.4]), "b": np.array([0.65, -0.7, 0.4]), "c": np.array([0.6, -0.6, 0.45])}
 
 
 def fitted(q, targets):
@@ -223,20 +223,20 @@ def turning_axis(q):
 
 
 def test_no_warning_if_orientations_are_rich():
-    calibration = fitted(reach_task(IRB6660, reference_task(np.radians(20.0)), 40).q, {"a": FAR["a"]})
+    calibration = fitted(reach_task(IRB6660, reference_task(np.radians(20.0)), 40).q, {"a": FAR_TARGETS_M["a"]})
     assert said(calibration) == ("",)
-    assert calibration.T_tool_target[0, :3, 3] == pytest.approx(FAR["a"], abs=5e-3)
+    assert calibration.T_tool_target[0, :3, 3] == pytest.approx(FAR_TARGETS_M["a"], abs=5e-3)
 
 
 def test_unobservable_target_is_held_at_the_tool_point():
-    calibration = fitted(one_orientation(), {"a": FAR["a"]})
+    calibration = fitted(one_orientation(), {"a": FAR_TARGETS_M["a"]})
     assert said(calibration) == ("offset not identifiable from these poses; held at the tool point",)
     assert np.linalg.norm(calibration.T_tool_target[0, :3, 3]) < 1e-5
 
 
 def test_unobservable_direction_of_a_target_is_named():
     q = about_one_axis()
-    calibration = fitted(q, {"a": FAR["a"]})
+    calibration = fitted(q, {"a": FAR_TARGETS_M["a"]})
     (sentence,) = said(calibration)
     assert sentence.endswith("held at the tool point there")
     axis = turning_axis(q)
@@ -249,19 +249,19 @@ def test_unobservable_direction_of_a_target_is_named():
 
 
 def test_unobservable_mean_of_several_targets():
-    calibration = fitted(one_orientation(), FAR)
+    calibration = fitted(one_orientation(), FAR_TARGETS_M)
     (sentence,) = set(said(calibration))
     assert sentence == "common offset of all targets not identifiable from these poses; held at the tool point"
     places = calibration.T_tool_target[:, :3, 3]
     assert np.linalg.norm(places.mean(axis=0)) < 1e-5
-    expected = np.array(list(FAR.values()))
+    expected = np.array(list(FAR_TARGETS_M.values()))
     assert np.linalg.norm(places[1] - places[0]) == pytest.approx(np.linalg.norm(expected[1] - expected[0]), abs=5e-4)
 
 
 def test_page_names_unobservable_targets():
-    calibration = fitted(one_orientation(), FAR)
+    calibration = fitted(one_orientation(), FAR_TARGETS_M)
     page = calibration_page(calibration).html()
-    assert all(f"Target {name}: common offset of all targets not identifiable" in page for name in FAR)
+    assert all(f"Target {name}: common offset of all targets not identifiable" in page for name in FAR_TARGETS_M)
     assert ": offset not identifiable" not in page
 
 

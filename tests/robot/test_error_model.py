@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 
 from taskcal.demo.true_robot import elastic_model
 from taskcal.errors import ClosureError, UnknownName
@@ -32,6 +32,7 @@ def test_poses_are_the_product_with_error_frames(kind):
 
 @pytest.mark.parametrize("kind", ANY)
 def test_jacobian_is_the_derivative_of_the_poses(kind):
+    @settings(max_examples=12)
     @given(ANY[kind])
     def law(case):
         model = case.model

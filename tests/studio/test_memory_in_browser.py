@@ -20,7 +20,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.long]
 AWAY_S = 1.0
 """That pages wait for their browser here; half a minute in use, of which the pages of the last half-minute stay in memory."""
 
-ROUNDS = 4
+MEASURED_ROUNDS = 4
 """Through all pages; the first two fill what is kept on purpose, such as compiled kernels and the catalogue."""
 
 GROWTH_MB = 0.3
@@ -48,7 +48,7 @@ def pages_alive() -> int:
 def test_a_page_that_was_left_leaves_nothing_behind(chromium: Any, address: str) -> None:
     sizes: list[float] = []
     with open_tab(chromium, address) as tab:
-        for _ in range(ROUNDS):
+        for _ in range(MEASURED_ROUNDS):
             for step in ROAD:
                 page = tab.open(step.key)
                 sliders = page.locator("input[type=range]")
@@ -63,6 +63,6 @@ def test_a_page_that_was_left_leaves_nothing_behind(chromium: Any, address: str)
             assert pages_alive() == 0
             sizes.append(psutil.Process().memory_info().rss / 1e6)
         assert tab.complaints == []
-    growth = (sizes[-1] - sizes[1]) / ((ROUNDS - 2) * len(ROAD))
+    growth = (sizes[-1] - sizes[1]) / ((MEASURED_ROUNDS - 2) * len(ROAD))
     print(f"{growth:.3f} MB for each page; after each round:", [round(size, 1) for size in sizes])
     assert growth < GROWTH_MB
