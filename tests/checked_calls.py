@@ -21,7 +21,7 @@ import jaxtyping
 import numpy as np
 from beartype import BeartypeConf, beartype
 
-CALLS = 50
+CALLS = 30
 """Of one function that may be checked in one test, the first ones; more than the examples that Hypothesis draws."""
 
 REPEATED_CALLS = 5

@@ -42,7 +42,7 @@ def test_a_sound_campaign_of_poses_has_no_findings():
         ("abb-irb120", "points-in-metres", ""),
         ("ur5", "left-handed", ""),
         ("ur5", "rows-shifted", "+3"),
-        ("abb-irb120", "rows-shuffled", ""),
+        pytest.param("abb-irb120", "rows-shuffled", "", marks=pytest.mark.long),
         ("ur5", "drift", ""),
         pytest.param("abb-irb120", "points-in-other-unit", "inches as m", marks=pytest.mark.long),
         pytest.param("ur5", "target-slipped", "5 mm at 40%", marks=pytest.mark.long),
@@ -81,7 +81,7 @@ def test_mistakes_of_poses(mistake):
 @pytest.mark.slow
 def test_doctor_finds_two_mistakes_together():
     robot = load_robot("abb-irb120")
-    sound = virtual("abb-irb120")
+    sound = virtual("abb-irb120", rows=24)
     q = sound.q * np.array([1.0, -1.0, 1.0, 1.0, 1.0, 1.0]) + np.array([0.0, 0.0, 0.0, np.pi / 2, 0.0, 0.0])
     found = diagnose(replace(sound, q=q), robot)
     assert {(f.id, f.subject) for f in found.findings[:2]} == {("joint-sign", ("J2",)), ("joint-zero", ("J4",))}
@@ -138,12 +138,11 @@ def test_doctor_names_the_unit_and_the_column_of_inches():
     robot, sound = load_robot("kuka-kr16-2"), virtual("kuka-kr16-2", targets=3)
     points = sound.points.copy()
     points[:, 1] /= 25.4
-    for wrong, of in ((sound.points / 25.4, ("a", "b", "c")), (points, ("b",))):
-        found = diagnose(replace(sound, points=wrong), robot)
-        (first,) = found.findings
-        assert (first.id, first.subject) == ("points-in-other-unit", of)
-        assert "in inches, not millimetres: name their columns with _in instead of _mm, such as x_in" in first.fix
-        np.testing.assert_allclose(found.campaign.points, sound.points)
+    found = diagnose(replace(sound, points=points), robot)
+    (first,) = found.findings
+    assert (first.id, first.subject) == ("points-in-other-unit", ("b",))
+    assert "in inches, not millimetres: name their columns with _in instead of _mm, such as x_in" in first.fix
+    np.testing.assert_allclose(found.campaign.points, sound.points)
 
 
 def test_units_nearer_than_the_scatter_tells_are_not_exchanged(monkeypatch):

@@ -52,7 +52,16 @@ def held_out_mm(campaign: Campaign, name: str, effects: Sequence[Effect], count:
 @pytest.mark.parametrize(
     ("name", "count", "beside", "way", "bound_mm", "gain"),
     [
-        pytest.param("abb-irb120", 430, (EncoderGain(), Compliance()), Settling(), 0.295, 0.91, id="irb120, 430 rows"),
+        pytest.param(
+            "abb-irb120",
+            430,
+            (EncoderGain(), Compliance()),
+            Settling(),
+            0.295,
+            0.91,
+            id="irb120, 430 rows",
+            marks=pytest.mark.long,
+        ),
         pytest.param("abb-irb120", 60, (EncoderGain(), Compliance()), Settling(), 0.385, 0.93, id="irb120, 60 rows"),
         pytest.param(
             "abb-irb120", 430, (EncoderGain(), Compliance()), Overshoot(), 0.285, 0.87, id="irb120, overshoot"

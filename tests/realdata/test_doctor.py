@@ -71,7 +71,9 @@ def test_poses_of_one_orientation_are_registered_by_their_points(data_folder):
     assert [f.id for f in diagnose(whole.take(alike), robot).findings] == ["few-orientations"]
 
 
-@pytest.mark.parametrize(("name", "mistaken"), {"ur5": "mdh", "abb-irb120": "dh"}.items())
+@pytest.mark.parametrize(
+    ("name", "mistaken"), [("ur5", "mdh"), pytest.param("abb-irb120", "dh", marks=pytest.mark.long)]
+)
 def test_a_table_of_the_other_convention_is_found(data_folder, name, mistaken):
     (table,) = (data_folder / FOLDERS[name]).glob("nominal_*.csv")
     campaign = sixty_rows(data_folder, name, load_robot(name))
