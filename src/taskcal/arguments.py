@@ -63,6 +63,21 @@ def _with_article(kind: type) -> str:
     return f"{'an' if kind.__name__[0] in 'AEIOU' else 'a'} {kind.__name__}"
 
 
+def options_of(kind: type[Options], choices: Mapping[str, Any], what: str) -> Options:
+    """Options by keywords, those not named as in ``options``, or as by default.
+
+    Args:
+        kind: of the options, all of which have a default.
+        choices: values by name; ``options`` for all others at once.
+        what: the options are of, for the message, such as ``a plan``.
+
+    Raises:
+        TypeError: an option that does not exist; the message names all.
+    """
+    named = {name: value for name, value in choices.items() if name != "options"}
+    return with_choices(choices.get("options") or kind(), named, what)
+
+
 def with_choices(options: Options, choices: Mapping[str, Any], what: str) -> Options:
     """Frozen options with some of their values replaced by keywords.
 

@@ -10,7 +10,7 @@ from taskcal.errors import CampaignError, ReachError
 from taskcal.geometry import se3
 from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.identify import identify
-from taskcal.planning.selection import SUFFICIENT, select, selection_steps
+from taskcal.planning.selection import MAX_ERROR_RATIO, select, selection_steps
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, reach_task
@@ -32,7 +32,7 @@ def listed(model) -> Task:
 def test_the_chosen_model_is_the_smallest_that_suffices(model):
     chosen = select(model, reference_task(), model_error=0.0)
     full = chosen.ladder[0].expected
-    sizes = [nested.size for nested in chosen.ladder if nested.expected <= SUFFICIENT * full]
+    sizes = [nested.size for nested in chosen.ladder if nested.expected <= MAX_ERROR_RATIO * full]
     assert len(chosen.kept) == min(sizes) < 25
     assert set(chosen.kept) | set(chosen.dropped) == set(model.names)
     assert not set(chosen.kept) & set(chosen.dropped)

@@ -28,7 +28,7 @@ CASES = {"counts": (8,), "plans": ("random", "grid"), "models": ("all", "publish
 def _quickly_prepared():
     """Random plans are drawn from few poses, and the same poses are reached only once for all studies."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(studying, "POOL", 100)
+        patch.setattr(studying, "POOL_POSES", 100)
         for name in ("measuring_task", "reach_task"):
             patch.setattr(studying, name, cache(getattr(studying, name)))
         yield
@@ -243,6 +243,6 @@ def test_study_compares_instruments_after_frame_teaching(tmp_path):
 
 def test_a_row_says_how_many_poses_were_asked_for(model, task, monkeypatch):
     """Where fewer can be had, as of a small pool, the number stays what the table is sorted by."""
-    monkeypatch.setattr("taskcal.planning.study.POOL", 25)
+    monkeypatch.setattr("taskcal.planning.study.POOL_POSES", 25)
     made = study(model, task, robots=1, counts=(40,), plans=("random",), engine="sequential")
     assert [row["count"] for row in made.rows] == [40]

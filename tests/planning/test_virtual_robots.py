@@ -55,7 +55,7 @@ def test_simulated_robots_have_estimated_defects_and_pose_errors(calibration):
 @pytest.mark.parametrize("fitted", ["all", pytest.param("auto", marks=pytest.mark.long)])
 def test_study_states_gain_of_effects_for_calibrated_robot(calibration, monkeypatch, fitted):
     """A study states the gain of effects on simulated robots like the calibrated one."""
-    monkeypatch.setattr(studying, "POOL", 100)
+    monkeypatch.setattr(studying, "POOL_POSES", 100)
     q = np.random.default_rng(5).uniform(-1.0, 1.0, (30, 6))
     task = Task(name="listed", poses=MODEL.poses(q), joints=q)
     asked = {"robots": 2, "counts": (40,), "plans": ("random",), "engine": "sequential"}

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taskcal.planning.plan import REVERSAL, order_visits
+from taskcal.planning.plan import REVERSAL_RAD, order_visits
 from taskcal.robot.robot_file import robot_from
 from tests.laws.robots import generators, industrial
 
@@ -19,7 +19,7 @@ def cost(q: np.ndarray) -> float:
         for a, b, c in zip(q, q[1:], q[2:], strict=False)
         for k in range(q.shape[1])
     )
-    return way + REVERSAL * turns
+    return way + REVERSAL_RAD * turns
 
 
 @given(generators, st.integers(0, 14))

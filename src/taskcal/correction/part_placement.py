@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 
 from robot_programs.core.program import THROUGH_TARGET, Frame, Move, Program, Target
 from robot_programs.core.source import Place
-from taskcal.arguments import expect_kinds, with_choices
+from taskcal.arguments import expect_kinds, options_of
 from taskcal.correction.cell import Cell, mount
 from taskcal.correction.controller import ControllerTrajectory, simulate_controller, with_spins
 from taskcal.correction.correction import Deviations, assess
@@ -98,15 +98,6 @@ class PlacementOptions:
     """Poses of a task."""
     seed: int = 0
     """Of their choice."""
-
-    @classmethod
-    def of(cls, **choices: Unpack[PlacementChoices]) -> "PlacementOptions":
-        """Options by keywords, those not named as in ``options``, or as by default.
-
-        Raises:
-            TypeError: an option that does not exist; the message names all.
-        """
-        return with_choices(choices.pop("options", None) or cls(), choices, "placements")
 
 
 @short_repr
@@ -212,7 +203,10 @@ def place(
             that is in the robot's hand.
     """
     expect_kinds({"on": Calibration | Robot, "what": Program | Task, "region": Region}, on=on, what=what, region=region)
-    calibration, chosen = on if isinstance(on, Calibration) else None, PlacementOptions.of(**options)
+    calibration, chosen = (
+        on if isinstance(on, Calibration) else None,
+        options_of(PlacementOptions, options, "placements"),
+    )
     robot = on.model.robot if isinstance(on, Calibration) else on
     name, moves = _moves_of(what, robot, cell or Cell(), chosen.count, chosen.seed)
     origins = [move.flange(move.end.T)[:3, 3] for move in moves if move.end.T is not None]

@@ -45,8 +45,15 @@ from taskcal.task.task import TaskPoses
 # Dropping a group g makes F − F_g·F_gg⁻¹·F_gᵀ. What each group would cost follows from the products F·Tᵀ and F·Xᵀ,
 # whose inner dimensions are those of task and campaign, not of the model.
 
-SMALLEST = 1e-15
-"""Eigenvalue of information and influence, in units of the largest, under which there is nothing."""
+MIN_EIGENVALUE_RATIO = 1e-15
+"""Eigenvalue of information and influence over the largest, under which there is nothing but rounding (a double has 2.2e-16)."""
+
+MAX_COST_TIE = 1e-9
+"""Costs of two groups, over their size, that differ by less are equal: groups that repeat each other, to rounding."""
+
+MIN_FRAME_EIGENVALUE_RATIO = 1e-10
+"""Eigenvalue of the frames' scaled information over the largest, under which poses do not determine a direction: products of
+sensitivities have lost half of a double's digits."""
 
 
 def order_of_dropping(
@@ -83,7 +90,7 @@ def order_of_dropping(
             return order, np.array(errors)
         costs = _costs(F, FT, FX, FX @ (XT - GK.T), FX @ K, [groups[g] for g in left])
         # groups that repeat each other cost the same: let the last one go
-        k = int(np.flatnonzero(costs <= costs.min() + 1e-9 * (abs(costs.min()) + abs(errors[-1])))[-1])
+        k = int(np.flatnonzero(costs <= costs.min() + MAX_COST_TIE * (abs(costs.min()) + abs(errors[-1])))[-1])
         gone = left.pop(k)
         order.append(gone)
         g = groups[gone]
@@ -97,7 +104,7 @@ def order_of_dropping(
 def _root(M: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "k p"]:
     """R with RᵀR = M."""
     values, vectors = np.linalg.eigh(0.5 * (M + M.T))
-    some = values > SMALLEST * max(values[-1], 1e-300)
+    some = values > MIN_EIGENVALUE_RATIO * max(values[-1], 1e-300)
     return (vectors[:, some] * np.sqrt(values[some])).T
 
 
@@ -147,6 +154,40 @@ class Design:
     """How they follow the parameters."""
     frame_covariance: Float[np.ndarray, "f f"]
     """What the noise makes of them."""
+
+    @classmethod
+    def of(
+        cls,
+        layout: Layout,
+        information: Float[np.ndarray, "z z"],
+        influence: Float[np.ndarray, "z z"],
+        prior: Float[np.ndarray, " p"],
+    ) -> "Design":
+        """The design in which tracker frame and targets, of which nothing is known beforehand, are eliminated.
+
+        Args:
+            layout: of the unknowns, the parameters first.
+            information: A of all unknowns.
+            influence: W of all unknowns.
+            prior: standard deviations of the parameters.
+        """
+        A, W = information, influence
+        m, f = np.split(np.arange(len(A)), [len(layout.estimated)])
+        # directions that the campaign does not see, as of a target's offset against the base in one orientation, stay at zero
+        inverse = pseudo_invert_scaled(A[np.ix_(f, f)], rcond=MIN_FRAME_EIGENVALUE_RATIO)
+        K = inverse @ A[np.ix_(f, m)]
+        moved, W_ff = W[np.ix_(m, f)] @ K, W[np.ix_(f, f)]
+        return cls(
+            model=layout.model,
+            layout=layout,
+            free=f,
+            follow=K,
+            frame_covariance=inverse,
+            information=A[np.ix_(m, m)] - A[np.ix_(m, f)] @ K,
+            influence=W[np.ix_(m, m)] - moved - moved.T + K.T @ W_ff @ K,
+            prior=prior,
+            frames=float(np.sum(W_ff * inverse)),
+        )
 
     @cached_property
     def before(self) -> float:
@@ -241,11 +282,10 @@ def design(
     if any(joint_error):
         covariance += problem.rows(layout.start()).propagate_joints(np.square(joint_error))
     A = problem.information(layout.start(), whitener(covariance))
-    W = _influence(layout, task)
     frames = np.arange(len(model), len(layout.names))
     # directions in which the poses do not locate the targets are held, as in the fit
     A[np.ix_(frames, frames)] += frame_precision(layout)
-    return _without_frames(layout, A, W, frames, model.tolerances if prior is None else prior)
+    return Design.of(layout, A, _influence(layout, task), model.tolerances if prior is None else prior)
 
 
 def _influence(layout: Layout, task: TaskPoses) -> Float[np.ndarray, "z z"]:
@@ -254,32 +294,6 @@ def _influence(layout: Layout, task: TaskPoses) -> Float[np.ndarray, "z z"]:
     weight = np.zeros((n, targets, layout.block_size, layout.block_size))
     weight[..., range(3), range(3)] = np.sqrt(task.weights / targets)[:, None, None]
     return Rows.of_targets(layout, layout.start(), task.q).equations(weight)[2]
-
-
-def _without_frames(
-    layout: Layout,
-    A: Float[np.ndarray, "z z"],
-    W: Float[np.ndarray, "z z"],
-    f: Int[np.ndarray, " f"],
-    prior: Float[np.ndarray, " p"],
-) -> Design:
-    """Eliminate tracker frame and targets, of which nothing is known beforehand."""
-    m = np.arange(len(layout.model))
-    # directions that the campaign does not see, as of a target's offset against the base in one orientation, stay at zero
-    inverse = pseudo_invert_scaled(A[np.ix_(f, f)], rcond=1e-10)
-    K = inverse @ A[np.ix_(f, m)]
-    W_mf, W_ff = W[np.ix_(m, f)], W[np.ix_(f, f)]
-    return Design(
-        model=layout.model,
-        layout=layout,
-        free=f,
-        follow=K,
-        frame_covariance=inverse,
-        information=A[np.ix_(m, m)] - A[np.ix_(m, f)] @ K,
-        influence=W[np.ix_(m, m)] - W_mf @ K - (W_mf @ K).T + K.T @ W_ff @ K,
-        prior=prior,
-        frames=float(np.sum(W_ff * inverse)),
-    )
 
 
 # Model error and prior scale that a plan or a choice of parameters starts from: a calibration's, or assumed.
@@ -301,8 +315,9 @@ def assumed_hyperparameters(
 
 # What a model takes or leaves as a whole: single parameters, and effects of a joint that have many.
 
-MOST_SINGLE = 6
-"""Parameters of one effect of one joint that are judged one by one; more, such as harmonics of many orders, go together."""
+MAX_SINGLE_PARAMETERS = 6
+"""Parameters of one effect of one joint, at most, that are judged one by one, as many as an error frame has; more, such as
+harmonics of many orders, go together. A convention."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -322,7 +337,7 @@ def parameter_groups(model: ErrorModel) -> tuple[ParameterGroup, ...]:
     for i, name in enumerate(model.names):
         if name in effect_of:
             owned.setdefault((effect_of[name], name.partition(".")[0]), []).append(i)
-    together = {own[0]: (label, own) for label, own in owned.items() if len(own) > MOST_SINGLE}
+    together = {own[0]: (label, own) for label, own in owned.items() if len(own) > MAX_SINGLE_PARAMETERS}
     inside = {i for _, own in together.values() for i in own}
     out: list[ParameterGroup] = []
     for i, name in enumerate(model.names):

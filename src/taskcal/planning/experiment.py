@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.estimation.experiment_design import Candidates
-from taskcal.estimation.matrices import invert_scaled, pseudo_invert_scaled, squared_exponential
+from taskcal.estimation.matrices import invert_scaled, squared_exponential
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.group_model import whiteners
@@ -16,15 +16,26 @@ from taskcal.identification.problem import problem_of, stated_rows, whitener
 from taskcal.observations import Observation, Point
 from taskcal.observations.base import TrackerNoise
 from taskcal.observations.instrument import Instrument, Measurable
-from taskcal.planning.expected_error import PlanPrior
+from taskcal.planning.expected_error import Design, PlanPrior
 from taskcal.registration.registration import Registration
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import TaskPoses
 
 # What geometry does not explain, as a smooth random field over the joints instead of white noise.
 
-LANDMARKS, FIELD_LENGTH = 40, 2.0
-"""A smooth model error has so many landmarks, and varies over so many standard deviations of each joint's positions."""
+LANDMARKS = 40
+"""Poses of the task on which the field is approximated: 0.9 % of its variance over the task stay white, and 12 % over candidates
+(IRB 6660, reference task; 3 % and 21 % with 20 landmarks, 0.2 % and 7 % with 80)."""
+
+FIELD_LENGTH = 2.0
+"""Length scale of the field, standard deviations of each joint's positions among the candidates. A convention: errors are alike
+over a good part of the range of a joint."""
+
+MIN_SPREAD = 1e-6
+"""Standard deviation of a joint, radians or metres, that one which stands still is taken to have."""
+
+LANDMARK_JITTER = 1e-6
+"""Variance of white noise beside landmarks of unit variance, which keeps their correlation invertible where two coincide."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,9 +62,9 @@ class SmoothField:
         cls, deviation: float, q: Float[np.ndarray, "n joints"], spread: Float[np.ndarray, " joints"]
     ) -> "SmoothField":
         """A field whose landmarks are some of the poses q."""
-        scale = FIELD_LENGTH * np.maximum(spread, 1e-6)
+        scale = FIELD_LENGTH * np.maximum(spread, MIN_SPREAD)
         landmarks = q[np.linspace(0, len(q) - 1, min(LANDMARKS, len(q))).astype(int)] / scale
-        K = _correlation(landmarks, landmarks) + 1e-6 * np.eye(len(landmarks))
+        K = _correlation(landmarks, landmarks) + LANDMARK_JITTER * np.eye(len(landmarks))
         return cls(deviation=deviation, landmarks=landmarks, scale=scale, root=np.linalg.inv(np.linalg.cholesky(K)))
 
     def columns(self, q: Float[np.ndarray, "n joints"]) -> tuple[Float[np.ndarray, "n 3 c"], Float[np.ndarray, " n"]]:
@@ -73,11 +84,19 @@ def _correlation(a: Float[np.ndarray, "n joints"], b: Float[np.ndarray, "k joint
 
 # What an instrument would read, linear in everything unknown.
 
-AT_ONCE = 500
-"""Postures whose sensitivities to everything are held in memory at a time."""
+CHUNK_POSES = 500
+"""Postures whose sensitivities to everything are held in memory at a time: 4 MB for a target and 300 unknowns, and several times
+that on the way."""
 
-FRAME_DEVIATION = 1.0
+FRAME_DEVIATION_M = 1.0
 """Prior standard deviation of tracker frame and targets, metres and radians: as good as none beside millimetres."""
+
+MIN_RIGID_RATIO = 1e-9
+"""Singular value of the rigid motions over the largest, under which points, such as those on a line, do not have one: rounding."""
+
+MIN_SEEN_RATIO = 1e-13
+"""Eigenvalue of the squared sensitivities over the largest, under which neither candidates nor task see a direction: rounding of a
+double in some hundred products."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -206,7 +225,7 @@ def task_rows(linear: Linearisation, goal: TaskPoses) -> Float[np.ndarray, "rows
     position = linear.instrument.tip(linear.layout.model.nominal, goal.q)[:, :3, 3]
     rigid = (se3.by_twist(position - position.mean(axis=0)) * root).reshape(3 * len(goal.q), 6)
     Q, sizes, _ = np.linalg.svd(rigid, full_matrices=False)
-    Q = Q[:, sizes > 1e-9 * sizes[0]]
+    Q = Q[:, sizes > MIN_RIGID_RATIO * sizes[0]]
     return J - Q @ (Q.T @ J)
 
 
@@ -294,7 +313,7 @@ def make_experiment(
     calibration, campaign, hyper = prior.calibration, prior.campaign, prior.hyper
     layout = calibration.layout if calibration is not None else lay_out(model, instrument, prior)
     own = [kind.deviations for kind in layout.kinds]
-    frames = np.full(len(layout.names) - len(layout.estimated) - sum(map(len, own)), FRAME_DEVIATION)
+    frames = np.full(len(layout.names) - len(layout.estimated) - sum(map(len, own)), FRAME_DEVIATION_M)
     error = hyper.model_error[0]
     share = instrument.smooth_share if smooth and error > 0.0 else 0.0
     field = SmoothField.over(error * np.sqrt(share), goal.q, measurable.q.std(axis=0)) if share else None
@@ -340,14 +359,14 @@ def _any_seen(instrument: Instrument, visible: Bool[np.ndarray, "n targets"]) ->
 
 
 def _parts(count: int) -> list[slice]:
-    return [slice(first, first + AT_ONCE) for first in range(0, max(count, 1), AT_ONCE)]
+    return [slice(first, first + CHUNK_POSES) for first in range(0, max(count, 1), CHUNK_POSES)]
 
 
 def span(measured: Float[np.ndarray, "m c"], task: Float[np.ndarray, "k c"]) -> Float[np.ndarray, "c d"]:
     """Directions of unit length that rows of measurements or of a task see at all."""
     typical = float(np.mean(measured**2) / max(np.mean(task**2), 1e-300))
     values, vectors = np.linalg.eigh(measured.T @ measured / len(measured) + typical * task.T @ task / len(task))
-    return vectors[:, values > 1e-13 * values[-1]]
+    return vectors[:, values > MIN_SEEN_RATIO * values[-1]]
 
 
 def _information_of(
@@ -369,11 +388,12 @@ def _information_of(
 # others, what a measurement sees counts as noise, and what the task sees as an error that stays. What no pose has
 # in common with others is the calibration's own: a white error of the target, and one of every joint.
 
-JUDGED_BY, CHOSEN_BY = 300, 150
-"""Directions in which plans are judged, and in which their poses are chosen."""
+JUDGED_DIRECTIONS, CHOSEN_DIRECTIONS = 300, 150
+"""Directions in which plans are judged, and in which their poses are chosen. A convention that bounds the time, which grows with
+the square; what the others amount to is counted as noise and as a remaining error."""
 
-SAMPLE = 1000
-"""Candidates, evenly among all, that the directions are found from."""
+SAMPLED_CANDIDATES = 1000
+"""Candidates, evenly among all, that the directions are found from: three times as many as directions. A convention."""
 
 
 def calibrated_experiments(
@@ -407,14 +427,15 @@ def calibrated_experiments(
         field=None,
         joints=np.square(calibration.joint_error),
     )
-    sample = np.unique(np.linspace(0, len(measurable.q) - 1, min(SAMPLE, len(measurable.q))).astype(int))
+    sample = np.unique(np.linspace(0, len(measurable.q) - 1, min(SAMPLED_CANDIDATES, len(measurable.q))).astype(int))
     J_measured, J_task = (linear.sensitivities(q) @ root for q in (measurable.q[sample], goal.q))
     J_task = J_task * np.sqrt(goal.weights / J_task.shape[1])[:, None, None, None]
     measured, task = (J.reshape(-1, J.shape[3]) for J in (J_measured, J_task))
     G = measured.T @ measured / max(np.sum(measured**2), 1e-300) + task.T @ task / max(np.sum(task**2), 1e-300)
     directions = np.linalg.eigh(G)[1][:, ::-1]
     judged, chosen = (
-        _in_directions(linear, root, directions[:, :count], measured, task) for count in (JUDGED_BY, CHOSEN_BY)
+        _in_directions(linear, root, directions[:, :count], measured, task)
+        for count in (JUDGED_DIRECTIONS, CHOSEN_DIRECTIONS)
     )
     return judged, chosen
 
@@ -463,11 +484,6 @@ def nominal_error(
         measured.append(linear.rows(campaign.q, campaign.valid))
     rows, J_task = np.concatenate(measured), task_rows(linear, goal)
     flat = rows.reshape(-1, rows.shape[2])
-    A, W = flat.T @ flat + linear.stated, J_task.T @ J_task
-    m, f = np.split(np.arange(len(A)), [len(linear.layout.estimated)])
-    # directions that these postures do not see stay where they are stated
-    inverse = pseudo_invert_scaled(A[np.ix_(f, f)], rcond=1e-10)
-    follow = inverse @ A[np.ix_(f, m)]
-    moved = W[np.ix_(m, f)] @ follow
-    left = np.trace(W[np.ix_(m, m)] - moved - moved.T + follow.T @ W[np.ix_(f, f)] @ follow)
-    return float(np.sqrt(left + np.sum(W[np.ix_(f, f)] * inverse)))
+    # in units of their prior deviations
+    prior = np.ones(len(linear.layout.estimated))
+    return Design.of(linear.layout, flat.T @ flat + linear.stated, J_task.T @ J_task, prior).before

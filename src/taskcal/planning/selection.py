@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.analysis.identifiability import Identifiability, describe_combination, identifiability, published_kept
-from taskcal.arguments import expect_kinds, with_choices
+from taskcal.arguments import expect_kinds, options_of
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, shortened
 from taskcal.estimation.matrices import pseudo_invert_scaled, single_threaded
@@ -77,15 +77,6 @@ class SelectionOptions:
             hyperparameters=self.hyperparameters,
         )
 
-    @classmethod
-    def of(cls, **choices: Unpack[SelectionChoices]) -> "SelectionOptions":
-        """Options by keywords, those not named as in ``options``, or as by default.
-
-        Raises:
-            TypeError: an option that does not exist; the message names all.
-        """
-        return with_choices(choices.pop("options", None) or cls(), choices, "a selection")
-
 
 # Why parameters are not in a model that was chosen.
 
@@ -116,11 +107,11 @@ def reasons_of(
         whose = "its tolerance moves" if len(own) == 1 else f"{group.name} moves"
         if all(name in elimination.zero for name in own):
             reason = "no effect on the position at any of these poses"
-        elif alone <= 1e-6 * expected[0]:
+        elif alone <= MAX_SHARE_OF_NOTHING * expected[0]:
             reason = "its effect on the task is absorbed by tracker frame and targets"
         elif relation:
             reason = f"equal to {describe_combination(relation, {})}"
-        elif alone <= 0.1 * expected[0]:
+        elif alone <= MAX_SHARE_OF_LITTLE * expected[0]:
             reason = f"{whose} the task by {alone * 1e3:.2g} mm rms, once tracker frame and targets are fitted"
         else:
             cost = (expected[step + 1] / expected[step] - 1.0) * 100
@@ -139,14 +130,16 @@ def _relations(by: Design, gone: list[int], kept: list[int]) -> dict[int, dict[s
         return {}
     both = by.information / np.trace(by.information) + by.influence / np.trace(by.influence)
     inner = both[np.ix_(kept, kept)]
-    combined = pseudo_invert_scaled(inner, rcond=1e-12) @ both[np.ix_(kept, gone)]
+    combined = pseudo_invert_scaled(inner, rcond=MIN_RELATION_EIGENVALUE_RATIO) @ both[np.ix_(kept, gone)]
     out: dict[int, dict[str, float]] = {}
     for j, c in zip(gone, combined.T, strict=True):
         left = both[j, j] - 2.0 * c @ both[kept, j] + c @ inner @ c
-        if both[j, j] <= 0.0 or left > 1e-9 * both[j, j]:
+        if both[j, j] <= 0.0 or left > MAX_RELATION_REMAINDER * both[j, j]:
             continue
         weight = np.abs(c) * np.sqrt(np.diag(inner))
-        out[j] = {by.model.names[kept[i]]: float(c[i]) for i in np.flatnonzero(weight > 1e-4 * weight.max())}
+        out[j] = {
+            by.model.names[kept[i]]: float(c[i]) for i in np.flatnonzero(weight > MIN_RELATION_WEIGHT * weight.max())
+        }
     return out
 
 
@@ -178,7 +171,7 @@ def left_out_errors(
     at = problem.linearise(whole.z)
     W = whiteners(_pose_noise(whole).covariance(at, problem.noise))
     p = len(whole.model)
-    scale = np.concatenate([prior, np.full(len(whole.z) - p, 1e-3)])
+    scale = np.concatenate([prior, np.full(len(whole.z) - p, FRAME_DEVIATION_M)])
     J = at.by_entry * scale
     y = at.residual + np.einsum("nij,j->ni", J, (whole.z - problem.layout.start()) / scale)
     A, b = W @ J, np.einsum("nij,nj->ni", W, y)
@@ -188,7 +181,7 @@ def left_out_errors(
     A[wrong], b[wrong] = 0.0, 0.0
     precision = np.eye(len(scale))
     if len(scale) > p:
-        precision[p:, p:] = frame_precision(problem.layout) * 1e-6
+        precision[p:, p:] = frame_precision(problem.layout) * FRAME_DEVIATION_M**2
     H, h = np.tensordot(A, A, ((0, 1), (0, 1))) + precision, np.tensordot(A, b, ((0, 1), (0, 1)))
     out = [np.full(problem.seen.valid.shape, np.nan) for _ in nested]
     frames, targets = np.arange(p, len(scale)), len(whole.targets)
@@ -215,11 +208,29 @@ def _pose_noise(whole: Calibration) -> PoseNoise:
     )
 
 
-SUFFICIENT = 1.02
-"""A model is sufficient if its expected task error is within 2 % of the full model's."""
+MAX_ERROR_RATIO = 1.02
+"""Expected task error of a sufficient model over the full model's. A convention, far below the uncertainty of the model error
+that both start from: 8 % where 25 poses told it, 1/√(2·75)."""
 
 ASSUMED_POSES = 60
-"""Measured poses assumed where there is no campaign yet: so many of the task's own workspace."""
+"""Measured poses assumed where there is no campaign yet, as many as `plan` chooses by default, of the task's own workspace."""
+
+FRAME_DEVIATION_M = 1e-3
+"""Scale of tracker frame and targets beside parameters in units of their tolerances, metres and radians; it cancels, and keeps
+the normal equations well scaled."""
+
+MAX_SHARE_OF_NOTHING, MAX_SHARE_OF_LITTLE = 1e-6, 0.1
+"""Effect of a tolerance on the task over the error of the full model, below which it counts as none (rounding), and below which
+it alone is the reason: in squares, a hundredth."""
+
+MIN_RELATION_EIGENVALUE_RATIO = 1e-12
+"""Eigenvalue of the kept parameters' scaled information over the largest, under which they do not determine a combination."""
+
+MAX_RELATION_REMAINDER = 1e-9
+"""Share of a parameter's information that a combination of others leaves where it equals them, to rounding."""
+
+MIN_RELATION_WEIGHT = 1e-4
+"""Weight of a parameter over the largest, from which on it is named in a combination: four digits are shown."""
 
 
 REACHING, DESIGNING = "joints that reach the task's poses", "what the measured poses tell over the task"
@@ -352,7 +363,7 @@ def select(
     expect_kinds(
         {"model": ErrorModel, "task": Task, "campaign": Campaign | None}, model=model, task=task, campaign=campaign
     )
-    chosen = SelectionOptions.of(**options)
+    chosen = options_of(SelectionOptions, options, "a selection")
     chosen.progress(REACHING)
     reached = reach_task(model, task, chosen.count, chosen.seed)
     chosen.progress(DESIGNING)
@@ -474,7 +485,7 @@ def _choose(ladder: tuple[NestedModel, ...], accuracy: float | None) -> tuple[in
             )
         k = max(k for k, nested in enumerate(ladder) if nested.expected <= accuracy)
         return k, f"the smallest model expected to leave at most {accuracy * 1e3:g} mm rms over the task"
-    enough = [k for k, nested in enumerate(ladder) if nested.expected <= SUFFICIENT * full]
+    enough = [k for k, nested in enumerate(ladder) if nested.expected <= MAX_ERROR_RATIO * full]
     why = "the smallest model within 2 % of the full one's expected task error"
     crossed = [
         (nested.cross_validated, nested.standard_error or 0.0)
@@ -501,7 +512,8 @@ def _references(model: ErrorModel, by: Design, elimination: Identifiability) -> 
 # parameters.
 
 MIN_ROWS = 20
-"""Of which every fold still leaves enough to fit."""
+"""Rows of a ladder, of which five folds leave 16: 48 coordinates for the 40 unknowns of a robot of six joints, its frame and a
+target, which their priors hold besides."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.analysis.identifiability import published_kept
-from taskcal.arguments import expect_kinds, with_choices
+from taskcal.arguments import expect_kinds, options_of
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FileError, NothingLearntError, TaskcalError, UnknownName
 from taskcal.estimation.prior import GaussianPrior
@@ -34,7 +34,7 @@ from taskcal.io.files import write_whole
 from taskcal.io.text_file import read_text
 from taskcal.observations.base import TrackerNoise, check_lengths
 from taskcal.planning.expected_error import known_hyperparameters
-from taskcal.planning.plan import PlanOptions, PoseChoice
+from taskcal.planning.plan import GOAL_POSES, PlanOptions, PoseChoice
 from taskcal.planning.selection import select
 from taskcal.planning.task_map import allow_geometry
 from taskcal.planning.workers import side_by_side
@@ -104,6 +104,8 @@ class StudyOptions:
     def __post_init__(self) -> None:
         kinds = {"noise": TrackerNoise | None, "calibration": Calibration | None}
         expect_kinds(kinds, noise=self.noise, calibration=self.calibration)
+        for name in ("counts", "plans", "models", "observe"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         for kind in self.plans:
             if kind not in PLANS:
                 raise UnknownName("plan", kind, PLANS)
@@ -122,23 +124,6 @@ class StudyOptions:
     def aligned(self) -> bool:
         """Whether errors are those of the shape alone, the same for all instruments."""
         return not all(SimulationOptions(observe=observe).tracked for observe in self.observe)
-
-    @classmethod
-    def of(cls, **choices: Unpack[StudyChoices]) -> "StudyOptions":
-        """Options by keywords, those not named as in ``options``, or as by default.
-
-        Raises:
-            TypeError: an option that does not exist; the message names all.
-        """
-        if "observe" in choices:
-            choices["observe"] = tuple(choices["observe"])
-        if "counts" in choices:
-            choices["counts"] = tuple(choices["counts"])
-        if "plans" in choices:
-            choices["plans"] = tuple(choices["plans"])
-        if "models" in choices:
-            choices["models"] = tuple(choices["models"])
-        return with_choices(choices.pop("options", None) or cls(), choices, "a study")
 
 
 # The robots of a study: how large their defects are, and what single poses add.
@@ -258,8 +243,9 @@ def aligned_errors(
 
 # Robots of a study: each drawn, measured in every way, identified with every model, and compared with the truth.
 
-TOGETHER = 16
-"""Robots of a worker's task, at most: a study that is interrupted loses no more than what they take."""
+MAX_ROBOTS_PER_TASK = 16
+"""Robots of a worker's task, at most: a study that is interrupted loses what they take, at some 10 ms for each fit a second or
+two."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -393,11 +379,13 @@ def errors_before(setting: StudySetting, robots: int) -> tuple[float, ...]:
     return tuple(out)
 
 
-POOL = 2000
-"""Poses of the task's workspace that random plans are drawn from."""
+POOL_POSES = 2000
+"""Poses of the task's workspace that random plans are drawn from: many times those of a plan, so that two plans have few in
+common. A convention."""
 
-GROUPS = 4
-"""Of robots for each worker, at least: what is done is kept as often, and the last to end is not waited for long."""
+MIN_GROUPS_PER_WORKER = 4
+"""Groups of robots for each worker, at least: what is done is kept as often, and the last to end is waited for a quarter of the
+time at most."""
 
 Rows = list[tuple[int, list[dict[str, Any]]]]
 """Of robots, by their numbers."""
@@ -544,7 +532,7 @@ def study(
         ReachError: the robot does not reach the task.
     """
     expect_kinds({"model": ErrorModel, "task": Task}, model=model, task=task)
-    chosen = StudyOptions.of(**options)
+    chosen = options_of(StudyOptions, options, "a study")
     setting = _prepare(model, task, chosen)
     done = _read(resume, setting)
     progress(len(done), chosen.robots)
@@ -582,7 +570,7 @@ def _in_groups(robots: list[int], engine: str, workers: int) -> list[list[int]]:
     """Robots of each task, so few that every worker gets some groups."""
     if workers < 1:
         workers = 1 if engine == "sequential" else os.cpu_count() or 1
-    size = max(min(TOGETHER, -(-len(robots) // (GROUPS * workers))), 1)
+    size = max(min(MAX_ROBOTS_PER_TASK, -(-len(robots) // (MIN_GROUPS_PER_WORKER * workers))), 1)
     return [robots[first : first + size] for first in range(0, len(robots), size)]
 
 
@@ -590,7 +578,7 @@ def _prepare(model: ErrorModel, task: Task, options: StudyOptions) -> StudySetti
     seed, noise = options.seed, options.noise or TrackerNoise()
     robots = _robots(model, options)
     model_error = robots.model_error
-    goal = reach_task(model, task, 200, seed)
+    goal = reach_task(model, task, GOAL_POSES, seed)
     room = enlarge(task, model) if options.aligned else measuring_task(model, task)
     fixed: dict[str, np.ndarray] = {}
     asked = PlanOptions(seed=seed, noise=noise, model_error=model_error.position)
@@ -605,7 +593,7 @@ def _prepare(model: ErrorModel, task: Task, options: StudyOptions) -> StudySetti
         task_q=goal.q,
         weights=goal.weights,
         plans=fixed,
-        pool=reach_task(model, room, POOL, seed + 1).q,
+        pool=reach_task(model, room, POOL_POSES, seed + 1).q,
         cases=tuple(
             (way, kind, count) for way in options.observe for count in options.counts for kind in options.plans
         ),

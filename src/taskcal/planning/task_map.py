@@ -15,6 +15,10 @@ from taskcal.planning.expected_error import Design
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, reach_task
 
+MAP_POINTS, PARAMETER_MAP_POINTS = 21, 15
+"""Points along an edge of a map, odd so that one is in the middle; fewer where there is a map for each parameter, to keep a page
+small. A convention."""
+
 Maps = Sequence[Float[np.ndarray, "v u"]]
 """One for each slice."""
 
@@ -41,7 +45,7 @@ class Slice:
         return out
 
 
-def slice_workspace(model: ErrorModel, task: Task, points: int = 21) -> tuple[Slice, ...]:
+def slice_workspace(model: ErrorModel, task: Task, points: int = MAP_POINTS) -> tuple[Slice, ...]:
     """Three planes through the middle of a task's workspace.
 
     Raises:
@@ -103,9 +107,6 @@ def map_uncertainty(calibration: Calibration, at: Slice) -> Float[np.ndarray, "v
 
 # Where in a task the errors are to be expected: over slices of a workspace, or pose by pose.
 
-MAPPED, WITH_PARAMETERS = 21, 15
-"""Points along an edge of a map; fewer where there is one for each parameter."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TaskMaps:
@@ -154,8 +155,8 @@ def map_task(
             before=made.expected_at(reached.q),
             after=made.expected_at(reached.q, columns),
         )
-    slices = slice_workspace(model, task, MAPPED)
-    coarse = slice_workspace(model, task, WITH_PARAMETERS)
+    slices = slice_workspace(model, task, MAP_POINTS)
+    coarse = slice_workspace(model, task, PARAMETER_MAP_POINTS)
     each = [map_sensitivity(model, at) for at in coarse]
     return TaskMaps(
         slices=slices,

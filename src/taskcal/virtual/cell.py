@@ -7,7 +7,7 @@ from typing import TypedDict, Unpack
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.arguments import expect_kinds, with_choices
+from taskcal.arguments import expect_kinds, options_of
 from taskcal.campaigns.campaign import Campaign, join
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
@@ -317,15 +317,6 @@ class SimulationOptions:
                 f"{self.places} places do not go with '{self.observe}'; give one or more, for fixtures without a tracker"
             )
 
-    @classmethod
-    def of(cls, **choices: Unpack[SimulationChoices]) -> "SimulationOptions":
-        """Options by keywords, those not named as in ``options``, or as by default.
-
-        Raises:
-            TypeError: an option that does not exist; the message names all.
-        """
-        return with_choices(choices.pop("options", None) or cls(), choices, "a simulation")
-
     @property
     def instruments(self) -> tuple[str, ...]:
         """Names of the instruments, one after another."""
@@ -403,7 +394,7 @@ def simulate(
         ClosureError: a closed loop cannot be assembled at some pose.
     """
     expect_kinds({"model": ErrorModel}, model=model)
-    chosen, q = SimulationOptions.of(**options), np.asarray(q, dtype=float)
+    chosen, q = options_of(SimulationOptions, options, "a simulation"), np.asarray(q, dtype=float)
     kinds = chosen.kinds
     if len(q) < len(kinds):
         raise CampaignError(f"{len(q)} rows cannot be shared among {len(kinds)} instruments; give more")

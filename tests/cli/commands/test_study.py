@@ -12,7 +12,7 @@ from tests.laws.cluster import cluster
 @pytest.fixture
 def ask(cell: Path, monkeypatch: pytest.MonkeyPatch) -> list[object]:
     """A small study in this process, whose random plans are drawn from few poses."""
-    monkeypatch.setattr("taskcal.planning.study.POOL", 100)
+    monkeypatch.setattr("taskcal.planning.study.POOL_POSES", 100)
     small = ["--robots", "3", "--counts", "10,14", "--plans", "random,grid", "--engine", "sequential"]
     return ["study", "--robot", IRB6660, "--task", cell / "list.toml", *small]
 
