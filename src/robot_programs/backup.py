@@ -6,11 +6,12 @@ import shutil
 import tempfile
 import zipfile
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path, PurePosixPath
 
 from robot_programs.core.errors import FileError, shown
-from robot_programs.core.files import PART, ZIP, OpenZip, ZipKind, beside, open_zip, read_bytes, remove_strays
+from robot_programs.core.files import PART, ZIP, ZipKind, beside, open_zip, read_bytes, remove_strays
 from robot_programs.core.source import Backup, Source
 from robot_programs.languages import LANGUAGES, Language
 
@@ -150,7 +151,7 @@ def open_backup(path: str | Path) -> tuple[Backup, tuple[Source, ...]]:
             damaged, encrypted, or larger than any backup.
     """
     path = Path(path)
-    files = list(_folder_sources(path) if path.is_dir() else _zip_sources(path))
+    files = list(_sources(path))
     found: dict[str, list[Source]] = {}
     for language, source in files:
         if source is not None and language is not None and language.holds(source):
@@ -245,42 +246,32 @@ def _files_of(folder: Path) -> Iterator[tuple[str, Path]]:
                 yield path.relative_to(folder).as_posix(), path
 
 
-def _folder_sources(folder: Path) -> Iterator[tuple[Language | None, Source | None]]:
+def _sources(path: Path) -> Iterator[tuple[Language | None, Source | None]]:
+    """Language and text of every file in a folder or a zip file; of what is no program neither."""
     total = 0
-    for name, path in _files_of(folder):
-        language = _language(name)
+    for place, read in _folder_files(path) if path.is_dir() else _zip_files(path):
+        language = _language(place.name)
         if language is None:
             yield None, None
             continue
-        data = read_bytes(path, MAX_PROGRAM_MB)
+        data = read()
         total += len(data)
-        _check_total(folder, total)
-        yield language, Source.of(path, data)
+        if total > MAX_TEXT_MB * 1e6:
+            most = f"{MAX_TEXT_MB:g} MB of program files"
+            raise FileError(path, f"holds more than {most}; give the folder of one program")
+        yield language, Source.of(place, data)
 
 
-def _zip_sources(path: Path) -> Iterator[tuple[Language | None, Source | None]]:
-    total = 0
+def _folder_files(folder: Path) -> Iterator[tuple[Path, Callable[[], bytes]]]:
+    for _, path in _files_of(folder):
+        yield path, partial(read_bytes, path, MAX_PROGRAM_MB)
+
+
+def _zip_files(path: Path) -> Iterator[tuple[Path, Callable[[], bytes]]]:
     with open_zip(path, ZIPPED) as packed:
-        _refuse_links(packed)
         for entry in packed.entries:
-            if entry.is_folder:
-                continue
-            language = _language(entry.name)
-            if language is None:
-                yield None, None
-                continue
-            data = packed.read(entry)
-            total += len(data)
-            _check_total(path, total)
-            yield language, Source.of(path / entry.name, data)
-
-
-def _refuse_links(packed: OpenZip) -> None:
-    for entry in packed.entries:
-        if entry.is_link:
-            raise FileError(packed.path / shown(entry.name), _LINK)
-
-
-def _check_total(path: Path, total: int) -> None:
-    if total > MAX_TEXT_MB * 1e6:
-        raise FileError(path, f"holds more than {MAX_TEXT_MB:g} MB of program files; give the folder of one program")
+            if entry.is_link:
+                raise FileError(path / shown(entry.name), _LINK)
+        for entry in packed.entries:
+            if not entry.is_folder:
+                yield path / entry.name, partial(packed.read, entry)

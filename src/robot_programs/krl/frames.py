@@ -164,6 +164,11 @@ class FrameVariable:
     """What moves it; empty where it stands still."""
 
 
+def _unknown(reason: object) -> FrameVariable:
+    """Value that the text does not tell."""
+    return FrameVariable(frame=None, reason=str(reason))
+
+
 @dataclass(frozen=True, kw_only=True)
 class State(flow.State):
     """State set by the lines before."""
@@ -189,22 +194,19 @@ class State(flow.State):
     @classmethod
     def unset(cls) -> "State":
         """At the start of a program that nothing calls."""
-        return cls(
-            tool=FrameVariable(frame=None, reason="$TOOL is not set before it"),
-            base=FrameVariable(frame=None, reason="$BASE is not set before it"),
-        )
+        return cls(tool=_unknown("$TOOL is not set before it"), base=_unknown("$BASE is not set before it"))
 
     def forgotten(self, reason: str, what: frozenset[str] = EVERYTHING) -> Self:
         """State in which some of `EVERYTHING` may have become anything."""
         fields = [name for name, group in _GROUPS.items() if group in what]
-        return self._unknown(fields, reason) if fields else self
+        return self._with_unknown(fields, reason) if fields else self
 
     def joined(self, others: Sequence[Self], why: str) -> Self:
         """Join states; see `flow.State.joined`."""
         differing = [name for name in _GROUPS if any(getattr(self, name) != getattr(other, name) for other in others)]
         states = (self, *others)
         return replace(
-            self._unknown(differing, why),
+            self._with_unknown(differing, why),
             variables=common(state.variables for state in states),
             armed=frozenset[tuple[int, int]]().union(*(state.armed for state in states)),
         )
@@ -226,8 +228,8 @@ class State(flow.State):
         variables = {key: value for key, value in self.variables.items() if key not in keys}
         return replace(self.forgotten(why, what), variables=variables)
 
-    def _unknown(self, fields: Sequence[str], reason: str) -> Self:
-        unknown = FrameVariable(frame=None, reason=reason)
+    def _with_unknown(self, fields: Sequence[str], reason: str) -> Self:
+        unknown = _unknown(reason)
         to: dict[str, Any] = {"tool": unknown, "base": unknown, "approximation": NOT_KNOWN}
         changes = {name: to.get(name) for name in fields}
         if "parameters" in changes:
@@ -271,56 +273,13 @@ def coupled(words: Sequence[Word]) -> tuple[Word, ...] | FrameVariable | None:
     """
     function = _function(words)
     if function in _STEERED_ELSEWHERE:
-        return FrameVariable(frame=None, reason=f"$BASE {_STEERED_ELSEWHERE[function]}")
+        return _unknown(f"$BASE {_STEERED_ELSEWHERE[function]}")
     if function != "EK":
         return None
     given = arguments_of(words[1:])
     if len(given) not in (2, 3) or closing(words[1:]) != len(words) - 2:
-        return FrameVariable(
-            frame=None,
-            reason="$BASE is set by EK in a way that is not understood; write EK(root, kinematic system, frame)",
-        )
+        return _unknown("$BASE is set by EK in a way that is not understood; write EK(root, kinematic system, frame)")
     return given[2] if len(given) == 3 else ()
-
-
-def on_its_mechanism(variable: FrameVariable, number: float | None, data: Data, names: Names) -> FrameVariable:
-    """A base of a set of frame parameters on what carries it by $config.dat.
-
-    Args:
-        variable: the base, as if it stood still.
-        number: its number.
-        data: the data lists.
-        names: of the routine.
-    """
-    if not number:
-        return variable
-    base = f"BASE_DATA[{number:g}]"
-    try:
-        index = data.find(f"MACHINE_FRAME_DAT[{number:g}]", names.module, names.routine).aggregate.value(
-            "MACH_DEF_INDEX"
-        )
-    except Unresolved as trouble:
-        changed = "MACHINE_FRAME_DAT" in data.refused
-        return FrameVariable(frame=None, reason=f"what carries {base} is not known: {trouble}") if changed else variable
-    if index == 0:
-        return variable
-    try:
-        machine = data.find(f"MACHINE_DEF[{index or 0:g}]", names.module, names.routine).aggregate
-    except Unresolved as trouble:
-        return FrameVariable(frame=None, reason=f"what carries {base} is not known: {trouble}")
-    kind, controller = machine.field("MECH_TYPE"), machine.value("COOP_KRC_INDEX")
-    match "" if kind is None else kind.text.upper():
-        case "#NONE":
-            return variable
-        case "#ROBOT" if controller == 1:
-            return variable
-        case "#EASYS" | "#EBSYS" | "#ECSYS" | "#EDSYS" | "#EESYS" | "#EFSYS" if controller == 1:
-            return replace(variable, carrier=EXTERNAL_KINEMATIC)
-        case _:
-            text = (
-                f"{base} is carried by MACHINE_DEF[{index or 0:g}], which is no external kinematic system of this robot"
-            )
-            return FrameVariable(frame=None, reason=f"{text}, and where it is this program does not tell")
 
 
 NULL = Frame(name="$NULLFRAME", T=np.eye(4))
@@ -362,7 +321,7 @@ class Frames:
                     names.append(name_of(part, known))
                     T = T @ self._named(names[-1], known)
         except Unresolved as trouble:
-            return FrameVariable(frame=None, reason=str(trouble))
+            return _unknown(trouble)
         if len(operand.parts) > 1 or not names:
             return FrameVariable(frame=self._frame(name, T))
         if names[0] in ("$NULLFRAME", "$WORLD"):
@@ -396,7 +355,7 @@ class Frames:
             return pose(assigned)
         if assigned is None and name in known.frames:
             return known.frames[name].T
-        return pose(self.data.find(name, self.names.module, self.names.routine).aggregate)
+        return pose(self._stated(name))
 
     @property
     def robroot(self) -> Float[np.ndarray, "4 4"]:
@@ -411,19 +370,19 @@ class Frames:
         """An element of TOOL_DATA or BASE_DATA; the zero frame for number 0."""
         array = "TOOL_DATA" if table == "tool" else "BASE_DATA"
         if number is None:
-            return FrameVariable(frame=None, reason=f"which element of {array} is meant is not stated as a number")
+            return _unknown(f"which element of {array} is meant is not stated as a number")
         if number == 0:
             return FrameVariable(frame=NULL, table="null")
         name = f"{array}[{number:g}]"
         try:
             return FrameVariable(frame=self._frame(name, self._named(name, known)), table=table)
         except Unresolved as trouble:
-            return FrameVariable(frame=None, reason=str(trouble))
+            return _unknown(trouble)
 
     def of_parameters(self, state: State, parameters: Aggregate | None) -> State:
         """State with the tool and base of a set of frame parameters (FDAT)."""
         if parameters is None:
-            unknown = FrameVariable(frame=None, reason=state.parameters_reason)
+            unknown = _unknown(state.parameters_reason)
             return replace(state, tool=unknown, base=unknown, fixed_tool=None)
         mode = parameters.field("IPO_FRAME")
         text = mode.text.upper() if mode else "#BASE"
@@ -431,9 +390,45 @@ class Frames:
         return replace(
             state,
             tool=self.numbered("tool", parameters.value("TOOL_NO"), self.known(state)),
-            base=on_its_mechanism(self.numbered("base", number, self.known(state)), number, self.data, self.names),
+            base=self._on_its_mechanism(self.numbered("base", number, self.known(state)), number),
             fixed_tool=_MODES.get(text),
         )
+
+    def _on_its_mechanism(self, variable: FrameVariable, number: float | None) -> FrameVariable:
+        """A base of a set of frame parameters, given as if it stood still, on what carries it by $config.dat."""
+        if not number:
+            return variable
+        base = f"BASE_DATA[{number:g}]"
+        try:
+            index = self._stated(f"MACHINE_FRAME_DAT[{number:g}]").value("MACH_DEF_INDEX")
+        except Unresolved as trouble:
+            changed = "MACHINE_FRAME_DAT" in self.data.refused
+            return _unknown(f"what carries {base} is not known: {trouble}") if changed else variable
+        if index == 0:
+            return variable
+        try:
+            machine = self._stated(f"MACHINE_DEF[{index or 0:g}]")
+        except Unresolved as trouble:
+            return _unknown(f"what carries {base} is not known: {trouble}")
+        kind, controller = machine.field("MECH_TYPE"), machine.value("COOP_KRC_INDEX")
+        match "" if kind is None else kind.text.upper():
+            case "#NONE":
+                return variable
+            case "#ROBOT" if controller == 1:
+                return variable
+            case "#EASYS" | "#EBSYS" | "#ECSYS" | "#EDSYS" | "#EESYS" | "#EFSYS" if controller == 1:
+                return replace(variable, carrier=EXTERNAL_KINEMATIC)
+            case _:
+                text = f"{base} is carried by MACHINE_DEF[{index or 0:g}], which is no external kinematic system of this robot"
+                return _unknown(f"{text}, and where it is this program does not tell")
+
+    def _stated(self, name: str) -> Aggregate:
+        """The structure that data lists state for a variable.
+
+        Raises:
+            Unresolved: none does, or the program changes it.
+        """
+        return self.data.find(name, self.names.module, self.names.routine).aggregate
 
     def after_assignment(self, state: State, line: Assignment, variables: Variables) -> State:
         """The state behind an assignment, which makes variables what they are."""
@@ -480,11 +475,11 @@ class Frames:
         value = value.value if isinstance(value, Adjustable) else value
         if not isinstance(value, Aggregate):
             reason = value.reason if isinstance(value, Lost) else f"{line.name} is changed on its own"
-            return FrameVariable(frame=None, reason=reason)
+            return _unknown(reason)
         try:
             return FrameVariable(frame=self._frame(line.variable, pose(value)))
         except Unresolved as trouble:
-            return FrameVariable(frame=None, reason=str(trouble))
+            return _unknown(trouble)
 
     def _with_parameters(self, state: State, value: Operand) -> State:
         try:
@@ -498,7 +493,7 @@ class Frames:
         part = value.parts[0]
         if isinstance(part, Aggregate):
             return part
-        return self.data.find(part.name, self.names.module, self.names.routine).aggregate
+        return self._stated(part.name)
 
     def after_bas(self, state: State, line: Call) -> State:
         """The state behind a call of BAS, the controller's routine for motion parameters (bas.src)."""
@@ -547,9 +542,9 @@ class Frames:
     def _set_by(self, state: State, name: str, words: tuple[Word, ...]) -> State:
         """One of the inline forms' functions of a set of frame parameters, such as ``STOOL2(FP1)``."""
         try:
-            parameters = self.data.find(words[2].upper, self.names.module, self.names.routine).aggregate
+            parameters = self._stated(words[2].upper)
         except Unresolved as trouble:
-            unknown = FrameVariable(frame=None, reason=str(trouble))
+            unknown = _unknown(trouble)
             return replace(state, tool=unknown, base=unknown, fixed_tool=None)
         set_by = self.of_parameters(state, parameters)
         match name:
@@ -558,9 +553,7 @@ class Frames:
             case "$BASE":
                 # SBASE knows BASE_DATA alone
                 text = f"SBASE sets a base that is carried by {set_by.base.carrier}; whether it then moves is not known"
-                return replace(
-                    state, base=FrameVariable(frame=None, reason=text) if set_by.base.carrier else set_by.base
-                )
+                return replace(state, base=_unknown(text) if set_by.base.carrier else set_by.base)
             case _:
                 return replace(state, fixed_tool=set_by.fixed_tool)
 

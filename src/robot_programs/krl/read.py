@@ -1,6 +1,6 @@
 """Reading KRL programs: from the routines that nothing calls through all that they call."""
 
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from robot_programs.core import flow
@@ -9,19 +9,17 @@ from robot_programs.core.flow import MIN_LINES, Body, Counts, Group, Loop, Node,
 from robot_programs.core.program import Diagnostic, Frame, Unresolved
 from robot_programs.core.source import Source
 from robot_programs.krl.data import Data, File, Routine, Text
-from robot_programs.krl.frames import UNREACHED, Frames, State
+from robot_programs.krl.frames import EVERYTHING, UNREACHED, Frames, State
 from robot_programs.krl.resolve import Findings, Resolver
 from robot_programs.krl.rewrite import KrlProgram
 from robot_programs.krl.routines import (
     Actions,
     actions_of,
-    altered_by,
-    altering,
     callers_of,
     calls_of,
+    changed_by,
     changing,
     declared_in,
-    keys_changed_by,
     matters,
     only_computes,
     read_names,
@@ -86,10 +84,8 @@ class Flow(flow.Flow[State, Routine]):
     routines: Mapping[str, Sequence[Routine]]
     trees: Mapping[Routine, Tree]
     frames: Callable[[Routine], Frames]
-    alters: Mapping[str, frozenset[str]]
-    """By name of a routine: what of tool, base and the like it alters."""
     changes: Mapping[str, frozenset[str]]
-    """By name of a routine: keys of the variables it changes."""
+    """By name of a routine: keys of the variables it changes, and what of tool, base and the like."""
     by_value: Mapping[str, tuple[bool, ...]]
     actions: Actions
     """What may run beside the lines."""
@@ -131,7 +127,7 @@ class Flow(flow.Flow[State, Routine]):
 
     def idle(self, name: str) -> bool:
         """Whether a call is not followed because the routine moves nothing and was followed often."""
-        if self.alters[name]:
+        if self.changes[name] & EVERYTHING:
             return False
         self.idle_calls[name] = self.idle_calls.get(name, 0) + 1
         return self.idle_calls[name] > MAX_IDLE_CALLS
@@ -147,7 +143,7 @@ class Flow(flow.Flow[State, Routine]):
         """State after a routine that may have left anything that it changes."""
         variables = forgotten(state.variables, self.changes[name])
         armed = state.armed | self.actions.by_routine.get(name, frozenset())
-        return replace(state.forgotten(f"{name} sets it", self.alters[name]), variables=variables, armed=armed)
+        return replace(state.forgotten(f"{name} sets it", self.changes[name]), variables=variables, armed=armed)
 
     def armed_by(self, routine: Routine, lines: Sequence[Statement]) -> frozenset[Text]:
         """Actions that some lines of a routine may start."""
@@ -156,41 +152,6 @@ class Flow(flow.Flow[State, Routine]):
             *(started.get((routine.file.number, line.start), frozenset()) for line in lines),
             *(by_routine.get(name, frozenset()) for line in lines for name in calls_of(line)),
         )
-
-
-# What calls of KRL routines are given, and what they give back.
-
-
-def behind_call(
-    call: Call,
-    by_reference: Sequence[str],
-    routine: Routine,
-    variables: Variables,
-    names: Names,
-    changed: Container[str],
-) -> Variables:
-    """Variables of the caller after a call: those passed by reference as a whole have the final values of the parameters.
-
-    Args:
-        call: the call.
-        by_reference: variables that it may change, because they are not given by value.
-        routine: what is called.
-        variables: behind its last line.
-        names: of the caller.
-        changed: keys of variables that the routine changes under their own names.
-    """
-    back = forgotten(without_own(variables, routine.prefix), map(names.key, by_reference))
-    for parameter, words in zip(routine.parameters, call.arguments, strict=False):
-        if len(words) != 1 or by_reference.count(words[0].upper) != 1:
-            continue
-        key, value = names.key(words[0].upper), variables.get(f"{routine.prefix}{parameter}")
-        if value is None or key in changed or key in names.volatile or (isinstance(value, str) and value in HERE):
-            continue
-        plain = value.value if isinstance(value, Adjustable) else value
-        if isinstance(plain, float) and not plain.is_integer() and words[0].upper in names.whole_numbers:
-            continue
-        back = {**back, key: value}
-    return back
 
 
 @dataclass(eq=False, kw_only=True)
@@ -248,15 +209,15 @@ class _Walk(flow.Walk[State, Routine]):
     def widened(self, state: State, nodes: Sequence[Node], why: str) -> State:
         """State after lines that may have changed all that they change."""
         lines = tuple(lines_in(nodes))
-        sets = frozenset[str]().union(*(altered_by(line, self.flow.alters) for line in lines))
-        keys = frozenset[str]().union(*map(self._keys_changed_by, lines))
+        changed = frozenset[str]().union(*map(self._changed_by, lines))
+        keys = changed - EVERYTHING
         variables = {key: Lost(reason=f"{key.rpartition(':')[2]} is not the same in every turn") for key in keys}
         state = replace(
             state,
             variables={**without_places(forgotten(state.variables, keys)), **variables},
             armed=state.armed | self.flow.armed_by(self.routine, lines),
         )
-        return state.forgotten(why, sets | {"motion"})
+        return state.forgotten(why, changed | {"motion"})
 
     def counts(self, loop: Loop, state: State) -> Counts | None:
         """Bounds and step of a FOR; None where the text does not tell, or no counter is named."""
@@ -280,7 +241,7 @@ class _Walk(flow.Walk[State, Routine]):
         if loop.kind != "counted":
             return state
         if count is None:
-            return replace(state, variables=forgotten(state.variables, self._keys_changed_by(loop.line)))
+            return replace(state, variables=forgotten(state.variables, self._changed_by(loop.line)))
         return replace(state, variables={**state.variables, self._counter(loop): count})
 
     def counted(self, loop: Loop, state: State, count: float) -> float | None:
@@ -292,7 +253,7 @@ class _Walk(flow.Walk[State, Routine]):
         """Whether a loop moves, or is short, as one that computes points is."""
         if turns * loop.size <= MAX_IDLE_LINES:
             return True
-        return any("motion" in altered_by(line, self.flow.alters) for line in lines_in(loop.body))
+        return any("motion" in self._changed_by(line) for line in lines_in(loop.body))
 
     def _counter(self, loop: Loop) -> str:
         return self.frames.names.key(loop.line.words[0].upper)
@@ -306,8 +267,8 @@ class _Walk(flow.Walk[State, Routine]):
         except Unresolved:
             return None
 
-    def _keys_changed_by(self, line: Statement) -> frozenset[str]:
-        return keys_changed_by(line, self.frames.names, self.flow.by_value, self.flow.changes)
+    def _changed_by(self, line: Statement) -> frozenset[str]:
+        return changed_by(line, self.frames.names, self.flow.by_value, self.flow.changes)
 
     def _forgotten(self, variables: Sequence[str], state: State) -> State:
         """State in which some variables, by their names in the routine, may hold anything."""
@@ -342,7 +303,7 @@ class _Walk(flow.Walk[State, Routine]):
                 return self._beside(line, state)
             case Control() if self.tree.odd is None and line.keyword in LOOPS:  # without any line of consequence
                 state = self.asked(line, state)
-                return replace(state, variables=forgotten(state.variables, self._keys_changed_by(line)))
+                return replace(state, variables=forgotten(state.variables, self._changed_by(line)))
             case Control():
                 return self.flow.anything(f"the blocks of {self.routine.name} do not match")
             case _:
@@ -389,7 +350,7 @@ class _Walk(flow.Walk[State, Routine]):
 
     def _call(self, line: Call, state: State) -> State:
         if line.name == "BAS":
-            keys = keys_changed_by(line, self.frames.names, self.flow.by_value, {})
+            keys = changed_by(line, self.frames.names, self.flow.by_value, {})
             return self.frames.after_bas(replace(state, variables=forgotten(state.variables, keys)), line)
         for name in calls_of(line)[1:]:
             state = self.flow.forget(name, state)
@@ -431,10 +392,24 @@ class _Walk(flow.Walk[State, Routine]):
             return UNREACHED, value
         if program.all_ways:
             return replace(behind, variables=forgotten(behind.variables, keys)), value
-        (routine,) = program.routines[call.name]
-        changed = program.changes[call.name]
-        variables = behind_call(call, by_reference, routine, behind.variables, self.frames.names, changed)
-        return replace(behind, variables=variables), value
+        return replace(behind, variables=self._behind_call(call, by_reference, behind.variables)), value
+
+    def _behind_call(self, call: Call, by_reference: Sequence[str], variables: Variables) -> Variables:
+        """Variables after a call: those passed by reference as a whole have the final values of the parameters."""
+        names, (routine,) = self.frames.names, self.flow.routines[call.name]
+        back = dict(forgotten(without_own(variables, routine.prefix), map(names.key, by_reference)))
+        for parameter, words in zip(routine.parameters, call.arguments, strict=False):
+            if len(words) != 1 or by_reference.count(words[0].upper) != 1:
+                continue
+            key, value = names.key(words[0].upper), variables.get(f"{routine.prefix}{parameter}")
+            changed = key in self.flow.changes[call.name] or key in names.volatile
+            if value is None or changed or (isinstance(value, str) and value in HERE):
+                continue
+            plain = value.value if isinstance(value, Adjustable) else value
+            if isinstance(plain, float) and not plain.is_integer() and words[0].upper in names.whole_numbers:
+                continue
+            back[key] = value
+        return back
 
     def _motion(self, line: Motion, state: State) -> State:
         findings, file = self.flow.findings, self.routine.file
@@ -554,7 +529,7 @@ class _Reading:
                 frames[routine] = Frames(data=data, names=Names.of(routine, data, volatile), made=made)
             return frames[routine]
 
-        read, alters = read_names(self.files), altering(routines)
+        read = read_names(self.files)
         followed = lambda key: key not in volatile and key.rpartition(":")[2] in read  # noqa: E731
         size = sum(len(file.statements) for file in self.files)
         return Flow(
@@ -564,10 +539,9 @@ class _Reading:
                 r: tree_of(r.lines, lambda x: matters(x, read, routines)) for same in routines.values() for r in same
             },
             frames=frames_of,
-            alters=alters,
             changes=changes,
             by_value=data.by_value,
-            actions=actions_of(routines, data, alters, changes, followed),
+            actions=actions_of(routines, data, changes, followed),
             resuming=resuming(routines),
             left=MIN_LINES + MAX_PASSES * size,
         )

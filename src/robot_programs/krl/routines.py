@@ -56,39 +56,34 @@ _COMMANDS = {
 }
 
 
-def altered_by(line: Statement, routines: Mapping[str, frozenset[str]]) -> frozenset[str]:
-    """Groups of `EVERYTHING` that a line alters, given what routines alter."""
-    match line:
-        case Motion():
-            own = frozenset({"motion"})
-        case Assignment() if line.variable in _VARIABLES:
-            own = frozenset({_VARIABLES[line.variable]})
-        case Call(name="BAS"):
-            own = _COMMANDS.get(line.command, frozenset[str]())
-        case _:
-            own = frozenset[str]()
-    return own.union(*(routines.get(name, frozenset()) for name in calls_of(line)))
-
-
-def keys_changed_by(
+def changed_by(
     line: Statement, names: Names, by_value: Mapping[str, tuple[bool, ...]], routines: Mapping[str, frozenset[str]]
 ) -> frozenset[str]:
-    """Keys of the variables that a line assigns or hands over, given those that routines assign."""
+    """Keys of the variables that a line assigns or hands over, and which of `EVERYTHING` it alters.
+
+    Args:
+        line: the line.
+        names: of its routine.
+        by_value: by name of a routine, which parameters are given by value.
+        routines: by name, the same of what it calls.
+    """
+    facts = frozenset[str]()
     match line:
         case Assignment():
             own = {line.variable, *line.changed}
+            facts = frozenset({_VARIABLES[line.variable]} if line.variable in _VARIABLES else ())
         case Call(name="BAS"):
-            altered = _COMMANDS.get(line.command, frozenset[str]()) - {"parameters"}
-            own = {variable for variable, what in _VARIABLES.items() if what in altered}
+            facts = _COMMANDS.get(line.command, frozenset[str]())
+            own = {variable for variable, what in _VARIABLES.items() if what in facts - {"parameters"}}
         case Call():
             own = {*passed_by_reference(line, by_value)}
         case Motion():
-            own = {*passed_in_motion(line, by_value)}
+            own, facts = {*passed_in_motion(line, by_value)}, frozenset({"motion"})
         case Control():
             own = {*line.changed, *(word.upper for word in line.words[:1] if line.keyword == "FOR")}
         case _:
             own = set[str]()
-    return frozenset(map(names.key, own)).union(*(routines.get(name, frozenset()) for name in calls_of(line)))
+    return facts.union(map(names.key, own), *(routines.get(name, frozenset()) for name in calls_of(line)))
 
 
 def calls_of(line: Statement) -> tuple[str, ...]:
@@ -126,18 +121,13 @@ def only_computes(routine: Routine, routines: Container[str]) -> bool:
     return True
 
 
-def altering(routines: Mapping[str, Sequence[Routine]]) -> dict[str, frozenset[str]]:
-    """Groups that the routines of each name alter, by themselves or by those that they call."""
-    return _through_calls(routines, lambda r: (group for line in r.lines for group in altered_by(line, {})))
-
-
 def changing(routines: Mapping[str, Sequence[Routine]], data: Data) -> dict[str, frozenset[str]]:
-    """Keys of the variables that the routines of each name change, by themselves or by those that they call."""
+    """What the routines of each name change, by themselves or by those that they call; see `changed_by`."""
 
     def own(routine: Routine) -> Iterator[str]:
         names = Names.of(routine, data)
         for line in routine.lines:
-            yield from keys_changed_by(line, names, data.by_value, {})
+            yield from changed_by(line, names, data.by_value, {})
 
     return _through_calls(routines, own)
 
@@ -312,7 +302,6 @@ def declared_in(routines: Mapping[str, Sequence[Routine]]) -> Declared:
 def actions_of(
     routines: Mapping[str, Sequence[Routine]],
     data: Data,
-    alters: Mapping[str, frozenset[str]],
     changes: Mapping[str, frozenset[str]],
     followed: Callable[[str], bool],
 ) -> Actions:
@@ -321,8 +310,7 @@ def actions_of(
     Args:
         routines: by name.
         data: the data lists.
-        alters: by name of a routine, what of tool, base and the like it alters.
-        changes: by name of a routine, keys of the variables it changes.
+        changes: by name of a routine, what it changes.
         followed: by key of a variable, whether its value is followed at all.
     """
     declared = declared_in(routines)
@@ -330,7 +318,7 @@ def actions_of(
         return Actions()
     effects: dict[Text, Action] = {}
     for text, (routine, line) in declared.items():
-        action = _effect(routine, line, data, alters, changes, followed)
+        action = _effect(routine, line, data, changes, followed)
         if action.what or action.keys:
             effects[text] = action
     meant = _Meant(routines=routines, data=data, declared=declared)
@@ -464,12 +452,11 @@ def _effect(
     routine: Routine,
     line: Beside,
     data: Data,
-    alters: Mapping[str, frozenset[str]],
     changes: Mapping[str, frozenset[str]],
     followed: Callable[[str], bool],
 ) -> Action:
     assert line.action is not None
-    keys = keys_changed_by(line.action, Names.of(routine, data), data.by_value, changes)
+    changed = changed_by(line.action, Names.of(routine, data), data.by_value, changes)
     place = routine.file.source.place(line.start)
     match line.keyword, line.action:
         case "INTERRUPT", Call(name=name):
@@ -480,8 +467,8 @@ def _effect(
             source = f"the {keyword} of {place}"
     end = "take it out" if line.keyword == "TRIGGER" else "turn that off"
     return Action(
-        what=altered_by(line.action, alters),
-        keys=frozenset(filter(followed, keys)),
+        what=changed & EVERYTHING,
+        keys=frozenset(filter(followed, changed - EVERYTHING)),
         source=source,
         end=end,
     )

@@ -79,27 +79,7 @@ from robot_programs.rapid.syntax import (
 )
 from robot_programs.rapid.values import UNREACHED, AbstractValue, PassedArgument, State, Values
 
-# What data hold behind an assignment.
-
-
-def after_assignment(
-    assignment: Assignment, scope: Scope, state: State, values: Values, volatile: frozenset[Symbol]
-) -> State:
-    """State after an assignment.
-
-    Args:
-        assignment: the statement.
-        scope: what names mean there.
-        state: what holds before it.
-        values: of data there.
-        volatile: data that may change at any time, of which nothing is kept.
-    """
-    symbol = scope.known(assignment.target.name.text)
-    if symbol is None:
-        return state
-    known = None if symbol in volatile else _assigned(assignment, symbol, scope, values)
-    state = state.forgotten([symbol])
-    return state if known is None else state.holding({symbol: known})
+# What assignments and calls make of data.
 
 
 def counting(instruction: Instruction) -> Assignment | None:
@@ -147,8 +127,6 @@ def _replaced(whole: Value, path: Sequence[int], value: Value) -> Value:
     return (*whole[: path[0]], own, *whole[path[0] + 1 :])
 
 
-# What a RAPID routine is given where it is called.
-
 INITIAL: dict[str, Value] = {"num": 0.0, "dnum": 0.0, "bool": False, "string": ""}
 """What variables hold that are declared without a value (RAPID overview, variable declarations)."""
 
@@ -184,57 +162,6 @@ def own_symbols(context: Context) -> frozenset[Symbol]:
     routine = context.routine
     parameters = () if routine is None else routine.parameters
     return frozenset(context.declared) | {context.scope.own[p.name.key][0] for p in parameters}
-
-
-def passed_arguments(
-    instruction: Instruction, called: Context, scope: Scope, file: File, values: Values
-) -> Iterator[tuple[Symbol, AbstractValue]]:
-    """Abstract values of the parameters of a routine at a call, as far as the text tells.
-
-    Args:
-        instruction: the call.
-        called: the routine.
-        scope: where the call stands.
-        file: the same.
-        values: of data there.
-    """
-    if called.routine is None:
-        return
-    for parameter, argument in given(instruction, called.routine):
-        symbol = called.scope.own[parameter.name.key][0]
-        if argument.conditional or argument.value is None:
-            continue
-        try:
-            known = _argument_value(argument, scope, file, values)
-        except Unresolved:
-            continue
-        passed = known.passed and replace(known.passed, parameters=(*known.passed.parameters, symbol))
-        settable = values.settable(argument.value, scope)
-        yield symbol, AbstractValue(value=known.value, passed=passed, name=known.name, settable=settable)
-
-
-def _argument_value(argument: Argument, scope: Scope, file: File, values: Values) -> AbstractValue:
-    """Abstract value of an argument.
-
-    Raises:
-        Unresolved: the text does not tell.
-    """
-    node = argument.value
-    assert node is not None
-    if not isinstance(node, Reference):
-        literal = node if isinstance(node, Aggregate) else None
-        passed = PassedArgument(argument=argument, file=file, origin=None, literal=literal)
-        return AbstractValue(value=values.of(node, scope), passed=passed)
-    found = values.found(node, scope)
-    if found.passed is not None:  # a parameter is passed on
-        literal = found.literal if isinstance(found.literal, Aggregate) else None
-        reads = found.passed.reads | {(file, node.start)}
-        passed = replace(found.passed, origin=found.origin, literal=literal, reads=reads)
-        return AbstractValue(value=found.value, passed=passed, name=found.name)
-    if found.origin is None:  # what was assigned to a variable of the caller has to be written where it is used
-        return AbstractValue(value=found.value, name=found.name)
-    passed = PassedArgument(argument=argument, file=file, origin=found.origin, literal=None)
-    return AbstractValue(value=found.value, passed=passed, name=found.name)
 
 
 # Going through the statements of a program.
@@ -448,8 +375,13 @@ class _Walk(form.Walk[State, Routine]):
 
     def _assignment(self, assignment: Assignment, state: State) -> State:
         state = self._after_functions((assignment.value,), state, form.Step(line=assignment))
-        values = self.flow.values.at(state.variables)
-        return after_assignment(assignment, self.scope, state, values, self.flow.effects.volatile)
+        symbol, values = self.scope.known(assignment.target.name.text), self.flow.values.at(state.variables)
+        if symbol is None:
+            return state
+        volatile = symbol in self.flow.effects.volatile
+        known = None if volatile else _assigned(assignment, symbol, self.scope, values)
+        state = state.forgotten([symbol])
+        return state if known is None else state.holding({symbol: known})
 
     def _instruction(self, instruction: Instruction, state: State) -> State:
         key, scope, effects, node = instruction.name.key, self.scope, self.flow.effects, form.Step(line=instruction)
@@ -490,9 +422,13 @@ class _Walk(form.Walk[State, Routine]):
         changed = changed_by([node], scope, file, program.effects.changes)
 
         def entry(routine: Routine) -> State:
-            values = program.values.at(state.variables)
-            passed = passed_arguments(instruction, program.contexts[routine], scope, file, values)
-            return program.entered(routine, state.forgotten(changed)).holding(dict(passed))
+            own, values = program.contexts[routine].scope.own, program.values.at(state.variables)
+            passed = {
+                own[parameter.name.key][0]: known
+                for parameter, argument in given(instruction, routine)
+                if (known := self._passed(argument, own[parameter.name.key][0], values)) is not None
+            }
+            return program.entered(routine, state.forgotten(changed)).holding(passed)
 
         context = program.contexts[routines[0]]
         hidden = context.routine is not None and context.routine.local and context.module is not self.context.module
@@ -502,6 +438,38 @@ class _Walk(form.Walk[State, Routine]):
             return replace(state.forgotten(self._changed_by(node)), last=None)
         behind, _ = followed
         return behind.forgotten(changed | own_symbols(context))
+
+    def _passed(self, argument: Argument, parameter: Symbol, values: Values) -> AbstractValue | None:
+        """Abstract value of a parameter at a call; None where it is not given one, or the text does not tell."""
+        node, file = argument.value, self.context.file
+        if node is None or argument.conditional:
+            return None
+        try:
+            settable = values.settable(node, self.scope)
+            if not isinstance(node, Reference):
+                literal = node if isinstance(node, Aggregate) else None
+                passed = PassedArgument(
+                    argument=argument, file=file, origin=None, literal=literal, parameters=(parameter,)
+                )
+                return AbstractValue(value=values.of(node, self.scope), passed=passed, settable=settable)
+            found = values.found(node, self.scope)
+        except Unresolved:
+            return None
+        if found.passed is not None:  # a parameter is passed on
+            passed = replace(
+                found.passed,
+                origin=found.origin,
+                literal=found.literal if isinstance(found.literal, Aggregate) else None,
+                reads=found.passed.reads | {(file, node.start)},
+                parameters=(*found.passed.parameters, parameter),
+            )
+        elif found.origin is None:  # what was assigned to a variable of the caller has to be written where it is used
+            passed = None
+        else:
+            passed = PassedArgument(
+                argument=argument, file=file, origin=found.origin, literal=None, parameters=(parameter,)
+            )
+        return AbstractValue(value=found.value, passed=passed, name=found.name, settable=settable)
 
 
 # The motions that were found in a RAPID program, each with all the ways that lead to it.
