@@ -7,9 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from taskcal.errors import ClosureError
-from taskcal.geometry.four_bar import FourBar, Side, can_close, close_four_bar, curvature, loop_numbers
-from taskcal.kernels.closure import lengthened
-from taskcal.kernels.compiled import compiled
+from taskcal.geometry.four_bar import FourBar, can_close, close_four_bar, curvature
 from tests.laws.robots import generators
 
 PARALLELOGRAM = FourBar(crank=0.5, rod=0.7, rocker=0.5, arm=0.7)
@@ -173,21 +171,3 @@ def test_angles_are_told_apart_by_whether_the_loop_closes_there(case, rng):
     for i in np.flatnonzero(~closing):
         with pytest.raises(ClosureError):
             close_four_bar(bar, alphas[i : i + 1], kappas[i : i + 1])
-
-
-@compiled
-def with_lengths(loop, change, out):
-    found = lengthened(loop, change[0], change[1], change[2])
-    out[0], out[1], out[2], out[3], out[4], out[5] = found.L1, found.L2, found.L3, found.d, found.gamma, found.rho
-    out[6], out[7], out[8], out[9] = found.assembly, found.lever, found.turn, found.passes
-
-
-@given(generators)
-def test_compiled_lengths_are_those_of_the_loop(rng):
-    """A loop that is lengthened inside a kernel is the one with those lengths."""
-    crank, rod, rocker, arm = rng.uniform(0.3, 1.2, size=4)
-    bar, side = FourBar(crank=crank, rod=rod, rocker=rocker, arm=arm), Side(lever=1.0, turn=-1.0)
-    change, out = rng.normal(scale=0.2, size=3), np.empty(10)
-    with_lengths(loop_numbers(bar, side), change, out)
-    longer = replace(bar, crank=crank + change[0], rod=rod + change[1], rocker=rocker + change[2])
-    np.testing.assert_allclose(out, loop_numbers(longer, side), rtol=1e-15)

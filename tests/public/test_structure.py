@@ -46,7 +46,6 @@ ONE_IMPORTER = {
         "taskcal.report.selection",
         "taskcal.report.study",
     },
-    "compiled": {"taskcal.kernels.lane_types", "taskcal.kernels.products"},
     "arithmetic that knows no robot": {"taskcal.geometry.polyline"},
     "entered by name": {"taskcal.__main__", "taskcal.effects", "taskcal.performance"},
 }

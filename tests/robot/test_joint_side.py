@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from taskcal.errors import ClosureError
 from taskcal.geometry.four_bar import FourBar, can_close, close_four_bar
+from taskcal.kernels.blocks import BLOCK
 from taskcal.kernels.chunks import CHUNK
-from taskcal.kernels.lanes import LANES
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.joint_side import FourBarDrive, JointMap, JointSide
@@ -123,7 +123,7 @@ def side_of(rng: np.random.Generator, coordinates: int) -> JointSide:
     )
 
 
-@given(generators, st.integers(1, 7), st.integers(0, 3 * LANES))
+@given(generators, st.integers(1, 7), st.integers(0, 2 * BLOCK))
 def test_coordinates_are_those_of_the_map_and_the_loop(rng, coordinates, n):
     side, q, xi = side_of(rng, coordinates), rng.uniform(-0.5, 0.5, (n, 2)), rng.normal(size=3) * 0.01
     used = rng.random(len(side.four_bar.pairs)) < 0.6
@@ -136,7 +136,7 @@ def test_coordinates_are_those_of_the_map_and_the_loop(rng, coordinates, n):
     np.testing.assert_allclose(plain.at(q, xi, used[:0], coordinates)[0], side.joint_map(q), rtol=0.0, atol=1e-14)
 
 
-@given(generators, st.integers(1, 3 * LANES))
+@given(generators, st.integers(1, 2 * BLOCK))
 def test_pose_does_not_depend_on_other_rows(rng, n):
     """What comes out for a pose does not depend on those beside it."""
     side, q = side_of(rng, 3), rng.uniform(-0.5, 0.5, (n, 2))
@@ -147,7 +147,7 @@ def test_pose_does_not_depend_on_other_rows(rng, n):
             np.testing.assert_array_equal(part, whole[rows])
 
 
-@pytest.mark.parametrize("row", [0, 6, LANES, CHUNK + 3, 2 * CHUNK + 2])
+@pytest.mark.parametrize("row", [0, 6, BLOCK, CHUNK + 3, 2 * CHUNK + 2])
 @pytest.mark.parametrize("apart", [100.0, np.nan])
 def test_a_pose_that_does_not_close_is_named_wherever_it_stands(row, apart):
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))

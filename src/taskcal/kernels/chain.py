@@ -47,7 +47,8 @@ class Steps(NamedTuple):
 
     kind: Int[np.ndarray, " steps"]
     which: Int[np.ndarray, " steps"]
-    fixed: Float[np.ndarray, "parts 3 4"]
+    fixed: Float[np.ndarray, "parts 12"]
+    """Row by row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,13 +69,13 @@ class Chain:
     @cached_property
     def steps(self) -> Steps:
         """For the compiled passes."""
-        return Steps(self.kind, self.index, self.fixed)
+        return Steps(self.kind, self.index, self.fixed.reshape(-1, 12))
 
     @cached_property
     def joint_columns(self) -> "Columns":
         """One column for each joint, none for error frames."""
         joints = np.arange(self.joints)
-        return Columns(frames=np.full((self.frames, 6), -1), joint=joints, column=joints, count=self.joints)
+        return Columns(frames=np.empty((0, 6), dtype=np.int64), joint=joints, column=joints, count=self.joints)
 
     @classmethod
     def of(cls, steps: Sequence[Step]) -> "Chain":
@@ -146,8 +147,3 @@ class Columns:
     def arrays(self) -> Layout:
         """For the compiled passes."""
         return Layout(self.frames, self.joint, self.column)
-
-    @cached_property
-    def fills(self) -> bool:
-        """Whether every column belongs to something."""
-        return int(np.count_nonzero(self.frames >= 0)) + len(np.unique(self.column)) == self.count

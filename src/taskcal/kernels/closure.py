@@ -1,23 +1,13 @@
-"""The closure of a four-bar for eight poses at a time; `four_bar` says what it computes."""
+"""The joint side, compiled: couplings and the closure of a four-bar; `four_bar` says what that computes."""
 
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.kernels.blocks import BLOCK, angle_of, cosine_and_sine, take_block
 from taskcal.kernels.chunks import in_chunks
 from taskcal.kernels.compiled import compiled, part
-from taskcal.kernels.lanes import (
-    LANES,
-    allocate_lanes,
-    angle_of,
-    as_lanes,
-    cosine_and_sine,
-    least_of,
-    square_root,
-    where_less,
-)
-from taskcal.kernels.walk import take_lanes
 
 MIN_TURN = 1e-9
 """∂θ/∂κ that counts as none; a rhombus that folds over leaves the rocker standing, to rounding."""
@@ -49,45 +39,36 @@ class LoopNumbers(NamedTuple):
 
 
 @part
-def lengthened(loop, crank, rod, rocker):
-    """The loop with other lengths, by so much from its own."""
-    L1, L2, L3, d = loop.L1 + crank, loop.L2 + rod, loop.L3 + rocker, loop.d
-    square, twice = d * d + L1 * L1, 2.0 * d * L1
-    folded, stretched = (square - (L2 - L3) * (L2 - L3)) / twice, (square - (L2 + L3) * (L2 + L3)) / twice
-    passes = 2.0 if folded > 1.0 + ROUNDING or stretched < -1.0 - ROUNDING else 0.0
-    return LoopNumbers(L1, L2, L3, d, loop.gamma, loop.rho, loop.assembly, loop.lever, loop.turn, passes)
-
-
-@part
-def close_loop(alpha, kappa, loop, out):
-    """Fill `out` with the numbers of one loop at arm angles α and crank angles κ."""
+def close_loops(alpha, kappa, loop, out):
+    """Fill rows of `out` with the numbers of one loop at arm angles α and crank angles κ, a place for each pose."""
     L1, L2, L3, d = loop.L1, loop.L2, loop.L3, loop.d
-    (ca, sa), (ck, sk) = cosine_and_sine(alpha), cosine_and_sine(kappa + loop.gamma)
-    cr, sr = cosine_and_sine(kappa + loop.rho)
-    wx, wy = d * ca - L1 * ck, d * sa - L1 * sk
-    square = wx * wx + wy * wy
-    by_w = 1.0 / square_root(square)  # divisions take longest of all
-    cosine = (L2 * L2 - square - L3 * L3) * (0.5 / L3) * by_w
-    closes = (1.0 - cosine) * (1.0 + cosine)
-    sine = -loop.assembly * square_root(closes)
-    cl, sl = (wx * cosine - wy * sine) * by_w, (wy * cosine + wx * sine) * by_w
-    vx, vy = wx + L3 * cl, wy + L3 * sl
-    # differentiating |v|² = L2² : L3·(v·u′(ψ)) dψ = L2·dL2 − v·(everything else that moves v)
-    by_slope = 1.0 / (L3 * (vy * cl - vx * sl))
-    out[0] = angle_of(sl * cr - cl * sr, cl * cr + sl * sr)
-    out[1] = (vx * ck + vy * sk) * by_slope
-    out[2] = L2 * by_slope
-    out[3] = -(vx * cl + vy * sl) * by_slope
-    out[4] = -(vx * ca + vy * sa) * by_slope
-    out[5] = -d * (vy * ca - vx * sa) * by_slope
-    turned = L1 * (vy * ck - vx * sk) * by_slope
-    out[6] = turned
-    side = where_less(0.0, loop.passes + loop.lever * (sk * ca - ck * sa), KEPT, BEYOND)
-    kept = where_less(MIN_TURN, loop.turn * turned, side, BEYOND)
-    out[7] = where_less(0.0, closes, kept, OPEN)
+    for i in range(BLOCK):
+        (ca, sa), (ck, sk) = cosine_and_sine(alpha[i]), cosine_and_sine(kappa[i] + loop.gamma)
+        cr, sr = cosine_and_sine(kappa[i] + loop.rho)
+        wx, wy = d * ca - L1 * ck, d * sa - L1 * sk
+        square = wx * wx + wy * wy
+        by_w = 1.0 / np.sqrt(square)  # divisions take longest of all
+        cosine = (L2 * L2 - square - L3 * L3) * (0.5 / L3) * by_w
+        closes = (1.0 - cosine) * (1.0 + cosine)
+        sine = -loop.assembly * np.sqrt(closes)
+        cl, sl = (wx * cosine - wy * sine) * by_w, (wy * cosine + wx * sine) * by_w
+        vx, vy = wx + L3 * cl, wy + L3 * sl
+        # differentiating |v|² = L2² : L3·(v·u′(ψ)) dψ = L2·dL2 − v·(everything else that moves v)
+        by_slope = 1.0 / (L3 * (vy * cl - vx * sl))
+        out[i] = angle_of(sl * cr - cl * sr, cl * cr + sl * sr)
+        out[BLOCK + i] = (vx * ck + vy * sk) * by_slope
+        out[2 * BLOCK + i] = L2 * by_slope
+        out[3 * BLOCK + i] = -(vx * cl + vy * sl) * by_slope
+        out[4 * BLOCK + i] = -(vx * ca + vy * sa) * by_slope
+        out[5 * BLOCK + i] = -d * (vy * ca - vx * sa) * by_slope
+        turned = L1 * (vy * ck - vx * sk) * by_slope
+        out[6 * BLOCK + i] = turned
+        state = KEPT if loop.passes + loop.lever * (sk * ca - ck * sa) > 0.0 else BEYOND
+        state = state if loop.turn * turned > MIN_TURN else BEYOND
+        out[7 * BLOCK + i] = state if closes > 0.0 else OPEN
 
 
-# From joint positions to the coordinates of a chain, through couplings and a four-bar, eight poses at a time.
+# From joint positions to the coordinates of a chain, through couplings and a four-bar.
 
 
 class Drive(NamedTuple):
@@ -119,50 +100,61 @@ class Coordinates(NamedTuple):
 
 
 class CoordinateBuffers(NamedTuple):
-    """What the pass fills on the way."""
+    """Numbers of one block on the way; the poses are along each row."""
 
-    q: Float[np.ndarray, "joints lanes"]
-    s: Float[np.ndarray, "coordinates lanes"]
-    loop: Float[np.ndarray, "numbers lanes"]
+    q: Float[np.ndarray, "joints poses"]
+    s: Float[np.ndarray, "coordinates poses"]
+    angles: Float[np.ndarray, "2 poses"]
+    """α and κ."""
+    loop: Float[np.ndarray, " numbers*poses"]
+
+    @classmethod
+    def of(cls, joints: int, coordinates: int) -> "CoordinateBuffers":
+        """For so many joints and coordinates."""
+        sizes = (joints, BLOCK), (coordinates, BLOCK), (2, BLOCK), (NUMBERS * BLOCK,)
+        return cls(*(np.empty(size) for size in sizes))
+
+
+@part
+def _combine(factors, offset, q, out):
+    """Fill a row with a linear combination of others."""
+    for i in range(BLOCK):
+        out[i] = offset
+    for j in range(factors.shape[0]):
+        factor, row = factors[j], q[j]
+        if factor != 0.0:
+            for i in range(BLOCK):
+                out[i] += factor * row[i]
 
 
 @compiled
-def fill_lanes(q, drive, numbers, wanted, buffers, out):
+def close_poses(q, drive, numbers, wanted, buffers, out):
     """Fill `out`; whether the loop closes where it was built at all poses."""
-    joints, s, loop = as_lanes(buffers.q), as_lanes(buffers.s), as_lanes(buffers.loop)
-    matrix, n = drive.matrix, q.shape[0]
-    least = KEPT
-    for first in range(0, n, LANES):
-        take_lanes(q, first, buffers.q)
-        for c in range(matrix.shape[0]):
-            v = drive.offset[c]
-            for j in range(matrix.shape[1]):
-                if matrix[c, j] != 0.0:
-                    v += matrix[c, j] * joints[j]
-            s[c] = v
+    loop, n, kept = buffers.loop, q.shape[0], True
+    for first in range(0, n, BLOCK):
+        take_block(q, first, buffers.q)
+        here = min(BLOCK, n - first)
+        for c in range(drive.offset.shape[0]):
+            _combine(drive.matrix[c], drive.offset[c], buffers.q, buffers.s[c])
         if drive.angles.shape[0] > 0:
-            alpha, kappa = drive.angles[0, 0] * joints[0], drive.angles[1, 0] * joints[0]
-            for j in range(1, matrix.shape[1]):
-                alpha += drive.angles[0, j] * joints[j]
-                kappa += drive.angles[1, j] * joints[j]
-            close_loop(alpha, kappa, numbers, loop)
-            least = where_less(loop[STATE], least, loop[STATE], least)
-            for c in range(matrix.shape[0]):
-                if drive.output[c] != 0.0:
-                    s[c] += drive.output[c] * loop[0]
-        for lane in range(min(LANES, n - first)):
-            for c in range(matrix.shape[0]):
-                out.s[first + lane, c] = buffers.s[c, lane]
-            for k in range(out.loop.shape[1]):
-                out.loop[first + lane, k] = buffers.loop[k, lane]
-            for k in range(wanted.which.shape[0]):
-                out.factor[first + lane, k] = wanted.times[k] * buffers.loop[wanted.which[k], lane]
-    return least_of(least) == KEPT
-
-
-def allocate_coordinates(joints: int, coordinates: int) -> CoordinateBuffers:
-    """For so many joints and coordinates."""
-    return CoordinateBuffers(*allocate_lanes((joints,), (coordinates,), (NUMBERS,)))
+            for k in range(2):
+                _combine(drive.angles[k], 0.0, buffers.q, buffers.angles[k])
+            close_loops(buffers.angles[0], buffers.angles[1], numbers, loop)
+            for c in range(drive.output.shape[0]):
+                output, row = drive.output[c], buffers.s[c]
+                if output != 0.0:
+                    for i in range(BLOCK):
+                        row[i] += output * loop[i]
+            for i in range(here):
+                kept = kept and loop[STATE * BLOCK + i] == KEPT
+                for k in range(out.loop.shape[1]):
+                    out.loop[first + i, k] = loop[k * BLOCK + i]
+                for k in range(wanted.which.shape[0]):
+                    out.factor[first + i, k] = wanted.times[k] * loop[wanted.which[k] * BLOCK + i]
+        for i in range(here):
+            for c in range(drive.offset.shape[0]):
+                out.s[first + i, c] = buffers.s[c, i]
+    return kept
 
 
 def fill_coordinates(
@@ -171,8 +163,8 @@ def fill_coordinates(
     """Fill `out` at joint positions q, in radians or metres; whether the loop, if there is one, closes at all as it was built."""
 
     def fill(rows: slice) -> bool:
-        lanes = allocate_coordinates(q.shape[1], len(drive.offset))
+        buffers = CoordinateBuffers.of(q.shape[1], len(drive.offset))
         part = Coordinates(out.s[rows], out.factor[rows], out.loop[rows])
-        return fill_lanes(q[rows], drive, numbers, wanted, lanes, part)
+        return close_poses(q[rows], drive, numbers, wanted, buffers, part)
 
     return all(in_chunks(fill, len(q)))

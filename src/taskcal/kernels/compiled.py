@@ -2,18 +2,20 @@
 
 from collections.abc import Callable
 from functools import cache, cached_property, update_wrapper
-from importlib import import_module
 from typing import Any, TypeVar, cast
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+FUSED = {"contract"}
+"""A product and a sum may be rounded once, as the processor's fused instructions do."""
 
 
 class Kernel:
     """A function that is compiled, without the interpreter lock, when it is first called or wanted by another kernel."""
 
-    def __init__(self, function: Callable[..., Any], *, kept: bool = False, **options: bool):
+    def __init__(self, function: Callable[..., Any], *, kept: bool = False, **options: Any):
         update_wrapper(self, function)
-        self._function, self._kept, self._options = function, kept, options
+        self._function, self._kept, self._options = function, kept, {"fastmath": FUSED, **options}
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the compiled function."""
@@ -35,10 +37,9 @@ class Kernel:
 
 @cache
 def prepare_compiler() -> None:
-    """Tell Numba's compiler what a kernel is that another one calls, and what lanes are; what was compiled before runs without."""
+    """Tell Numba's compiler what a kernel is that another one calls; what was compiled before runs without."""
     from numba.extending import typeof_impl
 
-    import_module("taskcal.kernels.lane_types")  # after which kernels know lanes
     register: Any = typeof_impl.register
     register(Kernel)(lambda kernel, context: typeof_impl(kernel.dispatcher, context))
 

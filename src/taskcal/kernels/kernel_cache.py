@@ -155,8 +155,8 @@ def _say_once(message: str) -> None:
 
 
 def is_warm() -> bool:
-    """Whether an earlier process has already left the kernel of the fit, the largest, in the cache."""
-    return any(cache_folder().rglob("points._accumulate*.nbc"))
+    """Whether an earlier process has already left the walk, which every fit needs, in the cache."""
+    return any(cache_folder().rglob("walk.walk_points*.nbc"))
 
 
 def keep_compiled(dispatcher: Any, kernel: Callable[..., Any], prepare: Callable[[], None]) -> None:

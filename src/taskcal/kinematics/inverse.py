@@ -7,11 +7,11 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
-from taskcal.errors import ReachError
+from taskcal.errors import ClosureError, ReachError
 from taskcal.geometry import se3
-from taskcal.kernels.chain import FIXED, PRISMATIC, REVOLUTE
+from taskcal.kernels import walk
+from taskcal.kernels.chain import FIXED, PRISMATIC, REVOLUTE, Chain
 from taskcal.kernels.chunks import in_chunks
-from taskcal.kernels.pose_step import Goal, step_towards, task_jacobian
 from taskcal.robot.error_model import ErrorModel, Walk
 from taskcal.short_repr import short_repr
 
@@ -120,6 +120,98 @@ def _travel(model: ErrorModel, coordinate: int) -> tuple[float, float]:
     return offset + float(ends.min(axis=1).sum()), offset + float(ends.max(axis=1).sum())
 
 
+# One damped Newton step of joint positions towards tool poses, many at once.
+
+RADIANS_PER_METRE = 2.0
+"""Radians that a metre counts like: about what turns an arm's end by its own length."""
+
+MAX_JOINT_STEP = 0.5
+"""No joint moves farther in one step, radians or metres."""
+
+DAMPING = 1e-3
+"""Of the square of what is left, up to `MAX_DAMPED`: it fades with the error, so that the last steps are pure Newton, and tames
+singular poses (Wampler 1986)."""
+
+MAX_DAMPED = 4.0
+"""Radians²."""
+
+ROUNDING_SHARE = 1e-15
+"""Of JJᵀ's trace, and its absolute value where no joint moves anything: damping that there always is, so that there is a step."""
+
+NO_TILT = 1e-12
+"""Sine of an angle between two axes that has no direction."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Goal:
+    """Goal pose of a frame on the tool."""
+
+    T: Float[np.ndarray, "n 4 4"]
+    """Poses in the base."""
+    tip: Float[np.ndarray, "4 4"]
+    """Pose of the frame in the tool."""
+    free_spin: bool
+    """Whether it may turn about its own z axis."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Conditioned:
+    """What a pose asks of the frame on the tool: its Jacobian by the joints, and what is left.
+
+    Rows are the position's, times `RADIANS_PER_METRE`, and the angles about the axes of the base; where the spin is free, the
+    angles about the frame's own x and y axes.
+    """
+
+    J: Float[np.ndarray, "n rows joints"]
+    left: Float[np.ndarray, "n rows"]
+    off: Float[np.ndarray, "n 2"]
+    """Distance and angle from the goal, metres and radians."""
+
+    @classmethod
+    def of(
+        cls, chain: Chain, at: Walk, by_joint: Float[np.ndarray, "m coordinates joints"], goal: Goal
+    ) -> "Conditioned":
+        """Of a chain where it was walked to, with ∂s/∂q there at every pose, or one for all."""
+        end = np.empty((len(at.s), 4, 4))
+        ones, layout = np.ones((len(at.s), chain.joints)), chain.joint_columns
+        J = walk.columns(chain, at.s, at.e, layout, ones, angular=True, point=goal.tip[:3, 3].copy(), poses=end)
+        J = J @ by_joint
+        T = end @ goal.tip
+        distance, turn = goal.T[:, :3, 3] - T[:, :3, 3], _turn_left(T[:, :3, :3], goal)
+        off = np.sqrt(np.stack([np.einsum("ni,ni->n", v, v) for v in (distance, turn)], axis=1))
+        if goal.free_spin:
+            to_tip = np.swapaxes(T[:, :3, :2], 1, 2)
+            turn = (to_tip @ turn[:, :, None])[:, :, 0]
+            J = np.concatenate([J[:, :3], to_tip @ J[:, 3:]], axis=1)
+        J[:, :3] *= RADIANS_PER_METRE
+        return cls(J=J, left=np.concatenate([RADIANS_PER_METRE * distance, turn], axis=1), off=off)
+
+    def step(self, rows: Bool[np.ndarray, " n"]) -> Float[np.ndarray, "k joints"]:
+        """Change of the joints that leads some poses nearer to their goals, radians or metres: Jᵀ(JJᵀ + damping)⁻¹·left."""
+        J, left = self.J[rows], self.left[rows]
+        A = J @ np.swapaxes(J, 1, 2)
+        square = np.einsum("ni,ni->n", left, left)
+        trace = np.einsum("nii->n", A)
+        damping = DAMPING * np.minimum(square, MAX_DAMPED) + ROUNDING_SHARE * (1.0 + trace)
+        A += damping[:, None, None] * np.eye(A.shape[1])
+        step = np.einsum("nr,nrj->nj", np.linalg.solve(A, left[:, :, None])[:, :, 0], J)
+        far = np.abs(step).max(axis=1, initial=0.0)
+        return step * (MAX_JOINT_STEP / np.maximum(far, MAX_JOINT_STEP))[:, None]
+
+
+def _turn_left(R: Float[np.ndarray, "n 3 3"], goal: Goal) -> Float[np.ndarray, "n 3"]:
+    """Rotation vector from a frame to its goal; with free spin the shortest one that takes its z axis there."""
+    target = goal.T[:, :3, :3]
+    if not goal.free_spin:
+        return se3.log(target @ np.swapaxes(R, 1, 2))
+    across = np.cross(R[:, :, 2], target[:, :, 2])
+    sine, cosine = np.linalg.norm(across, axis=1), np.einsum("ni,ni->n", R[:, :, 2], target[:, :, 2])
+    tilted = sine > NO_TILT
+    scale = np.where(tilted, np.arctan2(sine, cosine) / np.where(tilted, sine, 1.0), 1.0)
+    opposite = ~tilted & (cosine <= 0.0)  # any way round is as short
+    return np.where(opposite[:, None], np.pi * R[:, :, 0], scale[:, None] * across)
+
+
 Spin = Literal["fixed", "free"]
 
 POSITION_TOLERANCE_M, ROTATION_TOLERANCE_RAD = 1e-9, 1e-9
@@ -210,18 +302,22 @@ def newton_steps(
         q, off, goal = end.q[rows], end.off[rows], T[rows]
         active = np.arange(len(q))
         for k in range(iterations + 1):
-            closing = closes(model, q[active], x)
-            off[active[~closing]] = np.inf
-            active = active[closing]
+            try:
+                at = model.walk(q[active], x)
+            except ClosureError:
+                closing = closes(model, q[active], x)
+                off[active[~closing]] = np.inf
+                active = active[closing]
+                at = model.walk(q[active], x)
             if not len(active):
                 break
-            at = model.walk(q[active], x)
-            step = step_towards(Goal(goal[active], frame, free), model.chain, at.s, at.e, _slope(model, at))
-            off[active] = step.off
-            far = (step.off > STEP_MARGIN * np.array([POSITION_TOLERANCE_M, ROTATION_TOLERANCE_RAD])).any(axis=1)
+            aim = Goal(T=goal[active], tip=frame, free_spin=free)
+            asked = Conditioned.of(model.chain, at, _slope(model, at), aim)
+            off[active] = asked.off
+            far = (asked.off > STEP_MARGIN * np.array([POSITION_TOLERANCE_M, ROTATION_TOLERANCE_RAD])).any(axis=1)
             active = active[far]
             if k < iterations:
-                q[active] += step.step[far]
+                q[active] += asked.step(far)
 
     in_chunks(solve, len(seed))
     return end
@@ -245,8 +341,8 @@ def conditioning(
         closing = closes(model, q[rows], x)
         if closing.any():
             at = model.walk(q[rows][closing], x)
-            goal = Goal(np.tile(np.eye(4), (len(at.s), 1, 1)), frame, False)
-            s = np.linalg.svd(task_jacobian(goal, model.chain, at.s, at.e, _slope(model, at)), compute_uv=False)
+            goal = Goal(T=np.tile(np.eye(4), (len(at.s), 1, 1)), tip=frame, free_spin=False)
+            s = np.linalg.svd(Conditioned.of(model.chain, at, _slope(model, at), goal).J, compute_uv=False)
             ratio[rows][closing] = s[:, -1] / s[:, 0]
 
     in_chunks(fill, len(q))

@@ -11,8 +11,14 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
-from taskcal.kernels.pose_step import RADIANS_PER_METRE
-from taskcal.kinematics.inverse import JUMP_RAD, SAME_POSTURE_RAD, find_postures, posture_margin, solve_near
+from taskcal.kinematics.inverse import (
+    JUMP_RAD,
+    RADIANS_PER_METRE,
+    SAME_POSTURE_RAD,
+    find_postures,
+    posture_margin,
+    solve_near,
+)
 from taskcal.kinematics.tracing import rejections, trace
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr

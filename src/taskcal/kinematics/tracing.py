@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.geometry import se3
-from taskcal.kernels.pose_step import RADIANS_PER_METRE
-from taskcal.kinematics.inverse import JUMP_RAD, NewtonEnd, conditioning, follow, newton_steps
+from taskcal.kinematics.inverse import JUMP_RAD, RADIANS_PER_METRE, NewtonEnd, conditioning, follow, newton_steps
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
