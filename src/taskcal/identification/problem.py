@@ -1,8 +1,8 @@
 """The least-squares problem of a campaign: what was seen, its residuals about an estimate, and their derivatives.
 
 There is one linearisation. A kind of observation is differentiated by the twist of its target and by its own unknowns; the twist
-of the tool comes from the compiled walk. A tracker's points need no more than the walk, so that compiled passes add up their normal
-equations and covariances on the way; those of other kinds are taken from dense rows, some poses at a time.
+of the tool comes from the compiled walk. A tracker's points need no more than the walk, so that it gives their whitened rows as
+well; those of other kinds are made of dense columns, some poses at a time.
 """
 
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import ClosureError
-from taskcal.estimation.matrices import inverse_factors
+from taskcal.estimation.matrices import inverse_factors, single_threaded
 from taskcal.geometry import se3
 from taskcal.identification.layout import Layout
 from taskcal.kernels import walk
@@ -166,7 +166,7 @@ class Rows(NamedTuple):
 
     @property
     def _points(self) -> SeenPoints | None:
-        """For the compiled passes; None where another kind was measured, or a target has an error frame."""
+        """For the compiled walk; None where another kind was measured, or a target has an error frame."""
         streamed = all(kind.streamed for kind in self.seen.kinds)
         turned = any(kind.turned for kind in self.layout.kinds) and not self.layout.fixed_frames
         return SeenPoints(self.seen.position, self.seen.valid) if streamed and not turned else None
@@ -224,6 +224,7 @@ class Rows(NamedTuple):
         cost, g, H = zip(*parts, strict=True)
         return sum(cost), np.sum(g, axis=0), np.sum(H, axis=0)
 
+    @single_threaded
     def propagate(self, covariance: Float[np.ndarray, "z z"]) -> Propagated:
         """Residuals, and the covariance of what is predicted for one of the estimate, without keeping derivatives."""
         points = self._points

@@ -314,7 +314,7 @@ def newton_steps(
             aim = Goal(T=goal[active], tip=frame, free_spin=free)
             asked = Conditioned.of(model.chain, at, _slope(model, at), aim)
             off[active] = asked.off
-            far = (asked.off > STEP_MARGIN * np.array([POSITION_TOLERANCE_M, ROTATION_TOLERANCE_RAD])).any(axis=1)
+            far = (asked.off / [POSITION_TOLERANCE_M, ROTATION_TOLERANCE_RAD]).max(axis=1) > STEP_MARGIN
             active = active[far]
             if k < iterations:
                 q[active] += asked.step(far)
