@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from taskcal.errors import FileError
-from taskcal.io.xml_file import DEEPEST, MOST_ELEMENTS, parse_xml
+from taskcal.io.xml_file import DEEPEST, MAX_ELEMENTS, parse_xml
 
 
 def test_elements_have_attributes_lines_and_children_in_order() -> None:
@@ -22,7 +22,7 @@ def test_elements_have_attributes_lines_and_children_in_order() -> None:
         (b"<a>\n<b></a>", "is not well-formed XML: mismatched tag", 2),
         (b'\n<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "declares a document type .a.", 2),
         (b"<a>\n" * (DEEPEST + 1), f"nests more than {DEEPEST} elements", DEEPEST + 1),
-        (b"<a>" + b"<b/>" * MOST_ELEMENTS + b"</a>", f"has more than {MOST_ELEMENTS} elements", 1),
+        (b"<a>" + b"<b/>" * MAX_ELEMENTS + b"</a>", f"has more than {MAX_ELEMENTS} elements", 1),
         (b'<?xml version="1.0" encoding="klingon"?><a/>', "encoding", 1),
     ],
     ids=["tags", "document type", "depth", "number", "encoding"],

@@ -20,8 +20,8 @@ from taskcal.task.task import Task
 SHORTER = 0.045
 """The finishing cutter ends so far before the roughing one, metres."""
 
-CLEAR = 0.03
-"""Height of the ways over the part, metres."""
+CLEARANCE_M = 0.03
+"""Height of the approach paths over the part, metres. A convention."""
 
 ROWS, COLUMNS = 46, 45
 """Rows that the surface is cut in, and targets of each."""
@@ -125,7 +125,7 @@ def _down(x: float, y: float, z: float) -> Float[np.ndarray, "4 4"]:
 
 def _pocket() -> list[_Cut]:
     """A pocket of 160 × 100 mm, 24 mm deep, its corners rounded; four levels of four rounds from within."""
-    cuts = [_Cut("MoveJ", _down(0, 0, CLEAR * 1e3), speed="v200", zone="z5")]
+    cuts = [_Cut("MoveJ", _down(0, 0, CLEARANCE_M * 1e3), speed="v200", zone="z5")]
     for depth in (-6.0, -12.0, -18.0, -24.0):
         for k in range(4):
             a, b, r = 20.0 + 20.0 * k, 8.0 + 14.0 * k, 6.0 + 3.0 * k
@@ -142,7 +142,7 @@ def _pocket() -> list[_Cut]:
                 cuts.append(_Cut("MoveC", _down(*end, depth), via=_down(*corner, depth)))
             cuts.append(_Cut("MoveL", _down(a, 0, depth)))
         cuts.append(_Cut("MoveL", _down(0, 0, depth + 8.0), speed="v50", zone="z1"))
-    cuts.append(_Cut("MoveL", _down(0, 0, CLEAR * 1e3), speed="v200", zone="fine"))
+    cuts.append(_Cut("MoveL", _down(0, 0, CLEARANCE_M * 1e3), speed="v200", zone="fine"))
     return cuts
 
 
@@ -157,7 +157,7 @@ def _form(rows: int) -> list[_Cut]:
         tilt = se3.pose(se3.exp(np.array([slope[1], -slope[0], 0.0])), np.zeros(3))
         return se3.translation(u * 1e-3, v * 1e-3, height * 1e-3) @ tilt @ se3.rotation("x", np.pi)
 
-    over = se3.translation(z=CLEAR)
+    over = se3.translation(z=CLEARANCE_M)
     cuts = [_Cut("MoveJ", over @ at(x[0], y[0]), speed="v200", zone="z5")]
     for row, v in enumerate(y):
         cuts += [_Cut("MoveL", at(u, v)) for u in (x if row % 2 == 0 else x[::-1])]

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from taskcal.arguments import expect_kinds
 from taskcal.campaigns.campaign import Campaign, check_rows
-from taskcal.diagnosis.drift import find_in_course, find_large_move
+from taskcal.diagnosis.drift import find_drift_or_slip, find_large_move
 from taskcal.diagnosis.fits import LEVER_SHARE, MIN_ERROR_M, misfits
 from taskcal.diagnosis.hypotheses import MISTAKES as MISTAKES
 from taskcal.diagnosis.hypotheses import Case, Finding, Hypothesis, hypotheses_of, looked_for
@@ -343,14 +343,14 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -
     """Find the mistakes of a campaign: what is written wrong, and what went wrong in its course.
 
     Every usual mistake of joints, frames, rows and robot is undone, singly and in pairs; half of the rows register the nominal
-    robot, the other half say how far off it is. A mistake is believed where undoing it lowers the geometric mean of that by a
+    robot, the other half say how far off it is. A mistake is significant where undoing it lowers the geometric mean of that by a
     factor of 2.2 at least. Rows that fit in another order alone are shuffled. Then slips, moves of the tracker, drifts and gross
     rows are looked for with the geometry's tolerances free. What lowers the error by less than a factor of 1.05 is not told,
     and of too few rows nothing but that.
 
     The confidence of a written mistake is its share among all explanations tried, each weighted with the inverse cube of its
     error (its mistakes paid for), so that two explanations that fit alike have one half each; that of slips and drifts grows
-    with the gain of the likelihood, 0.63 at the least one believed, that of rows with their distance.
+    with the gain of the likelihood, 0.63 at the least one significant, that of rows with their distance.
 
     Args:
         campaign: the measurements; it may lie outside the robot's limits.
@@ -496,12 +496,12 @@ def _chosen(found: list[Explanation], given: Explanation) -> tuple[Explanation, 
     """The best explanation, and what went wrong in its course; the campaign as it is, if that alone explains as much."""
     best = found[0]
     if best is given:
-        return given, find_in_course(given)
+        return given, find_drift_or_slip(given)
     if given.error < MAX_COURSE_SHARE * given.case.model.robot.reach:
-        local = find_in_course(given)
+        local = find_drift_or_slip(given)
         if local is not None and _rank_without(*local, given.case) < best.rank:
             return given, local
-    return best, find_in_course(best)
+    return best, find_drift_or_slip(best)
 
 
 def _rank_without(finding: Finding, mended: Campaign, case: Case) -> float:

@@ -58,7 +58,7 @@ MAX_FOLLOWED_RATIO = 1.1
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class CourseMistake(ABC):
+class DriftOrSlip(ABC):
     """A slip, a move of the tracker or the base, or a drift; each class is one of them, and owns its evidence and its fix."""
 
     id: ClassVar[str]
@@ -76,7 +76,7 @@ class CourseMistake(ABC):
     """How far it moved the points, metres."""
     gain: float
     """Gain of twice the logarithm of the likelihood, less the price of the columns."""
-    believed: bool
+    significant: bool
     """Whether it is beyond doubt."""
     before: float
     """Root mean square distance of the points, the geometry free within its tolerances, metres."""
@@ -85,7 +85,7 @@ class CourseMistake(ABC):
 
     @classmethod
     @abstractmethod
-    def find(cls, fit: LinearFit, weight: Float[np.ndarray, " m"], count: int) -> "CourseMistake | None":
+    def find(cls, fit: LinearFit, weight: Float[np.ndarray, " m"], count: int) -> "DriftOrSlip | None":
         """The most likely one; None where there are too few rows.
 
         Args:
@@ -95,7 +95,7 @@ class CourseMistake(ABC):
         """
 
     @abstractmethod
-    def mend(self, campaign: Campaign, fit: LinearFit) -> tuple[tuple[str, ...], str, Campaign]:
+    def without(self, campaign: Campaign, fit: LinearFit) -> tuple[tuple[str, ...], str, Campaign]:
         """Subject, a fix in one line, and the campaign without the mistake."""
 
     @classmethod
@@ -108,8 +108,8 @@ class CourseMistake(ABC):
         return value > cls.min_gain and more > least
 
     def local(self, campaign: Campaign, fit: LinearFit) -> Local:
-        """The finding, and the campaign without it; its confidence is 0.63 for the least gain that is believed, up to 0.99."""
-        subject, fix, mended = self.mend(campaign, fit)
+        """The finding, and the campaign without it; its confidence is 0.63 for the least gain that is significant, up to 0.99."""
+        subject, fix, mended = self.without(campaign, fit)
         finding = Finding(
             id=self.id,
             subject=subject,
@@ -121,9 +121,9 @@ class CourseMistake(ABC):
         return finding, mended
 
 
-@looked_for("course", "target-slipped")
+@looked_for("drift", "target-slipped")
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Slip(CourseMistake):
+class Slip(DriftOrSlip):
     """One target, or each of them by its own way, moved on the robot before one row."""
 
     id = "target-slipped"
@@ -134,7 +134,7 @@ class Slip(CourseMistake):
 
     @classmethod
     def find(cls, fit: LinearFit, weight: np.ndarray, count: int) -> "Slip | None":
-        """Find the most likely one (`CourseMistake.find`)."""
+        """Find the most likely one (`DriftOrSlip.find`)."""
         choices = [(t,) for t in range(count)] + ([tuple(range(count))] if count > 1 else [])
         best: tuple[float, tuple[int, ...], int] | None = None
         for targets in choices:
@@ -151,12 +151,12 @@ class Slip(CourseMistake):
             row=row,
             move=float(sizes.max()),
             gain=value,
-            believed=cls.is_abrupt(fit, weight, columns, value),
+            significant=cls.is_abrupt(fit, weight, columns, value),
             before=fit.rms(weight),
             after=fit.rms(weight, columns),
         )
 
-    def mend(self, campaign: Campaign, fit: LinearFit) -> tuple[tuple[str, ...], str, Campaign]:
+    def without(self, campaign: Campaign, fit: LinearFit) -> tuple[tuple[str, ...], str, Campaign]:
         """The measurements after the slip are those of another target; of poses, the longer part alone is kept."""
         names = tuple(campaign.targets[t] for t in self.targets)
         other = "give it another name from there on, or identify" if campaign.rotations is None else "identify"
@@ -182,9 +182,9 @@ class Slip(CourseMistake):
         return names, fix, mended
 
 
-@looked_for("course", "station-moved")
+@looked_for("drift", "station-moved")
 @dataclass(frozen=True, eq=False, kw_only=True)
-class StationMove(CourseMistake):
+class StationMove(DriftOrSlip):
     """Tracker or base moved before one row: all points as one rigid body."""
 
     id = "station-moved"
@@ -196,7 +196,7 @@ class StationMove(CourseMistake):
 
     @classmethod
     def find(cls, fit: LinearFit, weight: np.ndarray, count: int) -> "StationMove | None":
-        """Find the most likely one (`CourseMistake.find`)."""
+        """Find the most likely one (`DriftOrSlip.find`)."""
         frame = frame_columns(fit.places)
 
         def columns(row: int) -> Float[np.ndarray, "m 3 6"]:
@@ -212,13 +212,13 @@ class StationMove(CourseMistake):
             row=row,
             move=float(np.median(np.linalg.norm((frame @ motion)[fit.rows >= row], axis=1))),
             gain=value,
-            believed=cls.is_abrupt(fit, weight, columns(row), value),
+            significant=cls.is_abrupt(fit, weight, columns(row), value),
             before=fit.rms(weight),
             after=fit.rms(weight, columns(row)),
             motion=motion,
         )
 
-    def mend(self, campaign: Campaign, fit: LinearFit) -> tuple[tuple[str, ...], str, Campaign]:
+    def without(self, campaign: Campaign, fit: LinearFit) -> tuple[tuple[str, ...], str, Campaign]:
         """The measurements after the move are brought back."""
         turn = se3.exp(self.motion[3:]).T
         back = se3.pose(turn, fit.centre - turn @ (fit.centre + self.motion[:3]))
@@ -226,17 +226,17 @@ class StationMove(CourseMistake):
         return (campaign.ids[self.row],), _moved_fix(campaign, self.row, self.move), mended
 
 
-@looked_for("course", "drift")
+@looked_for("drift", "drift")
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SlowDrift(CourseMistake):
-    """Tracker or base moved with the rows; believed where it grows evenly, and as likely as what grows faster at one end."""
+class SlowDrift(DriftOrSlip):
+    """Tracker or base moved with the rows; significant where it grows evenly, and as likely as what grows faster at one end."""
 
     id = "drift"
     min_gain = 60.0
 
     @classmethod
     def find(cls, fit: LinearFit, weight: np.ndarray, count: int) -> "SlowDrift":
-        """Find the most likely one (`CourseMistake.find`)."""
+        """Find the most likely one (`DriftOrSlip.find`)."""
         time, numbers, before = _time(fit), _numbers(weight), fit.objective(weight)
         curved = _smooth(fit)
         even = curved[:, :, :6]
@@ -247,12 +247,12 @@ class SlowDrift(CourseMistake):
             # from the first row to the last
             move=float(np.median(np.linalg.norm(moved, axis=1) / np.maximum(np.abs(time), 0.05))),
             gain=max(gains),
-            believed=gains[0] > cls.min_gain,
+            significant=gains[0] > cls.min_gain,
             before=fit.rms(weight),
             after=fit.rms(weight, (even, curved)[int(np.argmax(gains))]),
         )
 
-    def mend(self, campaign: Campaign, fit: LinearFit) -> tuple[tuple[str, ...], str, Campaign]:
+    def without(self, campaign: Campaign, fit: LinearFit) -> tuple[tuple[str, ...], str, Campaign]:
         """Nothing mends it but measuring again."""
         fix = (
             f"tracker or base moved by about {self.move * 1e3:.1f} mm from the first row to the last: measure again, with "
@@ -261,21 +261,21 @@ class SlowDrift(CourseMistake):
         return (), fix, campaign
 
 
-COURSE_MISTAKES: tuple[type[CourseMistake], ...] = (Slip, StationMove, SlowDrift)
+DRIFTS_AND_SLIPS: tuple[type[DriftOrSlip], ...] = (Slip, StationMove, SlowDrift)
 """The first of those of equal gain is taken."""
 
 
-def find_course_mistake(fit: LinearFit, weight: Float[np.ndarray, " m"], count: int) -> CourseMistake | None:
+def find_most_likely(fit: LinearFit, weight: Float[np.ndarray, " m"], count: int) -> DriftOrSlip | None:
     """The most likely slip, move or drift, if there is one beyond doubt: of which of them it is the gain decides alone."""
     found = [
         m
-        for m in (kind.find(fit, weight, count) for kind in COURSE_MISTAKES)
+        for m in (kind.find(fit, weight, count) for kind in DRIFTS_AND_SLIPS)
         if m is not None
         and m.gain > 0.0
         and m.move > MIN_MEDIANS * fit.median
         and m.before > (MIN_FACTOR if m.move > MIN_MOVE_M else MIN_SMALL_MOVE_FACTOR) * m.after
     ]
-    return max(found, key=lambda m: m.gain) if any(m.believed for m in found) else None
+    return max(found, key=lambda m: m.gain) if any(m.significant for m in found) else None
 
 
 def gain(fit: LinearFit, before: float, after: float, columns: int, numbers: float) -> float:
@@ -354,7 +354,7 @@ MIN_PART_ROWS = 6
 """Rows at least on either side of a large move, as many as one half of the rows needs to judge the other. A convention."""
 
 
-def find_in_course(explanation: Explanation) -> Local | None:
+def find_drift_or_slip(explanation: Explanation) -> Local | None:
     """The one thing that most likely went wrong in its course, if anything did, and the campaign without it."""
     case = _followed(explanation.case)
     swapped = find_swapped(case)
@@ -368,14 +368,12 @@ def find_in_course(explanation: Explanation) -> Local | None:
     fault = find_row_fault(case, fit)
     weight = np.ones(len(fit.rows))
     without = weight if fault is None else (~np.isin(fit.rows, fault.rows)).astype(float)
-    plain = find_course_mistake(fit, weight, len(case.campaign.targets))
+    plain = find_most_likely(fit, weight, len(case.campaign.targets))
     if plain is not None and plain.id != "drift" and step > 1:  # the rows between those that were looked at
         between = np.arange(max(plain.row - step, 0), plain.row)
         closer = fit_linearly(case, np.union1d(rows, between))
         again = (
-            None
-            if closer is None
-            else find_course_mistake(closer, np.ones(len(closer.rows)), len(case.campaign.targets))
+            None if closer is None else find_most_likely(closer, np.ones(len(closer.rows)), len(case.campaign.targets))
         )
         plain = again or plain
     if fault is None:

@@ -27,7 +27,7 @@ Progress = Callable[[str, int, int], None]
 """Told what is being tried, how many of it were, and how many there are."""
 
 MISTAKE_CHARGE = 0.8
-"""Natural logarithm of the factor, 2.2, by which one mistake has to lower the typical error to be believed. A convention: less
+"""Natural logarithm of the factor, 2.2, by which one mistake has to lower the typical error to be significant. A convention: less
 finds mistakes in sound campaigns, more misses small ones. `python -m tests.diagnosis.shares` counts right answers with it."""
 
 LIMITS_SHARE, LIMITS_SLACK = 0.2, 0.02

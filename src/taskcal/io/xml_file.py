@@ -14,7 +14,7 @@ LARGEST_MB = 10.0
 DEEPEST = 100
 """Elements within elements; descriptions of robots have seven."""
 
-MOST_ELEMENTS = 20_000
+MAX_ELEMENTS = 20_000
 """A robot with meshes and inertias has three hundred."""
 
 
@@ -82,9 +82,9 @@ class _Building:
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         self.count += 1
         line = self.parser.CurrentLineNumber
-        if self.count > MOST_ELEMENTS:
+        if self.count > MAX_ELEMENTS:
             raise FileError(
-                self.path, f"has more than {MOST_ELEMENTS} elements; is it a robot's description?", line=line
+                self.path, f"has more than {MAX_ELEMENTS} elements; is it a robot's description?", line=line
             )
         if len(self.open) >= DEEPEST:
             raise FileError(self.path, f"nests more than {DEEPEST} elements; is it a robot's description?", line=line)

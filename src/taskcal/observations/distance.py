@@ -252,7 +252,7 @@ ANCHORS: dict[str, tuple[float, float]] = {"front": (0.0, 30.0), "left": (80.0, 
 """Each anchor's angle about the direction in which the tool points, from the way out from the robot, and its angle towards
 that direction; degrees."""
 
-FAR_SHARE = 0.5
+ANCHOR_DISTANCE_SHARE = 0.5
 """How far an anchor is from the middle of the task, over the robot's reach, as far as the wire allows."""
 
 
@@ -300,7 +300,7 @@ class WireInstrument(Instrument):
     ) -> Fixtures:
         """Three anchors on different sides of the task, and at different heights."""
         low, high = stated.get("shortest", SHORTEST), stated.get("longest", LONGEST)
-        length = float(np.clip(FAR_SHARE * reach, low + (high - low) / 4, (low + high) / 2))
+        length = float(np.clip(ANCHOR_DISTANCE_SHARE * reach, low + (high - low) / 4, (low + high) / 2))
         middle = p.mean(axis=0)
         outward, side = directions_across(middle, pointing)
         position = [

@@ -75,14 +75,14 @@ def whiten_distances(distances: Sequence[SocketDistance]) -> Float[np.ndarray, "
 BLOCK = 0.1
 """Distance of the two sockets of a virtual block, metres."""
 
-ROUNDS = 12
-"""Of reweighting, after which rows that disagree hardly count."""
+MAX_REWEIGHTING_ROUNDS = 12
+"""Rounds of reweighting at most. A convention: rows that disagree hardly count then."""
 
-STANDS_STILL = 1e-3
+MIN_RELATIVE_CHANGE = 1e-3
 """Share of the median distance by which no row's moves in the last round."""
 
-FAR = 10.0
-"""Times the median distance, from which on a row disagrees."""
+MAX_MEDIANS = 10.0
+"""Distance of a row that agrees, at most, over the median distance; as for tracker points in `registration.consensus`."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -144,12 +144,12 @@ class Sockets(Standalone):
         rows = _Rows.of_poses(R, p, k)
         distance = rows.apart(np.ones(len(p)))
         weight = np.ones(len(p))
-        for _ in range(ROUNDS):
+        for _ in range(MAX_REWEIGHTING_ROUNDS):
             before, weight = distance, 1.0 / np.maximum(distance, max(float(np.median(distance)), 1e-6))
             distance = rows.apart(weight)
-            if np.abs(distance - before).max() < STANDS_STILL * float(np.median(distance)):
+            if np.abs(distance - before).max() < MIN_RELATIVE_CHANGE * float(np.median(distance)):
                 break
-        near = np.asarray(distance <= FAR * max(float(np.median(distance)), 1e-5))
+        near = np.asarray(distance <= MAX_MEDIANS * max(float(np.median(distance)), 1e-5))
         if near.mean() > 0.5 and len(np.unique(k[near])) == len(np.unique(k)):
             weight = near.astype(float)
         t, unobservable = rows.located(weight)

@@ -239,7 +239,7 @@ class Section:
 # its side, where it has few rows; then it leaves out columns that it can do without, and names them; else its rows
 # stand one below the other, cell by cell. A single word that is wider than the line stays whole.
 
-FEW_ROWS = 4
+MAX_TRANSPOSED_ROWS = 4
 """Rows up to which a table that is too wide is turned on its side."""
 
 NARROWEST = 14
@@ -272,7 +272,7 @@ def lay_out_table(
         widths = _fit(header, rows, left, width - gap * (len(header) - 1) - 1)
         if widths:
             return _columns(header, groups, left, widths, gap)
-    if 0 < len(rows) <= FEW_ROWS and len(groups) == 1:
+    if 0 < len(rows) <= MAX_TRANSPOSED_ROWS and len(groups) == 1:
         turned = [[name, *(row[k] for row in rows)] for k, name in enumerate(header)]
         first, others = turned[0], turned[1:]
         for gap in (GAP, GAP - 1):

@@ -112,8 +112,8 @@ NAMES = (
 VARIABLE = "TASKCAL_BROWSER"
 """Of the environment; names the program where it is called otherwise, or stands elsewhere."""
 
-PATIENCE = 120.0
-"""Seconds."""
+MAX_BROWSER_S = 120.0
+"""Seconds that the browser may take for a figure or a page. A convention."""
 
 
 def find_browser() -> str:
@@ -157,7 +157,7 @@ def run_browser(page: Path, arguments: Sequence[str]) -> str:
             command.append("--no-sandbox")  # Chromium refuses to run as root otherwise
         command += ["--virtual-time-budget=20000", *arguments, page.resolve().as_uri()]
         try:
-            done = subprocess.run(command, capture_output=True, timeout=PATIENCE, check=False)
+            done = subprocess.run(command, capture_output=True, timeout=MAX_BROWSER_S, check=False)
         except (OSError, subprocess.TimeoutExpired) as failure:
             raise TaskcalError(f"the browser {program} did not draw the figures: {failure}") from failure
     if done.returncode:

@@ -24,18 +24,18 @@ from taskcal.studio.project import (
     URDF_ENDINGS,
     Project,
 )
-from taskcal.studio.robot_meshes import MESH_ENDINGS, MOST_BYTES, mesh_name, put_mesh, triangles_of
+from taskcal.studio.robot_meshes import MAX_MESH_BYTES, MESH_ENDINGS, mesh_name, put_mesh, triangles_of
 from taskcal.studio.runs import Studio
 
 # A robot that is dropped as a zip: its URDF and the meshes that it names, and nothing else of what is in there.
 
 ZIPPED = ZipKind(
-    most_entries=5000, largest_mb=1000.0, small_mb=200.0, most_ratio=50.0, largest_entry_mb=MOST_BYTES / 1e6,
+    most_entries=5000, largest_mb=1000.0, small_mb=200.0, most_ratio=50.0, largest_entry_mb=MAX_MESH_BYTES / 1e6,
 )  # fmt: skip
 """A package of a family of robots has some hundred files; meshes as text pack ten times."""
 
-MOST_ALL_BYTES = 200_000_000
-"""Of all that is taken from it."""
+MAX_ARCHIVE_BYTES = 200_000_000
+"""Unpacked bytes that are taken from a zip of meshes, at most. A convention: ten times the largest mesh."""
 
 
 def unpack_robot(project: Project, given: str, content: bytes) -> str:
@@ -68,8 +68,8 @@ def unpack_robot(project: Project, given: str, content: bytes) -> str:
             if entry is not None:
                 mesh = packed.read(entry)
                 taken += len(mesh)
-                if taken > MOST_ALL_BYTES:
-                    raise TaskcalError(f"the meshes of the zip have more than {MOST_ALL_BYTES // 1_000_000} MB")
+                if taken > MAX_ARCHIVE_BYTES:
+                    raise TaskcalError(f"the meshes of the zip have more than {MAX_ARCHIVE_BYTES // 1_000_000} MB")
                 put_mesh(project, robot, mesh_name(file), mesh)
         return robot
 
@@ -163,8 +163,10 @@ def _keep(project: Project, kind: str, given: str, content: bytes, beside: str) 
 
 GIVEN = (LAYOUT.calibrations, LAYOUT.campaigns, LAYOUT.corrected, LAYOUT.plans, LAYOUT.reports)
 
-APART = "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' blob:; "
-APART += "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; worker-src blob:"
+ISOLATED_ORIGIN_POLICY = (
+    "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' blob:; "
+)
+ISOLATED_ORIGIN_POLICY += "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; worker-src blob:"
 """A report's figures need their scripts; in an origin of its own they reach neither the studio nor anything else."""
 
 
@@ -181,7 +183,9 @@ def giver(studio: Studio) -> Callable[[str, str, Request], Response]:
             return PlainTextResponse("There is no such file.\n", status_code=404)
         file = studio.project.path(path)
         if name.endswith(".html") and "keep" not in request.query_params:
-            return FileResponse(file, media_type="text/html", headers={"content-security-policy": APART})
+            return FileResponse(
+                file, media_type="text/html", headers={"content-security-policy": ISOLATED_ORIGIN_POLICY}
+            )
         return FileResponse(file, media_type="application/octet-stream", filename=name)
 
     return give

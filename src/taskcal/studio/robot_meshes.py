@@ -20,11 +20,11 @@ MESH_ENDINGS = (".stl", ".obj", ".dae", ".glb")
 MESHES = ".meshes"
 """Ending of the folder beside a robot's file, after its name, that holds its meshes."""
 
-MOST_BYTES = 20_000_000
-"""Of one mesh."""
+MAX_MESH_BYTES = 20_000_000
+"""Bytes of one mesh, at most. A convention."""
 
-MOST_TRIANGLES = 400_000
-"""Of one robot: as many as a browser without a graphics card still turns."""
+MAX_TRIANGLES = 400_000
+"""Triangles of one robot, at most: as many as a browser without a graphics card still turns."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,8 +62,8 @@ def meshes_of(project: Project, robot: str) -> RobotMeshes | None:
             missing[str(error)] = None
             continue
         triangles += count
-        if triangles > MOST_TRIANGLES:
-            raise FileError(project.path(robot), f"has meshes of more than {MOST_TRIANGLES} triangles; simplify them")
+        if triangles > MAX_TRIANGLES:
+            raise FileError(project.path(robot), f"has meshes of more than {MAX_TRIANGLES} triangles; simplify them")
         drawn.append((number, visual))
     return RobotMeshes(looks=looks, drawn=tuple(drawn), missing=tuple(missing)) if looks.visuals else None
 
@@ -96,8 +96,8 @@ def put_mesh(project: Project, robot: str, given: str, content: bytes) -> str:
     name = plain_name(given, MESH_ENDINGS)
     if robot not in project.files(LAYOUT.robots, URDF_ENDINGS):
         raise TaskcalError(f"'{shown(name)}' is a mesh; drop it together with its URDF, or choose that robot first")
-    if len(content) > MOST_BYTES:
-        raise TaskcalError(f"'{shown(name)}' has more than {MOST_BYTES // 1_000_000} MB; simplify it")
+    if len(content) > MAX_MESH_BYTES:
+        raise TaskcalError(f"'{shown(name)}' has more than {MAX_MESH_BYTES // 1_000_000} MB; simplify it")
     place = project.path(folder_of(robot))
     place.mkdir(parents=True, exist_ok=True)
     write_whole(project.path(f"{folder_of(robot)}/{name}"), content)
@@ -135,8 +135,8 @@ def _converted(path: Path, changed: int, size: int) -> tuple[bytes, int]:
     # half a second to import, for those alone who have meshes
     import trimesh
 
-    if size > MOST_BYTES:
-        raise FileError(path, f"has more than {MOST_BYTES // 1_000_000} MB; simplify it")
+    if size > MAX_MESH_BYTES:
+        raise FileError(path, f"has more than {MAX_MESH_BYTES // 1_000_000} MB; simplify it")
     content, ending = path.read_bytes(), path.suffix.lower()
     unit = _collada_unit(path, content) if ending == ".dae" else 1.0
     try:
