@@ -44,7 +44,6 @@ def command(
     corrected. The calibrations are kept in the folder robots: after an interruption the same command with --force goes on.
     """
     from taskcal.demo.closed_loop_report import closed_loop_files
-    from taskcal.demo.procedure import ROBOT, run_procedure
     from taskcal.demo.procedure_report import procedure_contents, procedure_files, procedure_json, procedure_page
     from taskcal.errors import FileError
 
@@ -57,8 +56,8 @@ def command(
     paths = [*files.values(), *(closed_loop_files(output).values() if full else ())]
     outputs = out.begin("demo", [("--output", path) for path in paths])
     with bar_over(["starting"], 5 + FITS) as begin:
-        model = taskcal.ErrorModel(taskcal.load_robot(ROBOT))
-        procedure = run_procedure(model, count=count, seed=seed, held_out=HELD_OUT, progress=begin)
+        model = taskcal.ErrorModel(taskcal.load_robot(taskcal.demo.ROBOT))
+        procedure = taskcal.demo.run_procedure(model, count=count, seed=seed, held_out=HELD_OUT, progress=begin)
         begin("figures and page")
         commands = _next_steps(output, files)
         contents = {
@@ -84,8 +83,7 @@ def _close_the_loop(
     robot: "taskcal.Robot", seeds: range, folder: Path, outputs: Outputs, *, quiet: bool
 ) -> tuple[dict[str, Path], Any]:
     """Run virtual robots, write the results, and print them unless they are printed as JSON."""
-    from taskcal.demo.closed_loop import prepare_closed_loop, run_closed_loops, summarise_runs
-    from taskcal.demo.closed_loop_report import closed_loop_contents, closed_loop_files, tabulate_closed_loop
+    from taskcal.demo.closed_loop_report import closed_loop_contents, closed_loop_files
 
     files = closed_loop_files(folder)
     command = (
@@ -93,31 +91,31 @@ def _close_the_loop(
         f"{files['touched-off program']} --dry-run"
     )
     with bar_over(["the closed loop"], 7 + len(seeds)) as begin:
-        loop = prepare_closed_loop(robot, seed=seeds[0], progress=begin)
-        runs = run_closed_loops(loop, seeds, begin, fits=folder / ROBOTS)
+        loop = taskcal.demo.prepare_closed_loop(robot, seed=seeds[0], progress=begin)
+        runs = taskcal.demo.run_closed_loops(loop, seeds, begin, fits=folder / ROBOTS)
         contents = closed_loop_contents(loop, runs, next_steps=command)
         outputs.write({files[name]: content for name, content in contents.items()})
     if not quiet:
         tell()
-        show(replace(tabulate_closed_loop(runs), note=""))
+        show(replace(taskcal.demo.tabulate_closed_loop(runs), note=""))
         tell(f"The page of the closed loop: {files['page of the closed loop']}")
         print(f"\nContinue with:\n{command}")
-    return files, summarise_runs(runs)
+    return files, taskcal.demo.summarise_runs(runs)
 
 
 def _next_steps(folder: Path, files: dict[str, Path]) -> str:
-    from taskcal.demo.procedure import ONE, ROBOT, SEVERAL
+    from taskcal.demo.procedure import SEVERAL
 
-    one, several = files[f"campaign {ONE}"], files[f"campaign {SEVERAL}"]
-    taskcal = started_as()
+    one, several = files[f"campaign {taskcal.demo.ONE}"], files[f"campaign {SEVERAL}"]
+    program = started_as()
     return "\n".join(
         (
             "  # the demonstration's own measurements, 30 % of them held out",
-            f"  {taskcal} identify --robot {ROBOT} {several} -o {folder / 'cal.json'} --holdout 0.3",
-            f"  {taskcal} validate {folder / 'cal.json'} {one}",
+            f"  {program} identify --robot {taskcal.demo.ROBOT} {several} -o {folder / 'cal.json'} --holdout 0.3",
+            f"  {program} validate {folder / 'cal.json'} {one}",
             "  # your robot: one of the catalogue, or a table of its dimensions; joint values and tracker points as CSV",
-            f"  {taskcal} robots",
-            f"  {taskcal} identify --robot ROBOT CAMPAIGN.csv -o CAL.json --holdout 0.3",
+            f"  {program} robots",
+            f"  {program} identify --robot ROBOT CAMPAIGN.csv -o CAL.json --holdout 0.3",
         )
     )
 

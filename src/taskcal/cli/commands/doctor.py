@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import typer
 
@@ -17,9 +16,6 @@ from taskcal.cli.output import info, show, tell
 from taskcal.cli.progress import bar_by_parts
 from taskcal.errors import TaskcalError, UnitError
 from taskcal.report.content import Column, Table, millimetres
-
-if TYPE_CHECKING:
-    from taskcal.diagnosis.diagnose import Diagnosis
 
 
 def command(
@@ -73,7 +69,7 @@ MAX_USEFUL_RATIO = 0.99
 """Ratio of the error if fixed to the error, up to which a finding is a hint: one that changes nothing is not the cause."""
 
 
-def _show(diagnosis: "Diagnosis", campaign: Path) -> None:
+def _show(diagnosis: "taskcal.diagnosis.Diagnosis", campaign: Path) -> None:
     if not diagnosis.findings:
         tell(f"{campaign}: no mistake found")
         return
@@ -82,7 +78,7 @@ def _show(diagnosis: "Diagnosis", campaign: Path) -> None:
         tell(f"{finding.id}: {finding.fix}")
 
 
-def diagnose_file(path: Path, robot: "taskcal.Robot") -> "Diagnosis":
+def diagnose_file(path: Path, robot: "taskcal.Robot") -> "taskcal.diagnosis.Diagnosis":
     """The diagnosis of a file, which may be outside the robot's limits, with progress on a terminal.
 
     Raises:

@@ -23,10 +23,6 @@ from taskcal.report.content import Column, Table
 if TYPE_CHECKING:
     import numpy as np
 
-    from taskcal.export.controller import ControllerOffsets
-    from taskcal.export.forms import Export, Exporter
-    from taskcal.task.task import TaskPoses
-
 
 OFFSETS = "offsets"
 """The form of a controller's offsets: not a file for another program, but a result of its own."""
@@ -62,10 +58,8 @@ def command(
         with bar_over([REACHING]) as begin:
             reached = read_and_reach(taskcal.ErrorModel(calibrated.model.robot), task, count, seed, begin)
     if exporter is None:
-        from taskcal.export.controller import fit_offsets
-
         q, weights = _poses(reached)
-        offsets = fit_offsets(calibrated, q, weights)
+        offsets = taskcal.export.fit_offsets(calibrated, q, weights)
         result: dict[str, Any] = {"robot": name, "form": form, **offsets.summary()}
         outputs.write({output: json.dumps(plain(result), indent=1, allow_nan=False) + "\n"})
         out.give(result, lambda: _show_offsets(name, offsets, task))
@@ -80,7 +74,7 @@ def command(
     out.give(result, lambda: _show(export, f"wrote {output}: {name} as {form}"))
 
 
-def _exporter(form: str) -> "Exporter":
+def _exporter(form: str) -> "taskcal.export.Exporter":
     from taskcal.errors import UnknownName
     from taskcal.export.forms import exporter_of
 
@@ -90,11 +84,11 @@ def _exporter(form: str) -> "Exporter":
         raise typer.BadParameter(f"{error}, {OFFSETS}", param_hint="--form") from error
 
 
-def _poses(reached: "TaskPoses | None") -> "tuple[np.ndarray | None, np.ndarray | None]":
+def _poses(reached: "taskcal.task.TaskPoses | None") -> "tuple[np.ndarray | None, np.ndarray | None]":
     return (None, None) if reached is None else (reached.q, reached.weights)
 
 
-def _show(export: "Export", written: str) -> None:
+def _show(export: "taskcal.export.Export", written: str) -> None:
     tell(written)
     for name, T in export.frames.items():
         tell(f"{name}: {_place(T)}")
@@ -109,7 +103,7 @@ def _place(T: "np.ndarray") -> str:
     return f"x {x:.4f} y {y:.4f} z {z:.4f} mm, rotated by {a:.5f}° {b:.5f}° {c:.5f}° about fixed x, y, z"
 
 
-def _show_offsets(robot: str, offsets: "ControllerOffsets", task: Path | None) -> None:
+def _show_offsets(robot: str, offsets: "taskcal.export.ControllerOffsets", task: Path | None) -> None:
     result = offsets.summary()
     facts = [
         (name.rpartition("_")[0], f"{value:+.5f} {name.rpartition('_')[2]}")

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
@@ -12,9 +12,6 @@ from taskcal.cli.command import argument, option
 from taskcal.cli.options.common import EngineOptions, OutputOptions, above_zero
 from taskcal.cli.output import count_as_written, info, show, show_facts, tell
 from taskcal.cli.progress import bar_by_parts
-
-if TYPE_CHECKING:
-    from taskcal.planning.fleet import Fleet
 
 MAX_NAMED = 20
 """Files that are named on standard error."""
@@ -65,10 +62,9 @@ def command(
     """
     outputs = out.begin("fleet", [("--output", output)], [robots])
     refused = _identify(robots, identifying, running) if identifying.identify else []
-    from taskcal.planning.fleet import review_fleet
 
     with bar_by_parts("robots") as bar:
-        fleet = review_fleet(
+        fleet = taskcal.planning.review_fleet(
             robots,
             engine=running.engine_name,
             workers=running.max_workers,
@@ -92,10 +88,8 @@ def command(
 
 def _identify(folder: Path, options: IdentifyOptions, running: EngineOptions) -> list[tuple[str, str]]:
     """Identify campaigns; returns those that could not be, and why."""
-    from taskcal.planning.fleet import find_fleet, identify_campaigns
-
     assert options.robot is not None
-    files = find_fleet(folder)
+    files = taskcal.planning.find_fleet(folder)
     total = len(files.unidentified)
     refused: list[tuple[str, str]] = []
     if total == 0:
@@ -104,7 +98,7 @@ def _identify(folder: Path, options: IdentifyOptions, running: EngineOptions) ->
     model = taskcal.ErrorModel(taskcal.load_robot(options.robot))
     with bar_by_parts("campaigns") as bar:
         bar("campaigns", 0, total)
-        identified = identify_campaigns(
+        identified = taskcal.planning.identify_campaigns(
             files, model, folds=options.folds, engine=running.engine_name, workers=running.max_workers
         )
         for done, one in enumerate(identified, start=1):
@@ -117,7 +111,7 @@ def _identify(folder: Path, options: IdentifyOptions, running: EngineOptions) ->
     return sorted(refused)
 
 
-def _tell_of(fleet: "Fleet", left_out: list[tuple[str, str]]) -> None:
+def _tell_of(fleet: "taskcal.planning.Fleet", left_out: list[tuple[str, str]]) -> None:
     """List each file that was left out, once, and files that were not read."""
     for _, reason in left_out[:MAX_NAMED]:
         info(f"left out: {reason}")
@@ -133,7 +127,7 @@ def _tell_of(fleet: "Fleet", left_out: list[tuple[str, str]]) -> None:
         info(remark)
 
 
-def _show(fleet: "Fleet", result: Mapping[str, Any]) -> None:
+def _show(fleet: "taskcal.planning.Fleet", result: Mapping[str, Any]) -> None:
     from taskcal.report.fleet import (
         SPARE,
         describe_level,

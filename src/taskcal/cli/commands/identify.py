@@ -23,7 +23,6 @@ from taskcal.report.content import Column, Table, millimetres
 
 if TYPE_CHECKING:
     from taskcal.identification.chunked_fit import ChunkedFit, ErrorsOfMany
-    from taskcal.identification.effects import Explanation
     from taskcal.robot.effects import Effect
 
 
@@ -135,7 +134,7 @@ class _Fit:
     effects: "list[Effect] | None"
     seed: int
     fits: int
-    explanation: "Explanation | None" = None
+    explanation: "taskcal.identification.Explanation | None" = None
     done: int = 0
 
     def __call__(self, measured: "taskcal.Campaign") -> "taskcal.Calibration":
@@ -148,15 +147,15 @@ class _Fit:
             with bar_by_parts(step) as show_step:
                 show_step(step, self.done - 1, self.fits)
                 return taskcal.identify(self.model, measured, options=options)
-        from taskcal.identification.effects import EffectSearch, search_steps, select_effects
+        from taskcal.identification.effects import search_steps
 
         for effect in self.effects or ():
             measured.check_told(effect.needs, effect.key)
         effects = None if self.effects is None else [one.referred(measured.conditions) for one in self.effects]
-        search = EffectSearch(effects=effects, field=self.search.field, seed=self.seed)
+        search = taskcal.identification.EffectSearch(effects=effects, field=self.search.field, seed=self.seed)
         part = f"{fold}: " if self.done > 1 else ""
         with bar_over([f"{part}{step}" for step in search_steps(self.model, measured, search)]) as begin:
-            explanation = select_effects(
+            explanation = taskcal.identification.select_effects(
                 self.model, measured, search, options=options, progress=lambda step: begin(f"{part}{step}")
             )
         self.explanation = self.explanation or explanation
@@ -164,9 +163,7 @@ class _Fit:
 
     def nominal(self, measured: "taskcal.Campaign") -> "taskcal.Calibration":
         """Fit tracker frame and targets of the nominal robot."""
-        from taskcal.identification.identify import fit_nominal
-
-        return fit_nominal(self.model, measured, self.fitting.options(self.model, measured))
+        return taskcal.identification.fit_nominal(self.model, measured, self.fitting.options(self.model, measured))
 
 
 # The result for machines.
@@ -291,7 +288,7 @@ def next_steps(calibration: "taskcal.Calibration", result: Mapping[str, Any], tr
 
     from taskcal.report.calibration import are_most
 
-    taskcal, cal, held_out = started_as(), result["calibration"], result["held_out"]
+    program, cal, held_out = started_as(), result["calibration"], result["held_out"]
     steps: list[str] = []
     mostly = are_most(len(calibration.outliers), int(np.isfinite(calibration.studentised).sum()))
     judged = [
@@ -311,7 +308,7 @@ def next_steps(calibration: "taskcal.Calibration", result: Mapping[str, Any], tr
         steps.append("estimate the held-out error: --holdout 0.3, or --folds 5 to use every row")
     elif left > MAX_HELD_OUT_RATIO * fitted:
         steps.append(
-            f"measure more poses: the held-out error is {left / fitted:.1f} times the fit residual; {taskcal} plan selects them"
+            f"measure more poses: the held-out error is {left / fitted:.1f} times the fit residual; {program} plan selects them"
         )
     turning = {
         name
@@ -326,7 +323,7 @@ def next_steps(calibration: "taskcal.Calibration", result: Mapping[str, Any], tr
         steps.append(
             f"fit non-geometric effects (--effects auto): {kind} error {left:.3f} mm, tracker noise {tracker_mm:.3f} mm"
         )
-    steps.append(f"full report: {taskcal} report {cal}; correct a program: {taskcal} correct -c {cal} PROGRAM")
+    steps.append(f"full report: {program} report {cal}; correct a program: {program} correct -c {cal} PROGRAM")
     return steps
 
 
@@ -419,7 +416,7 @@ MAX_NAMED_EFFECTS = 3
 MAX_NAMED_COLLINEAR = 4
 
 
-def show_explanation(explanation: "Explanation") -> None:
+def show_explanation(explanation: "taskcal.identification.Explanation") -> None:
     """Print the comparison of the models, and the contribution of each effect among all others."""
     title = "Model comparison: mean 3D error, cross-validated, with the standard error (SE) of its change"
     columns = _of_stages("added to the rows above", millimetres("error mm", "cross_validated", ".4f"), "used")
@@ -463,7 +460,7 @@ def _percent(share: float) -> str:
     return f"{math.floor(min(share + 1e-9, 1.0) * 1e4) / 1e2:g} %"
 
 
-def _sentence(explanation: "Explanation") -> str:
+def _sentence(explanation: "taskcal.identification.Explanation") -> str:
     first, *others = explanation.steps
     steps = [f"geometry {first.cross_validated * 1e3:.4f} mm"]
     for stage in others:
@@ -560,8 +557,6 @@ def identify_parts(
         TaskcalError: the file or its rows do not determine it.
     """
     from taskcal.identification.chunked_fit import identify_in_chunks
-    from taskcal.identification.identify import fit_nominal
-    from taskcal.identification.options import FitOptions
     from taskcal.reading.chunked import campaign_in_chunks
 
     model = taskcal.ErrorModel(taskcal.load_robot(robot))
@@ -571,7 +566,10 @@ def identify_parts(
             info(f"{campaign.name}: {note}")
         begin(fitting)
         fitted = identify_in_chunks(model, chunked, noise=noise)
-        nominal = taskcal.validate(fit_nominal(model, chunked.sample, FitOptions(noise=noise)), chunked.sample)
+        nominal = taskcal.validate(
+            taskcal.identification.fit_nominal(model, chunked.sample, taskcal.identification.FitOptions(noise=noise)),
+            chunked.sample,
+        )
     for remark in fitted.calibration.remarks:
         info(remark)
     return fitted, {

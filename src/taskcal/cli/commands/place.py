@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
@@ -13,9 +13,6 @@ from taskcal.cli.options.common import RobotOptions
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import files_of_task, info, show, show_facts, tell
 from taskcal.cli.progress import bar_over
-
-if TYPE_CHECKING:
-    from taskcal.correction.part_placement import PartPlacements, Region
 
 _NUMBER = r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*"
 
@@ -41,15 +38,13 @@ class RegionOptions:
     steps: int = option(5, "N", "Placements along each axis with a range.", min=1)
     turns: int = option(3, "N", "Rotations, where there is a range.", min=1)
 
-    def grid(self) -> "Region":
+    def grid(self) -> "taskcal.correction.Region":
         """In metres and radians.
 
         Raises:
             TaskcalError: there is no such region.
         """
         import numpy as np
-
-        from taskcal.correction.part_placement import Region
 
         axes = self.region.split(",")
         if len(axes) != 3:
@@ -58,7 +53,7 @@ class RegionOptions:
             )
         bounds = np.array([_range(text, "--region", "mm") for text in axes]) * 1e-3
         low, high = np.radians(_range(self.turn_deg, "--turn", "degrees"))
-        return Region(
+        return taskcal.correction.Region(
             low=bounds[:, 0], high=bounds[:, 1], turn=(float(low), float(high)), steps=(self.steps, self.turns)
         )
 
@@ -85,7 +80,6 @@ def command(
     is_task = len(what) == 1 and what[0].suffix.lower() == ".toml"
     files = files_of_task(what[0]) if is_task else what
     outputs = page.begin("place", [("--output", output)], [*files, of.calibration, cell])
-    from taskcal.correction.part_placement import place
 
     region = where.grid()
     model, calibration = of.load()
@@ -93,7 +87,7 @@ def command(
 
     target = taskcal.load_task(what[0]) if is_task else read_program(*what, robot=model.robot)
     with bar_over(["placements"], len(region.grid())) as begin:
-        found = place(
+        found = taskcal.correction.place(
             calibration or model.robot,
             target,
             region,
@@ -131,13 +125,13 @@ def _force(text: str | None) -> tuple[float, float, float] | None:
     return x, y, z
 
 
-def _csv(found: "PartPlacements") -> str:
+def _csv(found: "taskcal.correction.PartPlacements") -> str:
     import pandas as pd
 
     return pd.DataFrame([placed.summary() for placed in found.all]).to_csv(index=False)
 
 
-def _show(found: "PartPlacements", *, calibrated: bool) -> None:
+def _show(found: "taskcal.correction.PartPlacements", *, calibrated: bool) -> None:
     from taskcal.report.placement import state_cost, state_placement, tabulate_placements
 
     show(tabulate_placements(found))

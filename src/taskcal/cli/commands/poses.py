@@ -95,8 +95,6 @@ def _poses_at(
     """Poses at joints, and with a calibration how they differ."""
     import numpy as np
 
-    from taskcal.correction.tool_poses import locate_tool
-
     left = [name for name in columns.header if not columns.is_used(name) and name.lower() != "id"]
     if left:
         info(f"ignored columns: {', '.join(left)}")
@@ -107,7 +105,7 @@ def _poses_at(
     if calibration is None:
         header, cells = _pose_cells("", model.poses(q), angles)
         return header, np.stack(cells, axis=1).tolist()
-    at = locate_tool(calibration, q)
+    at = taskcal.correction.locate_tool(calibration, q)
     header, cells = _pose_cells("nominal_", at.nominal, angles)
     names, more = _pose_cells("", at.calibrated, angles)
     moved = at.moved * 1e3
@@ -138,7 +136,6 @@ def _joints_for(
     """Joints for poses: nominal, and with a calibration those of the calibrated robot."""
     import numpy as np
 
-    from taskcal.correction.tool_poses import find_joints
     from taskcal.reading.readings import no_joint
     from taskcal.task.orientation import has_poses, read_tool_poses
 
@@ -146,7 +143,7 @@ def _joints_for(
     if not has_poses(columns) and "x_mm" not in columns:
         raise columns.header_error(no_joint(robot, 0))
     T = read_tool_poses(columns)
-    joints = find_joints(model if calibration is None else calibration, T, seed)
+    joints = taskcal.correction.find_joints(model if calibration is None else calibration, T, seed)
     if not joints.reached.any():
         raise ReachError(
             f"{robot.name} reaches none of the {len(T)} poses of {columns.path} inside its limits; check that they "

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import taskcal
 from taskcal.cli.command import option
@@ -11,10 +11,6 @@ from taskcal.cli.options.common import CampaignArgument, OutputOptions, RobotOpt
 from taskcal.cli.options.fit import Method, register_by
 from taskcal.cli.output import placement, show, show_facts
 from taskcal.report.content import Column, Table
-
-if TYPE_CHECKING:
-    from taskcal.registration.circles import AxisCircle
-    from taskcal.registration.registration import Registration
 
 MAX_WORST = 5
 """Rows with the largest residuals that are shown."""
@@ -49,13 +45,12 @@ def command(
     The result is the start of the fit of taskcal identify. No parameter of the robot is identified.
     """
     outputs = out.begin("register", [("--output", output)], [campaign, robot, reading.rows])
-    from taskcal.registration.circles import find_circles
     from taskcal.registration.registration_file import registration_text
 
     model = taskcal.ErrorModel(taskcal.load_robot(robot))
     read = reading.read(campaign, model.robot)
     registration = register_by(method, model, read.campaign)
-    circles = find_circles(model, read.campaign) if method == "circles" else ()
+    circles = taskcal.registration.find_circles(model, read.campaign) if method == "circles" else ()
     outputs.write({output: registration_text(registration, model, read.campaign)})
     result = {
         "registration": output,
@@ -68,7 +63,9 @@ def command(
     out.give(result, lambda: _show(result))
 
 
-def _frames(registration: "Registration", model: "taskcal.ErrorModel", campaign: "taskcal.Campaign") -> dict[str, Any]:
+def _frames(
+    registration: "taskcal.registration.Registration", model: "taskcal.ErrorModel", campaign: "taskcal.Campaign"
+) -> dict[str, Any]:
     """Frames and residuals, in millimetres."""
     from taskcal.registration.registration import registration_residuals
     from taskcal.report.calibration import describe_unobservable
@@ -92,7 +89,9 @@ def _frames(registration: "Registration", model: "taskcal.ErrorModel", campaign:
     }
 
 
-def _circle(circle: "AxisCircle", model: "taskcal.ErrorModel", campaign: "taskcal.Campaign") -> dict[str, Any]:
+def _circle(
+    circle: "taskcal.registration.AxisCircle", model: "taskcal.ErrorModel", campaign: "taskcal.Campaign"
+) -> dict[str, Any]:
     import numpy as np
 
     return {

@@ -15,7 +15,6 @@ from taskcal.cli.progress import bar_over
 from taskcal.report.content import Column, Table
 
 if TYPE_CHECKING:
-    from taskcal.identification.residual_analysis import ResidualAnalysis
     from taskcal.planning.selection import Rung
     from taskcal.planning.task_map import Uncertainty
 
@@ -86,7 +85,9 @@ def command(
 
 
 def _result(
-    calibration: "taskcal.Calibration", uncertainty: "Uncertainty | None", remainder: "ResidualAnalysis | None"
+    calibration: "taskcal.Calibration",
+    uncertainty: "Uncertainty | None",
+    remainder: "taskcal.identification.ResidualAnalysis | None",
 ) -> dict[str, Any]:
     result: dict[str, Any] = {
         "robot": calibration.model.robot.name,
@@ -113,7 +114,7 @@ EXPLAINED = (
 )
 
 
-def show_remainder(remainder: "ResidualAnalysis") -> None:
+def show_remainder(remainder: "taskcal.identification.ResidualAnalysis") -> None:
     """Print the quantities that the residuals depend on significantly."""
     rows = [e for e in remainder.explained if e.p_value is not None and e.p_value <= MAX_P_VALUE]
     size = f"3D rms {remainder.rms * 1e3:.3f} mm, tracker noise {remainder.tracker * 1e3:.3f} mm"
@@ -126,7 +127,7 @@ def show_remainder(remainder: "ResidualAnalysis") -> None:
 
 def _examine(
     calibration: "taskcal.Calibration", measured: MeasuredOptions, seed: int, begin: Callable[[str], None]
-) -> tuple["ResidualAnalysis | None", "Sequence[Rung]"]:
+) -> tuple["taskcal.identification.ResidualAnalysis | None", "Sequence[Rung]"]:
     """Residual analysis on the campaign, and the error there by model stage; nothing without a campaign.
 
     Raises:
@@ -135,14 +136,13 @@ def _examine(
     if measured.campaign is None:
         return None, ()
     from taskcal.errors import CampaignError, FileError
-    from taskcal.identification.residual_analysis import analyse_residuals
     from taskcal.planning.selection import climb
 
     targets = None if calibration.targets == ("tool",) else calibration.targets
     campaign = measured.read(measured.campaign, calibration.model.robot, targets=targets).campaign
     try:
         begin(DEPENDING)
-        remainder = analyse_residuals(calibration, campaign, seed=seed)
+        remainder = taskcal.identification.analyse_residuals(calibration, campaign, seed=seed)
         begin(CLIMBING)
         return remainder, climb(calibration, campaign, seed=seed)
     except CampaignError as error:

@@ -47,7 +47,7 @@ def command(
     stated = check_one_model_error(model_error_mm, measured.campaign, of.calibration)
     outputs = page.begin("select", [], [of.robot, of.calibration, *files_of_task(task), *measured.inputs])
     from taskcal.planning.expected_error import known_hyperparameters, parameter_groups
-    from taskcal.planning.selection import SelectionOptions, selection_steps
+    from taskcal.planning.selection import selection_steps
 
     model, calibration = of.load()
     described = taskcal.load_task(task)
@@ -56,7 +56,7 @@ def command(
     if campaign is not None:
         info(f"cross-validating {len(parameter_groups(model)) + 1} model sizes on {len(campaign)} rows")
     accuracy = metres(accuracy_mm)
-    options = SelectionOptions(seed=seed, hyperparameters=known, model_error=stated)
+    options = taskcal.planning.SelectionOptions(seed=seed, hyperparameters=known, model_error=stated)
     with bar_over([*selection_steps(campaign), *([MAPPING, PAGE] if page.asked else [])]) as begin:
         selection = taskcal.select(model, described, campaign, accuracy, options=options, progress=begin)
 

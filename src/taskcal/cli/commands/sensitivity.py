@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Float
 
-    from taskcal.analysis.identifiability import DistinguishableDirections, EliminationTable
-    from taskcal.analysis.sensitivity import MeasuringNoise, Sensitivity
+    from taskcal.analysis.identifiability import EliminationTable
+    from taskcal.analysis.sensitivity import MeasuringNoise
     from taskcal.report.page import Page
 
 
@@ -92,9 +92,9 @@ def _poses(
 
 
 def _page(
-    found: "Sensitivity",
+    found: "taskcal.analysis.Sensitivity",
     elimination: "EliminationTable",
-    apart: "tuple[DistinguishableDirections, MeasuringNoise]",
+    apart: "tuple[taskcal.analysis.DistinguishableDirections, MeasuringNoise]",
     task: Path | None,
     seed: int,
 ) -> "Page":
@@ -103,14 +103,17 @@ def _page(
     model, poses = found.model, f"{len(found.matrix)} poses of a campaign"
     maps = None
     if task is not None:
-        from taskcal.planning.selection import SelectionOptions, design_for
+        from taskcal.planning.selection import design_for
         from taskcal.planning.task_map import map_task
         from taskcal.report.content import state_model_error
 
         asked = taskcal.load_task(task)
         poses = f"{len(found.matrix)} poses of {asked.name}"
         made, hyper, _ = design_for(
-            model, taskcal.reach_task(model, asked, seed=seed), asked, options=SelectionOptions(seed=seed)
+            model,
+            taskcal.reach_task(model, asked, seed=seed),
+            asked,
+            options=taskcal.planning.SelectionOptions(seed=seed),
         )
         poses += f", model error {state_model_error(hyper.model_error[0] * 1e3, hyper.origin)}"
         maps = map_task(model, asked, made, seed=seed)
@@ -118,10 +121,8 @@ def _page(
     return sensitivity_page(found, elimination, told_apart, noise, maps=maps, poses=poses)
 
 
-def _result(found: "Sensitivity", table: "EliminationTable", unreachable: float) -> dict[str, Any]:
+def _result(found: "taskcal.analysis.Sensitivity", table: "EliminationTable", unreachable: float) -> dict[str, Any]:
     from dataclasses import asdict
-
-    from taskcal.analysis.identifiability import published_kept
 
     model, elimination = found.model, table.eliminations["poses"]
     raw, scaled = found.maximum(), found.maximum(scaled=True) * 1e6
@@ -174,14 +175,16 @@ def _result(found: "Sensitivity", table: "EliminationTable", unreachable: float)
             }
             for r in table.rows
         ],
-        "published": {"source": published.source, "kept": published_kept(model)} if published.source else None,
+        "published": {"source": published.source, "kept": taskcal.analysis.published_kept(model)}
+        if published.source
+        else None,
     }
 
 
 def _show(
     result: Mapping[str, Any],
     table: "EliminationTable",
-    told_apart: "DistinguishableDirections",
+    told_apart: "taskcal.analysis.DistinguishableDirections",
     noise: "MeasuringNoise",
 ) -> None:
     from taskcal.report.content import Column, Table

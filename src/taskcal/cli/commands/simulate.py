@@ -133,12 +133,11 @@ def command(
     from taskcal.campaigns.campaign import distances_text
     from taskcal.reading.writer import campaign_text
     from taskcal.robot.error_model import ErrorModel
-    from taskcal.virtual.cell import SimulationOptions
 
     model = ErrorModel(taskcal.load_robot(robot))
     drawn = None if truth_from is None else read_truth(truth_from, model)
     targets = {name: np.array(p) * 1e-3 for name, p in REFLECTORS_MM.items()} if reflectors.targets == 3 else None
-    options = SimulationOptions(
+    options = taskcal.virtual.SimulationOptions(
         targets=targets if drawn is None else drawn.targets,
         pose=reflectors.pose,
         observe=how.observe,

@@ -1,7 +1,7 @@
 """``taskcal validate``: how well a calibration predicts another campaign."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import typer
 
@@ -10,9 +10,6 @@ from taskcal.cli.command import option
 from taskcal.cli.options.campaign import CampaignOptions
 from taskcal.cli.options.common import CalibrationArgument, CampaignArgument, JsonOption, above_zero
 from taskcal.cli.output import info, show, show_facts, write_json
-
-if TYPE_CHECKING:
-    from taskcal.identification.validation import Acceptance, Examination
 
 MAX_WORST = 10
 """Points that are listed, the largest errors."""
@@ -30,11 +27,13 @@ class AcceptanceOptions:
     )
     accept_of: Literal["max", "p95", "rms", "mean"] = option("max", help="Error statistic compared with the limit.")
 
-    def decide(self, examination: "Examination") -> "Acceptance | None":
+    def decide(self, examination: "taskcal.identification.Examination") -> "taskcal.identification.Acceptance | None":
         """The decision; None where no limit was given."""
-        from taskcal.identification.validation import accept
-
-        return None if self.accept is None else accept(examination, self.accept * 1e-3, self.accept_of)
+        return (
+            None
+            if self.accept is None
+            else taskcal.identification.accept(examination, self.accept * 1e-3, self.accept_of)
+        )
 
 
 def command(
@@ -50,13 +49,11 @@ def command(
     as_json: JsonOption = False,
 ) -> None:
     """Validate a calibration against a campaign; optional pass/fail decision."""
-    from taskcal.identification.validation import examine
-
     calibrated = taskcal.load_calibration(calibration)
     measured = reading.read(campaign, calibrated.model.robot).campaign
     if reading.targets is None and not reregister:
         measured = _shared_targets(measured, calibrated)
-    examination = examine(calibrated, measured, reregister=reregister)
+    examination = taskcal.identification.examine(calibrated, measured, reregister=reregister)
     for remark in examination.validation.remarks:
         info(remark)
     decision = acceptance.decide(examination)
@@ -73,7 +70,12 @@ def command(
         raise typer.Exit(1)
 
 
-def _show(title: str, examination: "Examination", decision: "Acceptance | None", worst: int | None) -> None:
+def _show(
+    title: str,
+    examination: "taskcal.identification.Examination",
+    decision: "taskcal.identification.Acceptance | None",
+    worst: int | None,
+) -> None:
     from taskcal.report.calibration import are_most, describe_outliers, tabulate_errors
     from taskcal.report.comparison import (
         describe_compared,

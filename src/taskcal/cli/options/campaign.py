@@ -16,7 +16,6 @@ from taskcal.errors import CampaignError, FileError, shown
 from taskcal.io.text_file import read_text
 
 if TYPE_CHECKING:
-    from taskcal.reading.reader import ReadOptions
     from taskcal.tables.text import DecimalMark
 
 
@@ -59,15 +58,12 @@ class TableOptions:
     )
 
     @property
-    def read_options(self) -> "ReadOptions":
+    def read_options(self) -> "taskcal.reading.ReadOptions":
         """Stated options, as the reader takes them."""
-        from taskcal.reading.reader import ReadOptions
-        from taskcal.tables.forms import TableForm
-
         marks: dict[str | None, DecimalMark | None] = {None: None, "point": ".", "comma": ","}
         columns = None if self.columns is None else tuple(self.columns.split())
-        return ReadOptions(
-            form=TableForm(columns=columns, decimal=marks[self.decimal], sheet=self.sheet),
+        return taskcal.reading.ReadOptions(
+            form=taskcal.tables.TableForm(columns=columns, decimal=marks[self.decimal], sheet=self.sheet),
             angles=self.angles,
             points=self.points,
             distances=self.distances,
@@ -97,9 +93,8 @@ def compensate(
     """The campaign in the frame of its reference points, and how far they moved; None where there are none."""
     if not campaign.reference_points:
         return campaign, None
-    from taskcal.campaigns.drift import compensate_drift
 
-    drift = compensate_drift(campaign, noise)
+    drift = taskcal.campaigns.compensate_drift(campaign, noise)
     for remark in drift.remarks:
         info(remark)
     summary = {"followed": drift.followed, "largest_mm": drift.largest * 1e3, "noise_mm": drift.noise * 1e3}

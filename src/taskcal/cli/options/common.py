@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from taskcal.robot.effects import Effect
-    from taskcal.task.task import TaskPoses
 
 
 # A first look at files that a command is to read, before the libraries that read them are imported: wrong ones end
@@ -326,7 +325,7 @@ REACHING = "joints that reach the task's poses"
 
 def read_and_reach(
     model: "taskcal.ErrorModel", path: Path, count: int, seed: int, begin: Callable[[str], None]
-) -> "TaskPoses":
+) -> "taskcal.task.TaskPoses":
     """Read a task and find the joints that reach it; a message states how many poses are out of reach."""
     task = taskcal.load_task(path)
     begin(REACHING)

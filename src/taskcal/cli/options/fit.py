@@ -13,26 +13,27 @@ from taskcal.cli.options.campaign import CampaignRead
 from taskcal.cli.options.common import SeedOption, split_names, within
 
 if TYPE_CHECKING:
-    from taskcal.identification.holdout import Holdout
-    from taskcal.identification.options import FitOptions
-    from taskcal.registration.registration import Registration
-
     Fit = Callable[[taskcal.Campaign], taskcal.Calibration]
 
 Method = Literal["poses", "circles"]
 """How tracker frame and targets are registered."""
 
 
-def register_by(method: Method, model: "taskcal.ErrorModel", campaign: "taskcal.Campaign") -> "Registration":
+def register_by(
+    method: Method, model: "taskcal.ErrorModel", campaign: "taskcal.Campaign"
+) -> "taskcal.registration.Registration":
     """The registration of a campaign.
 
     Raises:
         CampaignError: the campaign does not determine it, or is not of this robot.
     """
-    from taskcal.registration.circles import register_from_circles
     from taskcal.registration.consensus import check_plausible
 
-    registered = register_from_circles(model, campaign) if method == "circles" else taskcal.register(model, campaign)
+    registered = (
+        taskcal.registration.register_from_circles(model, campaign)
+        if method == "circles"
+        else taskcal.register(model, campaign)
+    )
     check_plausible(registered, model, campaign)
     return registered
 
@@ -99,7 +100,7 @@ class FitCommandOptions:
         """The tracker's; None for the default."""
         return None if self.mpe_to_sigma is None else taskcal.TrackerNoise(mpe_to_sigma=self.mpe_to_sigma)
 
-    def options(self, model: "taskcal.ErrorModel", campaign: "taskcal.Campaign") -> "FitOptions":
+    def options(self, model: "taskcal.ErrorModel", campaign: "taskcal.Campaign") -> "taskcal.identification.FitOptions":
         """The options of the fit.
 
         Raises:
@@ -107,17 +108,15 @@ class FitCommandOptions:
             FileError: the registration's file is of another robot, or of other targets.
             TaskcalError: nothing is published of the robot.
         """
-        from taskcal.estimation.prior import Cauchy, Squared
-        from taskcal.identification.options import FitOptions
-        from taskcal.registration.registration_file import load_registration
-
         registration = register_by("circles", model, campaign) if self.registration == "circles" else None
         if self.registration_file is not None:
-            registration = load_registration(str(self.registration_file), model, campaign)
-        return FitOptions(
+            registration = taskcal.registration.load_registration(str(self.registration_file), model, campaign)
+        return taskcal.identification.FitOptions(
             keep=_kept(model, self._names),
             prior=None if self.prior == "none" else "tolerances",
-            loss={"squared": Squared, "huber": taskcal.Huber, "cauchy": Cauchy}[self.loss](),
+            loss={"squared": taskcal.estimation.Squared, "huber": taskcal.Huber, "cauchy": taskcal.estimation.Cauchy}[
+                self.loss
+            ](),
             noise=self.noise(),
             registration=registration,
             frames=self.frames,
@@ -138,14 +137,13 @@ def _kept(model: "taskcal.ErrorModel", names: list[str] | None) -> tuple[str, ..
         return ()
     if names != ["published"]:
         return None if names is None else tuple(names)
-    from taskcal.analysis.identifiability import published_kept
     from taskcal.errors import TaskcalError
 
     if not model.robot.published.source:
         raise TaskcalError(
             f"--keep published: the robot file of {model.robot.name} names no publication; name the parameters"
         )
-    return published_kept(model)
+    return taskcal.analysis.published_kept(model)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,10 +183,9 @@ class HoldoutOptions:
         """Number of fits of the campaign."""
         return 1 + (self.folds or 0)
 
-    def _holdout(self) -> "Holdout":
-        from taskcal.identification.holdout import Holdout
+    def _holdout(self) -> "taskcal.identification.Holdout":
 
-        return Holdout(share=self.holdout, folds=self.folds, by=self.holdout_by, seed=self.seed)
+        return taskcal.identification.Holdout(share=self.holdout, folds=self.folds, by=self.holdout_by, seed=self.seed)
 
     def fit(self, read: CampaignRead, fit: "Fit", nominal: "Fit") -> "taskcal.Calibration":
         """The calibration of the rows that are to be fitted, with its predictions of the others.
@@ -204,10 +201,10 @@ class HoldoutOptions:
         """
         import numpy as np
 
-        from taskcal.identification.holdout import hold_out, with_held_out
+        from taskcal.identification.holdout import with_held_out
 
         if self.asked:
-            return hold_out(fit, read.whole, self._holdout(), nominal)
+            return taskcal.identification.hold_out(fit, read.whole, self._holdout(), nominal)
         calibration = fit(read.campaign)
         others = np.setdiff1d(np.arange(len(read.whole)), read.rows)
         if not read.whole.take(others).valid.any():

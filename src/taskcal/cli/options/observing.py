@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     import numpy as np
 
     from taskcal.cli.options.campaign import CampaignOptions
-    from taskcal.kinematics.clearance import Box
 
 
 STEM_MM = 100.0
@@ -131,7 +130,11 @@ class _Observing:
                     )
 
     def load(
-        self, model: "taskcal.ErrorModel", task: "taskcal.Task", keep_out: "tuple[Box, ...]", also: "CampaignOptions"
+        self,
+        model: "taskcal.ErrorModel",
+        task: "taskcal.Task",
+        keep_out: "tuple[taskcal.kinematics.Box, ...]",
+        also: "CampaignOptions",
     ) -> Instrument | None:
         """The instrument in the task's cell; None for a tracker.
 
@@ -303,12 +306,11 @@ def check_instruments(observe: str, *, several: bool = True) -> str:
     """
     from taskcal.errors import CampaignError, UnknownName
     from taskcal.observations import instrument_of
-    from taskcal.virtual.cell import SimulationOptions
 
     try:
         if not several:
             instrument_of(observe)
             return observe
-        return SimulationOptions(observe=observe).observe
+        return taskcal.virtual.SimulationOptions(observe=observe).observe
     except (UnknownName, CampaignError) as error:
         raise typer.BadParameter(str(error), param_hint="--observe") from error
