@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from taskcal.report.page import Page
 
 
+SPACES = ("x", "y", "z", "space")
+"""Axes of the robot's base, and all of them together."""
+
 TELLING, MAPPING, PAGE = "identifiability", "maps over the task", "page"
 
 
@@ -125,26 +128,26 @@ def _result(found: "taskcal.analysis.Sensitivity", table: "EliminationTable", un
     from dataclasses import asdict
 
     model, elimination = found.model, table.eliminations["poses"]
-    raw, scaled = found.maximum(), found.maximum(scaled=True) * 1e6
-    space, scaled_space = found.maximum_in_space(), found.maximum_in_space(scaled=True) * 1e6
-    rms, scaled_rms = found.rms_per_axis(), found.rms_per_axis(scaled=True) * 1e6
-    rms_space, scaled_rms_space = found.rms(), found.rms(scaled=True) * 1e6
+
+    def influences(*, scaled: bool) -> "dict[str, np.ndarray]":
+        """Largest and root mean square effect of each parameter, by its name in the result."""
+        kinds = {"max": (found.maximum, found.maximum_in_space), "rms": (found.rms_per_axis, found.rms)}
+        return {
+            f"{kind}_{axis}": values
+            for kind, (per_axis, in_space) in kinds.items()
+            for axis, values in zip(SPACES, [*per_axis(scaled=scaled), in_space(scaled=scaled)], strict=True)
+        }
+
+    raw = influences(scaled=False)
+    scaled = {name.removeprefix("max_"): 1e6 * values for name, values in influences(scaled=True).items()}
     parameters = [
         {
             "name": p.name,
             "symbol": p.symbol,
             "unit": "mm/mm" if p.unit == "m" else "mm/mrad",
-            **{f"max_{axis}": float(raw[k, i]) for k, axis in enumerate("xyz")},
-            "max_space": float(space[i]),
-            **{f"rms_{axis}": float(rms[k, i]) for k, axis in enumerate("xyz")},
-            "rms_space": float(rms_space[i]),
+            **{name: float(values[i]) for name, values in raw.items()},
             "tolerance": p.tolerance * 1e3,
-            "tolerance_scaled_um": {
-                **{axis: float(scaled[k, i]) for k, axis in enumerate("xyz")},
-                "space": float(scaled_space[i]),
-                **{f"rms_{axis}": float(scaled_rms[k, i]) for k, axis in enumerate("xyz")},
-                "rms_space": float(scaled_rms_space[i]),
-            },
+            "tolerance_scaled_um": {name: float(values[i]) for name, values in scaled.items()},
         }
         for i, p in enumerate(model.parameters)
     ]
@@ -155,25 +158,17 @@ def _result(found: "taskcal.analysis.Sensitivity", table: "EliminationTable", un
         "unreachable_share": unreachable,
         "parameters": parameters,
         "identifiability": {
-            "rank": elimination.rank,
-            "zero": elimination.zero,
-            "dependent": elimination.dependent,
+            **{key: getattr(elimination, key) for key in ("rank", "zero", "dependent", "kept")},
             "repeats": {name: {other: c} for name, (other, c) in elimination.repeats.items()},
-            "kept": elimination.kept,
-            "singular_values": elimination.singular_values,
-            "gap": elimination.gap,
-            "condition_number": elimination.condition_number,
+            **{key: getattr(elimination, key) for key in ("singular_values", "gap", "condition_number")},
             "observability": asdict(elimination.observability()),
         },
         "elimination": [
             {
-                "name": r.name,
-                "symbol": r.symbol,
-                "published": r.published,
-                "repeats": r.repeats,
-                "eliminated": r.eliminated["poses"],
+                **{key: getattr(row, key) for key in ("name", "symbol", "published", "repeats")},
+                "eliminated": row.eliminated["poses"],
             }
-            for r in table.rows
+            for row in table.rows
         ],
         "published": {"source": published.source, "kept": taskcal.analysis.published_kept(model)}
         if published.source
@@ -190,17 +185,17 @@ def _show(
     from taskcal.report.content import Column, Table
     from taskcal.report.sensitivity import count_distinguishable, tabulate_distinguishable, tabulate_eliminated
 
-    found, spaces = result["identifiability"], ("x", "y", "z", "space")
+    found = result["identifiability"]
     fate = dict.fromkeys(found["kept"], "kept") | dict.fromkeys(found["zero"], "zero")
     fate |= dict.fromkeys(found["dependent"], "dependent")
     columns = (
         Column("parameter", "name"),
         Column("symbol", "symbol", optional=True),
-        *(Column(axis.replace("space", "3D"), f"max_{axis}", ".3f") for axis in spaces),
+        *(Column(axis.replace("space", "3D"), f"max_{axis}", ".3f") for axis in SPACES),
         Column("unit", "unit"),
         *(
             Column(f"{axis.replace('space', '3D')} µm", lambda p, axis=axis: p["tolerance_scaled_um"][axis], ".1f")
-            for axis in spaces
+            for axis in SPACES
         ),
         Column("elimination", lambda p: fate[p["name"]]),
     )

@@ -82,14 +82,13 @@ def arguments_of(choices: Choices) -> list[str]:
     beside = plan.removesuffix(".csv")
     options = [
         f"--robot={choices.robot}",
-        "--task",
-        choices.task,
-        "--count",
-        str(choices.poses),
+        f"--task={choices.task}",
+        f"--count={choices.poses}",
         f"--seed={choices.seed}",
     ]
-    options += ["--station", choices.station] if choices.station else []
-    return ["plan", *options, "--output", plan, "--program", f"{beside}.mod", "--report", f"{beside}.html", "--json"]
+    options += [f"--station={choices.station}"] if choices.station else []
+    files = [f"--output={plan}", f"--program={beside}.mod", f"--report={beside}.html"]
+    return ["plan", *options, *files, "--json"]
 
 
 def _begin(studio: Studio) -> None:
