@@ -1,4 +1,4 @@
-"""What the parameters do to the tool, which of them the poses can tell apart, and how well."""
+"""Sensitivity of the tool to the parameters, and their identifiability at given poses."""
 
 from taskcal.public_names import load_lazily
 

@@ -63,7 +63,7 @@ def find_collinearities(
     level: float = MIN_COLLINEAR_SHARE,
     most: int = MAX_COLLINEAR,
 ) -> tuple[Collinearity, ...]:
-    """Which of the wanted parameters a few others nearly repeat, the most repeated first.
+    """Find parameters that a few others nearly explain, the best explained first.
 
     The few are found by orthogonal matching pursuit (Pati, Rezaiifar and Krishnaprasad 1993); the variance inflation is the
     diagonal of the inverse of the correlation matrix (Marquardt 1970).
@@ -467,7 +467,7 @@ def _repeats(unit: np.ndarray, names: list[str], norms: np.ndarray) -> dict[str,
 
 @dataclass(frozen=True, kw_only=True)
 class EliminationRow:
-    """What is said of one parameter."""
+    """Elimination result of one parameter."""
 
     name: str
     symbol: str

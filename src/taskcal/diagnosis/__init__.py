@@ -1,4 +1,4 @@
-"""What is wrong with a campaign: the usual mistakes, each undone and tried on held-out rows."""
+"""Diagnosis of a campaign: the usual mistakes, each undone and tested on held-out rows."""
 
 from taskcal.public_names import load_lazily
 

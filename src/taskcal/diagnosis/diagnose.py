@@ -1,4 +1,4 @@
-"""What is wrong with a campaign."""
+"""Diagnosis of a campaign."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -318,7 +318,7 @@ MAX_COURSE_SHARE = 0.2
 convention: beyond, joints or frames are wrong."""
 
 NOT_MENDED_BY_A_FILE = ("drift", "station-moved")
-"""What happened in the course of a campaign, and no other file mends."""
+"""Events during a campaign, which no change of the file can fix."""
 
 
 @short_repr
@@ -333,7 +333,7 @@ class Diagnosis:
     campaign: Campaign
     """Mended, as far as a campaign can be."""
     unmended: tuple[str, ...]
-    """Ids of the findings that no file can mend."""
+    """Ids of the findings that no change of the file can fix."""
     scope: str = ""
     """What was examined and what was not, where that is not everything."""
 

@@ -1,4 +1,4 @@
-"""What went wrong in the course of a campaign: a target slipped, the tracker or base moved, or drifted.
+"""Drifts and slips during a campaign: a target slipped, the tracker or base moved, or drifted.
 
 Each is a few more columns of the linear fit, free from one row on or growing with the rows; the gain is that of the logarithm of
 the likelihood, noise unknown, less the price of the columns (Schwarz 1978) and of the rows tried.
@@ -389,7 +389,7 @@ def find_drift_or_slip(explanation: Explanation) -> Local | None:
 
 
 def _followed(case: Case) -> Case:
-    """With the motion of its reference points taken out, where that does not make it worse."""
+    """Compensate the motion of the reference points, unless that increases the error."""
     if not case.campaign.reference_points:
         return case
     followed = replace(case, campaign=compensate_drift(case.campaign).campaign)

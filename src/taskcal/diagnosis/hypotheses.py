@@ -1,4 +1,4 @@
-"""What may have been written wrong: a hypothesis undoes it, and says in one line how a user does."""
+"""Hypotheses on a campaign: each undoes a mistake, and states the fix in one line."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What may have been written wrong: each mistake yields hypotheses, which undo it and say in one line how a user does."""
+"""Mistakes of a campaign: each yields hypotheses that undo it and state the fix in one line."""
 
 import itertools
 from collections.abc import Iterator, Mapping

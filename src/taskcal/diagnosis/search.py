@@ -1,4 +1,4 @@
-"""Which hypotheses, singly or in pairs, make robot and campaign fit each other."""
+"""Search for the hypotheses, single or in pairs, that make robot and campaign consistent."""
 
 import itertools
 from collections.abc import Callable, Iterable, Sequence
@@ -139,7 +139,7 @@ def explain_in_pairs(case: Case, progress: Progress = silent) -> list[Explanatio
 
 
 def spread_rows(rows: int, wanted: int) -> Int[np.ndarray, " k"]:
-    """At most so many row numbers, spread over all."""
+    """Select at most so many row numbers, evenly distributed."""
     return np.unique(np.linspace(0, rows - 1, min(rows, wanted)).round().astype(int))
 
 

@@ -140,7 +140,7 @@ class CalibratedChain:
     def of_model(
         cls, model: ErrorModel, x: Float[np.ndarray, " p"], q: Float[np.ndarray, "n joints"]
     ) -> "CalibratedChain":
-        """The same of a model with parameter values x."""
+        """Make the chain of a model with parameter values x."""
         robot = model.robot
         count = len(robot.joint_map.offset)
         frames = se3.error_transform(model.error_frames(x))

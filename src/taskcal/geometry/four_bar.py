@@ -70,7 +70,7 @@ class FourBar:
 
 @dataclass(frozen=True, eq=False)
 class Closure:
-    """Where the rocker stands, and how it moves."""
+    """Angle of the rocker, and its derivatives."""
 
     angle: Float[np.ndarray, " n"]
     """θ, within half a turn of κ, radians."""

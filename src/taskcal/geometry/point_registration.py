@@ -1,4 +1,4 @@
-"""How well a rotation fits measured points, from sums over the points: no step of a registration reads them again.
+"""Residual of a rotation at measured points, from sums over the points: no step of a registration reads them again.
 
 With M the inverse of the frame's rotation, a target at o leaves M·y + m − p − R·o at a point, which is linear in M, m and o. Its
 sum of squares is therefore a quadratic of the nine numbers of M, once m and the offsets that are best for M are put in.
@@ -34,7 +34,7 @@ class Quadratic:
         return float(max(M @ (self.Q @ M - 2.0 * self.q) + self.rest, 0.0))
 
     def fall(self, before: Float[np.ndarray, " 9"], after: Float[np.ndarray, " 9"]) -> float:
-        """By how much the sum is smaller after than before, exact where both are nearly the same."""
+        """Compute the decrease of the sum of squares, exact where both sums are nearly equal."""
         return float((after - before) @ (2.0 * self.q - self.Q @ (before + after)))
 
 

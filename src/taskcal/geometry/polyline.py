@@ -15,7 +15,7 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Crossings:
-    """Where a path goes through planes, at most once through each."""
+    """Crossings of a path with planes, at most one for each."""
 
     planes: Int[np.ndarray, " k"]
     """Which planes are crossed, ascending."""

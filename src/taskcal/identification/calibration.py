@@ -884,7 +884,7 @@ class LeftOutSection(Section):
 
 
 class HeldOutSection(Section):
-    """Rows that were not fitted, and what was predicted of them."""
+    """Held-out rows and their predictions."""
 
     by: Literal["neighbours", "blocks", "rows", "chosen"]
     folds: Count

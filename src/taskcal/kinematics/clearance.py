@@ -1,4 +1,4 @@
-"""Where the robot's links are, as capsules, and how far they stay from each other, from boxes and from a beam."""
+"""Links of a robot as capsules, and their distances from each other, from boxes and from a beam."""
 
 from dataclasses import dataclass
 

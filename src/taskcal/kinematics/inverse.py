@@ -156,7 +156,7 @@ class Goal:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Conditioned:
-    """What a pose asks of the frame on the tool: its Jacobian by the joints, and what is left.
+    """Residual of a pose at the frame on the tool, and its Jacobian by the joints.
 
     Rows are the position's, times `RADIANS_PER_METRE`, and the angles about the axes of the base; where the spin is free, the
     angles about the frame's own x and y axes.
@@ -171,7 +171,7 @@ class Conditioned:
     def of(
         cls, chain: Chain, at: Walk, by_joint: Float[np.ndarray, "m coordinates joints"], goal: Goal
     ) -> "Conditioned":
-        """Of a chain where it was walked to, with ∂s/∂q there at every pose, or one for all."""
+        """Condition of a walked chain, with ∂s/∂q at every pose, or one for all."""
         end = np.empty((len(at.s), 4, 4))
         ones, layout = np.ones((len(at.s), chain.joints)), chain.joint_columns
         J = walk.columns(chain, at.s, at.e, layout, ones, angular=True, point=goal.tip[:3, 3].copy(), poses=end)
@@ -270,7 +270,7 @@ def solve_near(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NewtonEnd:
-    """Where Newton steps have led to."""
+    """Result of the Newton steps."""
 
     q: Float[np.ndarray, "n joints"]
     """Radians."""

@@ -37,7 +37,7 @@ MIN_SINGULAR_RATIO = 0.02
 
 
 class Outcome(IntEnum):
-    """What became of a pose."""
+    """Outcome of following a path to a pose."""
 
     REACHED = 0
     OUT_OF_REACH = 1

@@ -13,7 +13,7 @@ from taskcal.short_repr import short_repr
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Conditions:
-    """What is known of the way to each pose, and of how warm the robot was there."""
+    """Known conditions of each pose: approach direction, last move, temperature, time."""
 
     approach: Float[np.ndarray, "n joints"] | None = None
     """Way in which each joint's drive turned last: 1 where the joint's value grew, −1 where it fell, 0 where unknown."""

@@ -159,7 +159,7 @@ class ErrorModel:
         return ErrorModel(self.robot, lengths_only=self.lengths_only, effects=known)
 
     def under(self, load: Load) -> "ErrorModel":
-        """The same robot with the same parameters under another load, such as a payload or the force of a cut.
+        """Return the model for another load, such as a payload or a process force, with the same parameters.
 
         A compliance that was identified under one load so predicts what another one does.
 

@@ -39,7 +39,7 @@ Slope = Callable[[], Float[np.ndarray, "n coordinates joints"]]
 
 @dataclass(frozen=True, eq=False)
 class Shift:
-    """What a joint-side term adds to the chain coordinates."""
+    """Contribution of a joint-side term to the chain coordinates."""
 
     value: Float[np.ndarray, "n coordinates"]
     """δs, radians or metres."""

@@ -158,7 +158,7 @@ MAX_ROUNDING_SHARE = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class Mechanism:
-    """What the joint graph and the loop's screws say (Grübler–Kutzbach with the rank of each loop)."""
+    """Mobility of a mechanism by its joint graph and loop screws (Grübler–Kutzbach with the rank of each loop)."""
 
     bodies: int
     """The base included."""
@@ -213,7 +213,7 @@ class Mechanism:
 
 @dataclass(frozen=True, kw_only=True)
 class LoopFreedom:
-    """What the screws of one closed chain leave free, and what they close whatever the joints do."""
+    """Freedoms of one closed chain, and its overconstrained directions."""
 
     rank: int
     """Dimension of the screw system."""

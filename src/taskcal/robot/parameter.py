@@ -8,7 +8,7 @@ from taskcal.robot.robot import Robot
 
 @dataclass(frozen=True)
 class ShownUnit:
-    """How values in a SI unit are shown."""
+    """Display unit of values in an SI unit."""
 
     name: str
     """``mm``, ``mrad``, ``mrad/m`` …"""

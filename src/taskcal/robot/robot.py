@@ -133,7 +133,7 @@ class Tolerances:
 
 @dataclass(frozen=True, kw_only=True)
 class Published:
-    """What a publication says of the robot's parameters, by Taskcal's names."""
+    """Statements of a publication on the robot's parameters, by Taskcal's names."""
 
     source: str = ""
     redundant: tuple[str, ...] = ()

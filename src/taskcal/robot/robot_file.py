@@ -25,7 +25,7 @@ Point = tuple[Finite, Finite, Finite]
 
 
 class PayloadSection(Section):
-    """What the flange carries, tool included."""
+    """Payload of the flange, tool included."""
 
     mass_kg: NotNegative
     centre_mm: Point = (0.0, 0.0, 0.0)
@@ -307,18 +307,18 @@ class ToleranceSection(Section):
 
 
 class ModelErrorSection(Section):
-    """What geometry does not explain."""
+    """Model error of such robots."""
 
     position_mm: NotNegative
     source: str = "the robot file"
 
     def model_error(self) -> ModelError:
-        """In metres."""
+        """Model error in metres."""
         return ModelError(position=self.position_mm * 1e-3, source=self.source)
 
 
 class PublishedSection(Section):
-    """What a publication says of the parameters."""
+    """Statements of a publication on the parameters."""
 
     source: str
     redundant: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""What a robot weighs, how stiff its drives are, the spring that holds an axis up, and which way is down."""
+"""Masses, drive stiffness, spring and gravity of a robot."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -61,7 +61,7 @@ class CoilSpring:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Statics:
-    """What the robot file says of loads and stiffness."""
+    """Loads and stiffness stated by the robot file."""
 
     links: tuple[Body, ...] | None
     """What moves with each joint, in the frame of its row; None where the file does not say."""

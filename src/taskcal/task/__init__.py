@@ -1,4 +1,4 @@
-"""What the robot has to do: a workspace, a list of poses or a tool path, and the accuracy it needs."""
+"""The task of a robot: a workspace, a list of poses or a tool path, and the required accuracy."""
 
 from taskcal.public_names import load_lazily
 

@@ -29,7 +29,7 @@ Triple = tuple[Finite, Finite, Finite]
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Task:
-    """What the robot has to do."""
+    """Task of a robot: workspace, poses or path, and the required accuracy."""
 
     name: str
     workspace: Workspace | None = None

@@ -39,7 +39,7 @@ metres."""
 
 
 class OutOfReachError(CampaignError):
-    """What stands in a cell cannot be measured from any posture that was tried."""
+    """A fixed object of a cell cannot be measured from any configuration that was tried."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -63,7 +63,7 @@ class TrueRobot:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Visit:
-    """What was read at the rows of one scene."""
+    """Readings at the rows of one scene."""
 
     q: Float[np.ndarray, "n joints"]
     """Joints as the controller says, radians."""
@@ -138,7 +138,7 @@ def _reach(
 
 
 def _unreached(robot: TrueRobot, scene: Scene, goals: Float[np.ndarray, "n 4 4"], left: Int[np.ndarray, " k"]) -> str:
-    """Which rows are not reached, of what, how far away that is, and what would help."""
+    """Describe rows that are not reached: object, distance, and remedy."""
     kind, name = scene.observation, robot.model.robot.name
     names = [] if kind.of is None else [f"'{kind.named[k]}'" for k in np.unique(kind.of[left])[:MAX_NAMES]]
     what = f"{kind.label} {', '.join(names)}" if names else "where it measures"
@@ -222,7 +222,7 @@ MAX_CELLS = 6
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Truth:
-    """What a simulated campaign was made from."""
+    """Truth of a simulated campaign: parameters, frame, targets and unknowns."""
 
     model: ErrorModel
     x: Float[np.ndarray, " p"]
@@ -271,7 +271,7 @@ class SimulationChoices(TypedDict, total=False):
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SimulationOptions:
-    """What a virtual robot is measured with; `dataclasses.replace` gives others."""
+    """Options of a simulation: instrument, targets and noise."""
 
     x: Float[np.ndarray, " p"] | None = None
     """The true robot's defects; None to draw them from the tolerances."""

@@ -1,4 +1,4 @@
-"""What all effects share: what is said of them, the joints that have them, how large they are, how they are described."""
+"""Base of all effects: names, joints, tolerances, description and registration."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -261,7 +261,7 @@ _SHOWN: Mapping[Quantity, str] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """What all effects share.
+    """Base class of all effects.
 
     A class with a `key` and a `label` is an effect as soon as it is defined: ``model + MyEffect()`` has it, it competes in
     `explain`, the command line knows its key, and calibrations with it are saved and loaded. What several effects share

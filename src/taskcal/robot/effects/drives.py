@@ -313,7 +313,7 @@ class Compliance(Effect):
         return "" if self.tolerance == DEFLECTION else f" (±{self.tolerance * 1e3:g} mrad)"
 
     def under(self, load: Load) -> "Compliance":
-        """The same drives under another load."""
+        """Return the effect for another load."""
         return replace(self, load=load)
 
     def remarks(self, robot: Robot, estimates: Mapping[str, tuple[float, float]]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Where loads go: what the turn of each motor moves, through the robot's true load path."""
+"""Load path of a robot: the bodies that each motor moves."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -136,7 +136,7 @@ def motor_matrix(robot: Robot) -> Float[np.ndarray, "coordinates motors"]:
 
 
 def moved_by_motors(robot: Robot) -> Bool[np.ndarray, "coordinates motors"]:
-    """Which coordinates the turn of each motor moves at any pose."""
+    """Find the chain coordinates that each motor moves."""
     bar = robot.four_bar
     if bar is None:
         return np.eye(len(robot.joints), dtype=bool)

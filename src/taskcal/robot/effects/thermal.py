@@ -27,7 +27,7 @@ MIN_LENGTH = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class ThermalExpansion(Effect, abstract=True):
-    """What `Thermal` and `WarmUp` share; a model has one of them.
+    """Common part of `Thermal` and `WarmUp`; a model has one of them.
 
     All lengths between the axes grow in one proportion; or, if joints are named, those behind each of them in a proportion
     of their own, and the others do not. What carries the base moves and tilts as something of 1 m height, of which one
@@ -230,7 +230,7 @@ class WarmUp(ThermalExpansion):
 
     @classmethod
     def spellings(cls) -> Mapping[str, str]:
-        """With or without minutes."""
+        """Spellings with and without a time constant in minutes."""
         growing = "expansion of lengths and drift of the base during warm-up"
         return {"warmup": f"{growing}, time constant 60 min", "warmup:20": f"{growing}, time constant in minutes"}
 

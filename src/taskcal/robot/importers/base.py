@@ -1,4 +1,4 @@
-"""What an importer is: how files of another program end, what it takes to read them, and what they say of a robot."""
+"""Importers of robots: suffixes of the files, required options, and the description of a robot."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -82,7 +82,7 @@ class UrdfTree:
 
     @property
     def joints(self) -> dict[str, UrdfJoint]:
-        """By name."""
+        """Joints by name."""
         return {joint.name: joint for joint in self.above.values()}
 
     @property
