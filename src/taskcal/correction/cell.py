@@ -80,7 +80,7 @@ def carried_part(axes: Sequence[ExternalAxis], positions: Float[np.ndarray, " ax
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Measured:
-    """What is known of one tool or part beside the controller's value; at most one of the ways to know it."""
+    """Measurement of one tool or part, in at most one of the possible forms, beside the controller's value."""
 
     name: str
     """As programs call it."""
@@ -195,7 +195,7 @@ class MeasuredSection(Section):
 
 
 class RobotSection(Section):
-    """Where the robot stands."""
+    """Base of the robot in the world."""
 
     base: PoseSection
 

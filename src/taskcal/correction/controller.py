@@ -107,7 +107,7 @@ CORNER_LOST = (
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ControllerTrajectory:
-    """Where a nominal controller moves its joints in the motions of a program."""
+    """Joint values of a nominal controller along the motions of a program."""
 
     start: Float[np.ndarray, "m joints"]
     """Where each motion begins, radians: in the target before it; NaN where that is not known."""
@@ -434,7 +434,7 @@ class JointMotion:
     """First motion that states no reorientation speed and turns faster than `TURN_SPEED_RAD_S` at its path speed."""
 
     def summary(self) -> dict[str, Any]:
-        """In degrees and millimetres, with shares of the limits where the robot file states them."""
+        """Summarise in degrees and millimetres, with shares of the limits where the robot file states them."""
         scale = np.where(self.robot.prismatic, 1e3, 180.0 / np.pi)
         return {
             "joint_speed": _against(self.robot, self.speed, self.robot.speed_limits, scale),
@@ -535,7 +535,7 @@ END_SHARE = 1e-9
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DriveDirections:
-    """In which direction each drive turned last, along the motions of a program."""
+    """Approach direction of each drive along the motions of a program."""
 
     place: Float[np.ndarray, " k"]
     """Of each sample, in order: number of its motion plus the share of that motion's length."""

@@ -48,7 +48,7 @@ from taskcal.robot.robot import Robot
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TargetChanges:
-    """How far the nodes of every motion are from where the tool is wanted."""
+    """Deviations of every motion's nodes from the wanted tool poses."""
 
     shift: Float[np.ndarray, " m"]
     """Largest distance that a node is moved by, metres."""

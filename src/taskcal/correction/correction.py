@@ -26,7 +26,7 @@ from taskcal.short_repr import short_repr
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Deviations:
-    """Where the true tool is against where the program wants it."""
+    """Deviations of the true tool from the program."""
 
     move: Int[np.ndarray, " k"]
     """Motion of the program as it was given."""
@@ -207,7 +207,7 @@ SHARE_OF_UNCERTAINTY = 0.2
 
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """What a correction may do without being told."""
+    """Bounds of a correction."""
 
     shift: float = 5e-3
     """Farthest that a target is moved, metres."""

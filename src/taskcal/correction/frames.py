@@ -1,4 +1,4 @@
-"""Which frame, which tool: how what the robot holds stands to what stands still, on the robot as calibrated.
+"""Tool and part frames on the calibrated robot: the held object relative to the fixed one.
 
 A path is accurate relative to something. What stands still is known in the calibrated base as the controller has it, or was
 measured by the tracker, or was touched by the robot itself, whose errors there then cancel in part. What the robot holds is
@@ -65,7 +65,7 @@ origin in tracker axes."""
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GraspedFrame:
-    """What the robot holds."""
+    """Frame of the held object."""
 
     T_tool_grasped: Float[np.ndarray, "4 4"]
     """In the calibrated robot's own tool."""
@@ -213,7 +213,7 @@ def _target_twists(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FixedFrame:
-    """What stands still."""
+    """Frame of the fixed object."""
 
     T_base_fixed: Float[np.ndarray, "4 4"]
     """In the calibrated base."""

@@ -1,4 +1,4 @@
-"""Where to put the part: the error to be expected of a program or a task, over placements of its part.
+"""Placement of a part: expected error of a program or a task over placements.
 
 A placement moves what stands still, the part or the fixed tool, rigidly in the robot's base: shifted along its axes, and turned
 about the vertical through the middle of the targets. Motions to joint positions stay.
@@ -38,7 +38,7 @@ MAX_PLACEMENTS = 5000
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Region:
-    """How far a part may be moved from where it stands.
+    """Region of displacements of a part.
 
     Raises:
         TaskcalError: a bound is not a number or above the other one, or the grid has no or too many placements.
@@ -279,7 +279,7 @@ def _loaded(
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """What is looked at in each placement."""
+    """Motions that are evaluated at each placement."""
 
     robot: Robot
     calibration: Calibration | None

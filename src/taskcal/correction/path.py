@@ -119,7 +119,7 @@ tool in its base."""
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Placement:
-    """Where what the robot holds and what stands still are."""
+    """Frames of the held and of the fixed object."""
 
     T_tool_grasped: Float[np.ndarray, "4 4"]
     """What is held, in the robot's own tool."""

@@ -1,4 +1,4 @@
-"""How many pieces a corrected line or arc takes until the true tool keeps to it between its ends."""
+"""Subdivision of corrected lines and arcs until the true tool follows them between their ends."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Where the tool is at joint positions, nominal and calibrated, and which joint positions bring it to poses."""
+"""Tool poses at joint values, nominal and calibrated, and joint values for tool poses."""
 
 from dataclasses import dataclass, replace
 

@@ -141,7 +141,7 @@ class LoopRun:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ClosedLoop:
-    """What all true robots have in common."""
+    """Common part of all true robots."""
 
     robot: Robot
     milling: Milling

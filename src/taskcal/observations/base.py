@@ -157,7 +157,7 @@ UNMEASURED = 1.0
 
 
 class Measured(NamedTuple):
-    """What was read of one target, row by row."""
+    """Readings of one target, row by row."""
 
     points: Float[np.ndarray, "n 3"]
     """The kind's numbers, metres or radians, those it does not measure zero; NaN where nothing was."""
@@ -186,7 +186,7 @@ class Differential(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """Where a registration puts a target and the kind's own unknowns."""
+    """Registered target and unknowns of its kind."""
 
     T_tool_target: Float[np.ndarray, "4 4"]
     unknown: Float[np.ndarray, " u"]
@@ -197,7 +197,7 @@ class Placed(NamedTuple):
 
 
 class Read(NamedTuple):
-    """What a file says of one target that a kind observed."""
+    """Readings of one target in a file."""
 
     target: str
     """Its name."""
@@ -208,7 +208,7 @@ class Read(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """What stands in a virtual cell, and what the tool carries: enough to measure a kind there."""
+    """Fixtures and tool of a virtual cell in which a kind is measured."""
 
     observation: "Observation"
     """With what each row refers to."""
@@ -223,7 +223,7 @@ class Scene(NamedTuple):
 
 
 class Stated(NamedTuple):
-    """What is known of the unknowns beside the measurements: stated less found, its derivative, and how sure it is."""
+    """Stated values of unknowns: stated minus estimated, derivative, and uncertainty."""
 
     residual: Float[np.ndarray, " k"]
     by_unknown: Float[np.ndarray, "k u"]
@@ -372,7 +372,7 @@ class Observation(ABC):
         return Stated(np.zeros(0), np.zeros((0, len(unknown))), np.zeros(0))
 
     def with_unknown_scale(self) -> "Observation | None":
-        """The same with the scale of its instrument unknown; None for kinds that have no such scale."""
+        """Return the observation with an unknown instrument scale, or None if the kind has no scale."""
         return None
 
     def compare(self, unknown: Float[np.ndarray, " u"]) -> tuple[Compared, ...]:

@@ -85,7 +85,7 @@ def pose_of_faces(
 
 @dataclass(frozen=True, kw_only=True)
 class CubeSize:
-    """What is known of a cube."""
+    """Stated size of a cube."""
 
     name: str
     edge: float

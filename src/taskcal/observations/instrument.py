@@ -149,7 +149,7 @@ _INSTRUMENTS: dict[str, type["Instrument"]] = {}
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Instrument:
-    """What measures in a cell; a subclass states which postures that allows."""
+    """Instrument in a cell; a subclass states the poses in which it can measure."""
 
     kind: ClassVar[type[Observation]]
     """What it observes."""

@@ -70,7 +70,7 @@ class Reflector:
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Station:
-    """Where and what the tracker measures."""
+    """Position of the tracker, its reflectors and obstacles."""
 
     position: Float[np.ndarray, " 3"]
     """Of the tracker in the robot's base, metres."""
@@ -93,7 +93,7 @@ class Station:
         return np.stack([reflector.position for reflector in self.reflectors])
 
     def visible(self, T: Float[np.ndarray, "n 4 4"], links: Links) -> Bool[np.ndarray, "n targets"]:
-        """Which reflectors the tracker sees at tool poses T in the base."""
+        """Find the reflectors visible to the tracker at tool poses T in the base."""
         seen = np.zeros((len(T), len(self.reflectors)), dtype=bool)
         for k, reflector in enumerate(self.reflectors):
             center = se3.apply(T, np.broadcast_to(reflector.position, (len(T), 3)))

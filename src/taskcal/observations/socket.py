@@ -48,7 +48,7 @@ SAME_BLOCK = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class SocketDistance:
-    """What is known of two sockets of one block."""
+    """Stated distance of two sockets of one block."""
 
     a: str
     b: str
@@ -235,7 +235,7 @@ class Sockets(Standalone):
         return length, between / np.maximum(length, 1e-12)[:, None]
 
     def with_distances(self, distances: tuple[SocketDistance, ...]) -> "Sockets":
-        """With distances of these sockets.
+        """Return the observation with stated distances of its sockets.
 
         Raises:
             CampaignError: a distance of a socket that no row names.
@@ -620,7 +620,7 @@ class SocketInstrument(Instrument):
 
     @property
     def stages(self) -> Int[np.ndarray, " things"]:
-        """By place."""
+        """Stages of the program by place."""
         places = self.fixtures.places
         names = list(dict.fromkeys(places))
         return np.array([names.index(place) for place in places])

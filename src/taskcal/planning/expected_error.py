@@ -136,7 +136,7 @@ def _costs(
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Design:
-    """What a campaign says of the parameters, and how they move the task, tracker frame and targets eliminated."""
+    """Information of a campaign on the parameters, and their effect on the task, tracker frame and targets eliminated."""
 
     model: ErrorModel
     information: Float[np.ndarray, "p p"]

@@ -1,4 +1,4 @@
-"""What measuring a pose would say: whitened sensitivities in the basis that candidates and task see."""
+"""Information of candidate poses: whitened sensitivities in the basis to which candidates and task are sensitive."""
 
 from dataclasses import dataclass, replace
 
@@ -21,7 +21,7 @@ from taskcal.registration.registration import Registration
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import TaskPoses
 
-# What geometry does not explain, as a smooth random field over the joints instead of white noise.
+# The model error as a smooth random field over the joint values instead of white noise.
 
 LANDMARKS = 40
 """Poses of the task on which the field is approximated: 0.9 % of its variance over the task stay white, and 12 % over candidates
@@ -40,7 +40,7 @@ LANDMARK_JITTER = 1e-6
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SmoothField:
-    """What geometry does not explain, as a smooth random field over the joints instead of white noise.
+    """Model error as a smooth random field over the joint values instead of white noise.
 
     The residuals of a real robot are much alike at neighbouring poses (gears, compliance). If they were white, the best
     poses would crowd at the extremes, and there they would teach the geometry what is the field's; as a Gaussian process

@@ -1,4 +1,4 @@
-"""Which poses to measure, so that the task becomes accurate."""
+"""Plan of the measurement poses that minimise the expected task error."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

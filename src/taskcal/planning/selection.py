@@ -1,4 +1,4 @@
-"""How many parameters a task needs, and which: the ladder of expected task error, and a choice with its reasons."""
+"""Selection of the parameters that a task needs: expected task error by model size, and a choice with its reasons."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

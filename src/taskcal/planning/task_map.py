@@ -1,4 +1,4 @@
-"""Where in a task the errors are: maps over slices of a workspace, and curves along a path."""
+"""Error over a task: maps over slices of a workspace, and curves along a path."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -173,7 +173,7 @@ def map_task(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Uncertainty:
-    """How well the tool point is known over a task, before and after, metres."""
+    """Uncertainty of the TCP over a task, before and after, metres."""
 
     task: str
     unreachable: float

@@ -1,4 +1,4 @@
-"""Which rows of a campaign agree with each other on where tracker and targets are, seen by the nominal robot.
+"""Consensus of a campaign's rows on tracker frame and targets, by the nominal robot.
 
 Least trimmed squares (Rousseeuw 1984) with concentration steps (Rousseeuw and Van Driessen 2006): the registration that
 leaves the smallest sum of squares on the best three quarters of the rows. What the other rows say is then judged by it.

@@ -1,4 +1,4 @@
-"""Where the tracker and the targets are, from raw measurements and the nominal robot alone."""
+"""Registration: tracker frame and targets from raw measurements and the nominal robot alone."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,4 +1,4 @@
-"""What a report is made of: sections of short texts, tables, figures and commands."""
+"""Content of a report: sections of short texts, tables, figures and commands."""
 
 import math
 import textwrap

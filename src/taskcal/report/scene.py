@@ -188,7 +188,7 @@ def _corners(link: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "m 3"]:
 
 
 def link_radius(robot: Robot) -> float:
-    """At which the first link is drawn, metres: thin, so that it hides little."""
+    """Radius of the first link as drawn, metres: thin, so that it hides little."""
     return LINK_RADIUS * robot.reach
 
 

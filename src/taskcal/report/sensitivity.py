@@ -200,7 +200,7 @@ def tabulate_eliminated(title: str, table: EliminationTable, rows: Iterable[Elim
 
 
 def tabulate_all_eliminated(table: EliminationTable, note: str = "") -> Table:
-    """The same of all parameters, which a page shows on demand."""
+    """Tabulate the elimination of all parameters, which a page shows on demand."""
     whole = tabulate_eliminated(f"Elimination of all {len(table.rows)} parameters", table, table.rows)
     return replace(whole, note=note, folded=True)
 

@@ -1,4 +1,4 @@
-"""How every figure looks: colours that colour-blind readers tell apart (Okabe and Ito 2008), fonts, margins."""
+"""Theme of the figures: colours that colour-blind readers distinguish (Okabe and Ito 2008), fonts, margins."""
 
 import re
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What external axes carry: asked for where a program moves one of which the cell file says nothing, and written there."""
+"""Loads of external axes: requested if a program moves an axis that the cell file does not describe, and written there."""
 
 import json
 import re

@@ -61,7 +61,7 @@ def free_name(wanted: str, taken: Collection[str]) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """Which folder of a project holds what; each is made when something is put in it."""
+    """Folders of a project; each is made when its first file is written."""
 
     choices: str = "project.toml"
     robots: str = "robots"
@@ -118,7 +118,7 @@ RobotName = Annotated[str, AfterValidator(_robot)]
 
 
 class Choices(Section):
-    """What is being worked with, as ``project.toml`` says it."""
+    """Current choices of a project, as in ``project.toml``."""
 
     name: str = Field(min_length=1, max_length=200)
     robot: RobotName = ""

@@ -27,7 +27,7 @@ MAX_MESSAGES = 200
 
 
 class Status(StrEnum):
-    """How far a run has come."""
+    """Progress of a run."""
 
     running = "running"
     done = "done"

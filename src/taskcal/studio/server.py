@@ -314,7 +314,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class Address:
-    """Where the studio listens."""
+    """Address of the studio."""
 
     host: str = "127.0.0.1"
     port: int = 0

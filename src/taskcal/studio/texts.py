@@ -1,4 +1,4 @@
-"""What the pages say, in each language; all of it stands in ``texts.toml``."""
+"""Texts of the pages in each language, from ``texts.toml``."""
 
 import re
 import tomllib

@@ -27,7 +27,7 @@ MAX_SHOWN_TARGETS = 12
 
 @dataclass(frozen=True, kw_only=True)
 class DestinationOptions:
-    """Where the corrected program goes.
+    """Destination of the corrected program.
 
     Raises:
         typer.BadParameter: neither a place nor a dry run.
@@ -63,7 +63,7 @@ class DestinationOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class CellOptions:
-    """What was measured around the robot.
+    """Measured tools, parts and axes of the cell.
 
     Raises:
         typer.BadParameter: a name of the cell file, without the file.
@@ -102,7 +102,7 @@ class BoundsOptions:
     max_joint_deg: float = option(5.0, "DEG", "Maximum joint change at a target.", callback=above_zero)
 
     def bounds(self) -> "taskcal.Bounds":
-        """In metres and radians."""
+        """Bounds in metres and radians."""
         from math import radians
 
         return taskcal.Bounds(

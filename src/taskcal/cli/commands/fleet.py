@@ -19,7 +19,7 @@ MAX_NAMED = 20
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifyOptions:
-    """What becomes of campaigns without a calibration.
+    """Identification of campaigns without a calibration.
 
     Raises:
         typer.BadParameter: one option without the other.

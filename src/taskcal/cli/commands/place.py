@@ -27,7 +27,7 @@ def _range(text: str, option: str, unit: str) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class RegionOptions:
-    """Where the part may be put."""
+    """Region of placements of the part."""
 
     region: str = option(
         ..., "X:X,Y:Y,Z:Z", "Range of shifts of the part in the base frame, mm: -300:300,-200:200,0:100."

@@ -41,7 +41,7 @@ SLOW = 0.02
 
 
 class Stop(NamedTuple):
-    """Where one motion of a program ends."""
+    """End of one motion of a program."""
 
     q: "np.ndarray"
     note: str
@@ -159,7 +159,7 @@ class ExtendedOptions(MeasuredOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class PlanOptions:
-    """How the poses are chosen."""
+    """Selection of the poses."""
 
     count: int = option(60, "N", "Poses to measure.", also="-n", min=1)
     seed: SeedOption = 0
@@ -178,7 +178,7 @@ class PlanOptions:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Setting:
-    """What a plan is chosen from, read."""
+    """Inputs of a plan, read."""
 
     model: "taskcal.ErrorModel"
     calibration: "taskcal.Calibration | None"

@@ -86,7 +86,7 @@ def show_robot(
 
 @dataclass(frozen=True, kw_only=True)
 class DescriptionOptions:
-    """How another program's file is read."""
+    """Options for reading another program's file."""
 
     convention: Literal["dh", "mdh"] | None = option(
         None, help="Of a table. dh: Rz(θ)·Tz(d)·Tx(a)·Rx(α); mdh: Rx(α)·Tx(a)·Rz(θ)·Tz(d).", case_sensitive=False
@@ -247,7 +247,7 @@ def _statics(robot: Robot) -> dict[str, Any]:
 
 
 def _scaled(values: Iterable[float], scale: float) -> list[float]:
-    """In the unit of a file, without the last digits that conversion leaves."""
+    """Convert to the unit of a file, without rounding digits."""
     return [round(float(value) * scale, 9) for value in values]
 
 

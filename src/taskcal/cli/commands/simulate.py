@@ -39,7 +39,7 @@ MEASURING = "measuring"
 
 @dataclass(frozen=True, kw_only=True)
 class ReflectorOptions:
-    """What the tool carries.
+    """Reflectors on the tool.
 
     Raises:
         typer.BadParameter: a number of reflectors that is not offered, or several where poses are measured.
@@ -61,7 +61,7 @@ class ReflectorOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class ObserveOptions:
-    """How the robot is measured, and what the fit will not know.
+    """Instrument of the simulation, and errors outside the model.
 
     Raises:
         typer.BadParameter: distances without sockets, or places for a tracker.
@@ -192,7 +192,7 @@ def _tell(result: Mapping[str, Any], lengths: str) -> None:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class KnownTruth:
-    """What a virtual robot is measured from."""
+    """Truth from which a simulated robot is measured."""
 
     x: Float[np.ndarray, " p"]
     """Defects in the model's order, metres and radians."""

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class StudyOptions:
-    """What is compared, on how many robots.
+    """Plans, models and number of robots of a study.
 
     Raises:
         typer.BadParameter: a list has something else than numbers or names of plans.

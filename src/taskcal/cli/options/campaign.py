@@ -1,4 +1,4 @@
-"""How a campaign is read: form of its table, rows, targets, reference points, drift."""
+"""Options of reading a campaign: form of its table, rows, targets, reference points, drift."""
 
 import re
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ Angles = Literal[
 
 @dataclass(frozen=True, kw_only=True)
 class TableOptions:
-    """How a table of measurements is read, where its file leaves it open."""
+    """Options of reading a table whose file leaves something open."""
 
     columns: str | None = option(None, "'NAME …'", "Names of the columns, separated by spaces; - for a column to skip.")
     decimal: Literal["point", "comma"] | None = option(
@@ -103,7 +103,7 @@ def compensate(
 
 @dataclass(frozen=True, kw_only=True)
 class CampaignOptions(TableOptions):
-    """How a campaign is read.
+    """Options of reading a campaign.
 
     Raises:
         typer.BadParameter: a list has an empty name, or one that is listed twice.

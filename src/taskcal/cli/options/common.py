@@ -199,7 +199,7 @@ def choose_names(text: str, option: str, offered: "Iterable[str]") -> list[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class OutputOptions:
-    """How a command checks the files that it writes, and gives its result."""
+    """Options of the output files and of the result."""
 
     force: ForceOption = False
     as_json: JsonOption = False
@@ -224,7 +224,7 @@ class OutputOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class SpreadOptions:
-    """How many poses are distributed over a task, and how they are drawn."""
+    """Number and seed of poses distributed over a task."""
 
     count: CountOption = 60
     seed: SeedOption = 0
@@ -346,7 +346,7 @@ ADDRESSED = "dask:"
 
 @dataclass(frozen=True, kw_only=True)
 class EngineOptions:
-    """Where many things are computed in parallel.
+    """Engine of parallel computations.
 
     Raises:
         typer.BadParameter: there is no such engine, or a scheduler is lacking or has no use.

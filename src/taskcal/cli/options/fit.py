@@ -1,4 +1,4 @@
-"""How a robot is fitted: parameters, prior, loss, registration and hold-out."""
+"""Options of a fit: parameters, prior, loss, registration and hold-out."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ def register_by(
 
 @dataclass(frozen=True, kw_only=True)
 class FitCommandOptions:
-    """How a robot is fitted.
+    """Options of a fit.
 
     Raises:
         typer.BadParameter: two options that contradict one another.

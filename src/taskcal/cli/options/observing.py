@@ -39,7 +39,7 @@ SETTINGS = _settings()
 
 @dataclass(frozen=True, kw_only=True)
 class _Observing:
-    """What options of all instruments have in common.
+    """Common part of the options of all instruments.
 
     Raises:
         typer.BadParameter: an option of another instrument, or numbers that cannot be.

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class PageOptions(OutputOptions):
-    """How a command that can make a page gives its result.
+    """Options of a command that can write a report.
 
     Raises:
         typer.BadParameter: there is a head, and no page for it.

@@ -37,7 +37,7 @@ MAX_LINES, MAX_CHARACTERS = 40, 4000
 
 
 class RobotTable:
-    """What a page asks about a table."""
+    """Questions of the page on a table."""
 
     def __init__(self, studio: Studio, table: str, texts: Texts) -> None:
         """Show it.

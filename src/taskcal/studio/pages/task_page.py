@@ -129,7 +129,7 @@ async def _begin(project: Project, model: ErrorModel) -> None:
 
 
 class _Reached:
-    """How much of the task the robot reaches."""
+    """Reachable share of the task."""
 
     def __init__(self, model: ErrorModel, texts: Texts) -> None:
         self._model, self._texts = model, texts

@@ -34,7 +34,7 @@ MAX_PARAMETERS = 12
 
 @dataclass(frozen=True, kw_only=True)
 class Weight:
-    """What moves the tool over a task."""
+    """Effects of the parameters on the tool over a task."""
 
     rows: tuple[tuple[str, ...], ...]
     """Parameter, symbol, tolerance, and its effect on the tool in space, largest and rms, millimetres."""
