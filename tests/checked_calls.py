@@ -1,8 +1,8 @@
-"""Shapes and types in annotations are checked at a function's first calls in every test, and where its arguments are new.
+"""Shapes and types in annotations are checked at a function's first call in every test, and at others whose arguments are new.
 
 A check takes longer than most functions do: an experiment over a hundred robots would spend three quarters of its time on
 checks that say no more than the first ones did. So a call whose arguments have the types and shapes of one that was right is not
-checked again, but for a few calls in every test, whose results may differ.
+checked again, but for the first one in every test, whose result may differ.
 
 A function within another is new at every call of the outer one, and preparing
 its check takes longer still; as it has the same code each time, its calls are counted together, and its check is prepared once.
@@ -23,9 +23,6 @@ from beartype import BeartypeConf, beartype
 
 CALLS = 30
 """Of one function that may be checked in one test, the first ones; more than the examples that Hypothesis draws."""
-
-REPEATED_CALLS = 5
-"""Of these, those that are checked although calls of the same types and shapes were right."""
 
 MAX_TUPLE = 8
 """Members of a tuple whose shapes are told apart: of a long one, such as names, the checks look at one member too."""
@@ -133,7 +130,7 @@ def check_first_calls(function: Any) -> Any:
             return function(*args, **kwargs)
         calls.number += 1
         signature = _signature(args, kwargs)
-        if calls.number > REPEATED_CALLS and signature in calls.right:
+        if calls.number > 1 and signature in calls.right:
             return function(*args, **kwargs)
         if calls.checked is None:  # not sooner, for most functions of the package are not called in a few tests
             calls.checked = _check_each_call(_innermost_running(function) if nested else function)

@@ -84,6 +84,7 @@ def test_a_length_is_the_same_in_all_arguments_and_in_the_result() -> None:
     assert checked(np.zeros(4), np.zeros(4)).shape == (2, 4)
     with pytest.raises(TypeCheckError, match="parameter b"):
         checked(np.zeros(3), np.zeros(4))
+    begin_test()
     with pytest.raises(TypeCheckError, match="return"):
         checked(np.ones(3), np.ones(3))
 

@@ -148,7 +148,6 @@ def test_doctor_names_the_unit_and_the_column_of_inches():
 def test_units_nearer_than_the_scatter_tells_are_not_exchanged(monkeypatch):
     """Yards are within the scatter's ratio of metres, so that a sound campaign in metres is not said to be in yards."""
     monkeypatch.setitem(mistakes.OTHER_UNITS, "yd", 0.9144)
-    monkeypatch.setitem(mistakes._LONG, "yd", "yards")
     sound = Case.of(load_robot("ur5"), virtual("ur5"))
     assert list(mistakes.scale_mistakes(sound)) == []
 
