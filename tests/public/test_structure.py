@@ -18,7 +18,6 @@ MANY_ALIKE = {"taskcal.cli.commands": "one file for each command", "taskcal.stud
 ONE_IMPORTER = {
     "a step of its own in the way of a file, or of a fit": {
         "robot_programs.apt.rewrite",
-        "robot_programs.krl.resolve",
         "robot_programs.krl.routines",
         "taskcal.correction.subdivision",
         "taskcal.diagnosis.drift",
@@ -32,6 +31,7 @@ ONE_IMPORTER = {
         "robot_programs.apt.read",
         "robot_programs.csv_path.read",
         "robot_programs.krl.read",
+        "robot_programs.krl.rewrite",
         "robot_programs.rapid.read",
         "robot_programs.rapid.rewrite",
         "robot_programs.tp.read",
