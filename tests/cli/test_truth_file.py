@@ -44,7 +44,7 @@ def test_a_truth_reads_back_to_the_last_bit(model, written, tmp_path):
         ({"x": {}}, "differ in parameter"),
         ({"targets": {}}, "is not a valid truth"),
         ({"T_tracker_base": [1.0]}, "is not a valid truth"),
-        ({"x": None}, "is not the truth of a virtual robot"),
+        ({"x": None}, "is not the truth of a simulated robot"),
     ],
 )
 def test_what_is_not_the_robots_truth_is_refused(model, written, tmp_path, change, message):

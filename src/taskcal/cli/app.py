@@ -21,13 +21,13 @@ from taskcal.cli.progress import clear_line, working
 from taskcal.errors import TaskcalError, shortened
 
 SUMMARIES = {
-    "demo": "Run the published procedure on a virtual robot.",
+    "demo": "Run the published procedure on a simulated robot.",
     "robots": "List the catalogue, show a robot, or import one from a table or URDF.",
     "sensitivity": "Report parameter sensitivity and identifiability.",
     "select": "Select the smallest set of parameters that meets a task's accuracy.",
     "plan": "Plan measurement poses that minimise the expected task error.",
     "study": "Predict the task error after calibration, by simulating many robots.",
-    "simulate": "Simulate a campaign of a virtual robot drawn from its tolerances.",
+    "simulate": "Simulate a campaign of a simulated robot drawn from its tolerances.",
     "convert": "Convert a file of measurements to plain CSV or Parquet.",
     "register": "Register tracker frame and targets with the nominal robot.",
     "identify": "Identify a robot's parameters, tracker frame and targets from a campaign.",

@@ -269,7 +269,7 @@ class WireInstrument(Instrument):
         Setting(
             "--anchors",
             "ANCHORS.csv",
-            "Where a wire's anchors are, roughly: anchor, x_mm y_mm z_mm. Without it three are assumed around the task.",
+            "Approximate anchors: anchor, x_mm y_mm z_mm. By default three around the task.",
             ("fixtures",),
         ),
         Setting(
@@ -280,7 +280,7 @@ class WireInstrument(Instrument):
             float(np.radians(1.0)),
             180.0,
         ),
-        Setting("--range-mm", "LOW,HIGH", "lengths that the wire has (100,2000)", ("shortest", "longest"), 1e-3),
+        Setting("--range-mm", "LOW,HIGH", "lengths of the wire (100,2000)", ("shortest", "longest"), 1e-3),
     )
     shortest: float = SHORTEST
     longest: float = LONGEST

@@ -192,8 +192,8 @@ class CameraInstrument(Instrument):
         Setting(
             "--landmarks",
             "LANDMARKS.csv",
-            "Where landmarks or boards are, roughly: landmark, x_mm y_mm z_mm, i j k towards where it is seen from. "
-            "Without it three are assumed before the task.",
+            "Approximate landmarks or boards: landmark, x_mm y_mm z_mm, normal i j k. "
+            "By default three in front of the task.",
             ("fixtures",),
         ),
         Setting(
@@ -204,13 +204,11 @@ class CameraInstrument(Instrument):
             float(np.radians(1.0)),
             180.0,
         ),
-        Setting(
-            "--range-mm", "LOW,HIGH", "distances at which the camera measures (200,600)", ("nearest", "farthest"), 1e-3
-        ),
+        Setting("--range-mm", "LOW,HIGH", "measuring distances of the camera (200,600)", ("nearest", "farthest"), 1e-3),
         Setting(
             "--fov-deg",
             "DEG",
-            "Full angle that the camera sees (40).",
+            "Full field of view of the camera (40).",
             ("field_of_view",),
             float(np.radians(1.0)),
             180.0,

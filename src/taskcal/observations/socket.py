@@ -469,8 +469,8 @@ class SocketInstrument(Instrument):
         Setting(
             "--sockets",
             "SOCKETS.csv",
-            "Where sockets are, roughly: place, socket, x_mm y_mm z_mm in the base, i j k out of the socket (up if left out). "
-            "Without it a block is assumed at three places where the task is.",
+            "Approximate sockets: place, socket, x_mm y_mm z_mm in the base, i j k out of the socket (default: up). "
+            "By default a block at three places in the task workspace.",
             ("fixtures",),
         ),
         Setting(
@@ -479,7 +479,7 @@ class SocketInstrument(Instrument):
         Setting(
             "--approach-mm",
             "MM",
-            "Distance from which a socket is approached along its axis (50).",
+            "Length of the approach along the socket's axis (50).",
             ("distance",),
             1e-3,
         ),

@@ -1,4 +1,4 @@
-"""``taskcal demo``: the published procedure on a virtual robot; tables here, a page with figures, and files to go on with."""
+"""``taskcal demo``: the published procedure on a simulated robot; tables here, a page with figures, and files to go on with."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -29,17 +29,17 @@ def command(
     seed: SeedOption = 0,
     full: bool = option(
         False,
-        help="Continue to a corrected milling program: measure, identify and correct virtual robots (half a minute each).",
+        help="Continue to a corrected milling program: measure, identify and correct simulated robots (half a minute each).",
     ),
     robots: int = option(20, "N", "Virtual robots of the closed loop, with --full.", min=1),
     out: OutputOptions,
 ) -> None:
-    """Run the published procedure on a virtual robot.
+    """Run the published procedure on a simulated robot.
 
     Mechanism, complete model, sensitivity, elimination, identification, and errors at new poses; in one tool orientation and in
     several. Needs no file. Writes a page with figures, and its data, to a folder.
 
-    With --full, the loop is closed on virtual robots that no model of the fit describes: planned measurements, significant
+    With --full, the loop is closed on simulated robots that no model of the fit describes: planned measurements, significant
     effects, a corrected milling program, and the path of the true cutter as programmed, with the parts touched off, and
     corrected. The calibrations are kept in the folder robots: after an interruption the same command with --force goes on.
     """
@@ -82,7 +82,7 @@ def command(
 def _close_the_loop(
     robot: "taskcal.Robot", seeds: range, folder: Path, outputs: Outputs, *, quiet: bool
 ) -> tuple[dict[str, Path], Any]:
-    """Run virtual robots, write the results, and print them unless they are printed as JSON."""
+    """Run simulated robots, write the results, and print them unless they are printed as JSON."""
     from taskcal.demo.closed_loop_report import closed_loop_contents, closed_loop_files
 
     files = closed_loop_files(folder)
@@ -124,7 +124,7 @@ def _show(procedure: "Procedure") -> None:
     from taskcal.demo.procedure_report import overview, summary_points
 
     robot = procedure.model.robot
-    say(f"The published procedure on a virtual {robot.title or robot.name}")
+    say(f"The published procedure on a simulated {robot.title or robot.name}")
     explanation = procedure.mechanism.explanation
     say(f"{explanation[0].upper()}{explanation[1:]}.")
     tell()

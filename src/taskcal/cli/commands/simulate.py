@@ -120,7 +120,7 @@ def command(
     how: ObserveOptions,
     out: OutputOptions,
 ) -> None:
-    """Simulate a campaign of a virtual robot drawn from its tolerances."""
+    """Simulate a campaign of a simulated robot drawn from its tolerances."""
     if (reflectors.pose or reflectors.targets is not None) and not how.tracked:
         raise typer.BadParameter("only for a tracker; omit them", param_hint="--targets / --pose / --observe")
     if reflectors.targets is not None and truth_from is not None:
@@ -187,7 +187,7 @@ def _tell(result: Mapping[str, Any], lengths: str) -> None:
         tell(f"wrote {result['truth']}: the true parameters, tracker frame and targets")
 
 
-# The file of a virtual robot's truth: defects, tracker frame and targets; written and read back.
+# The file of a simulated robot's truth: defects, tracker frame and targets; written and read back.
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -229,7 +229,7 @@ def read_truth(path: Path, model: ErrorModel) -> KnownTruth:
         base = np.asarray(data["T_tracker_base"], dtype=float)
         targets = {str(name): np.asarray(T, dtype=float)[:3, 3] for name, T in data["targets"].items()}
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        message = f"is not the truth of a virtual robot ({type(error).__name__}: {error}); write one with taskcal simulate --truth"
+        message = f"is not the truth of a simulated robot ({type(error).__name__}: {error}); write one with taskcal simulate --truth"
         raise FileError(path, message) from error
     if robot != model.robot.name:
         raise FileError(path, f"was simulated for {robot}, not {model.robot.name}; pass --robot {robot}")

@@ -12,7 +12,7 @@ MISSING = "the studio needs NiceGUI, which is not installed; install Taskcal wit
 def command(
     *,
     folder: Path = argument(Path("taskcal-project"), "[FOLDER]", "The project's folder; made if absent."),
-    example: bool = option(False, help="Begin with a virtual IRB 6660, its campaign, its task and a program."),
+    example: bool = option(False, help="Begin with a simulated IRB 6660, its campaign, its task and a program."),
     host: str = option("127.0.0.1", "ADDRESS", "Address to listen on; others than this machine's own require a token."),
     port: int = option(8421, "N", "Port to listen on; 0 for a free one.", min=0, max=65535),
     browser: bool = option(True, named="--browser/--no-browser", help="Open the browser, too."),

@@ -1,4 +1,4 @@
-"""``taskcal study``: the expected task error after calibration, over many virtual robots."""
+"""``taskcal study``: the expected task error after calibration, over many simulated robots."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

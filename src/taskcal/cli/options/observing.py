@@ -45,15 +45,15 @@ class _Observing:
         typer.BadParameter: an option of another instrument, or numbers that cannot be.
     """
 
-    observe: str = option(TRACKER, "INSTRUMENT", f"What measures: {', '.join(instrument_classes())}.")
+    observe: str = option(TRACKER, "INSTRUMENT", f"Instrument: {', '.join(instrument_classes())}.")
     mounted_mm: str | None = option(
         None,
         "X,Y,Z",
-        "Where the tool carries ball, wire's end or sensor, roughly, in its frame; by default the tool point, or 100 mm "
-        "before the flange of a robot without a tool.",
+        "Approximate position of ball, wire end or sensor in the tool frame; by default the TCP, or 100 mm before the "
+        "flange of a robot without a tool.",
     )
     mounted_axis: str | None = option(
-        None, "I,J,K", "Where the stem or the camera points, in the tool's frame; its z axis by default."
+        None, "I,J,K", "Direction of the stem or the camera in the tool frame; by default its z axis."
     )
 
     def __post_init__(self) -> None:
