@@ -229,7 +229,9 @@ def read_truth(path: Path, model: ErrorModel) -> KnownTruth:
         base = np.asarray(data["T_tracker_base"], dtype=float)
         targets = {str(name): np.asarray(T, dtype=float)[:3, 3] for name, T in data["targets"].items()}
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        message = f"is not the truth of a simulated robot ({type(error).__name__}: {error}); write one with taskcal simulate --truth"
+        message = (
+            f"is not the truth of a simulated robot ({type(error).__name__}: {error}); make one with simulate --truth"
+        )
         raise FileError(path, message) from error
     if robot != model.robot.name:
         raise FileError(path, f"was simulated for {robot}, not {model.robot.name}; pass --robot {robot}")
