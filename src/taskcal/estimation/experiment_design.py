@@ -142,14 +142,25 @@ class _State:
         strong = values > 1e-14 * max(values[-1], 1e-300)
         self.root = vectors[:, strong] * np.sqrt(values[strong])
         self.size = 0
+        self.watch(np.zeros(0, dtype=np.int64))
+
+    def watch(self, pool: Int[np.ndarray, " k"]) -> None:
+        """Follow what the gains of a pool are made of from one change to the next."""
+        self.watched = pool
+        self.flat = self.candidates.rows[pool].reshape(-1, len(self.C))
+        self.S, self.V = self._parts(self.candidates.rows[pool])
 
     def change(self, i: int, sign: float) -> None:
         """Add (+1) or remove (−1) a candidate."""
         X = self.candidates.rows[i]
         XC = X @ self.C
         S = np.eye(len(X)) + sign * (XC @ X.T)
-        self.C = self.C - sign * XC.T @ np.linalg.solve(S, XC)
+        K = sign * np.linalg.solve(S, XC)
+        self.C = self.C - XC.T @ K
         self.C = 0.5 * (self.C + self.C.T)
+        D = self.flat @ XC.T
+        self.S -= _small(D.reshape(self.S.shape), (self.flat @ K.T).reshape(self.S.shape))
+        self.V -= (D @ (K @ self.root)).reshape(self.V.shape)
         self.information = self.information + sign * X.T @ X
         self.size += int(sign)
 
@@ -176,15 +187,20 @@ class _State:
 
     def gains(self, among: Int[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
         """Gain of each candidate in the criterion, or in D for a criterion of the spectrum."""
-        rows = self.candidates.rows[among]
-        flat = rows.reshape(-1, rows.shape[2])
-        U = flat @ self.C
-        S = _small(U.reshape(rows.shape), rows)
-        S[:, range(rows.shape[1]), range(rows.shape[1])] += 1.0
+        at = np.minimum(np.searchsorted(self.watched, among), max(len(self.watched) - 1, 0))
+        followed = len(self.watched) > 0 and bool((self.watched[at] == among).all())
+        S, V = (self.S[at], self.V[at]) if followed else self._parts(self.candidates.rows[among])
         if self.criterion not in ("task", "A"):
             return np.linalg.slogdet(S)[1]
-        V = (U @ self.root).reshape(len(rows), rows.shape[1], -1)
         return _solve_trace(S, _small(V, V))
+
+    def _parts(self, rows: Float[np.ndarray, "k b d"]) -> tuple[Float[np.ndarray, "k b b"], Float[np.ndarray, "k b r"]]:
+        """1 + R·C·Rᵀ and R·C·√W of candidates with rows R."""
+        n, b, d = rows.shape
+        U = rows.reshape(n * b, d) @ self.C
+        S = _small(U.reshape(rows.shape), rows)
+        S[:, range(b), range(b)] += 1.0
+        return S, (U @ self.root).reshape(n, b, self.root.shape[1])
 
     def pool(self, free: Bool[np.ndarray, " n"]) -> Int[np.ndarray, " k"]:
         """The candidates worth weighing for the next few steps."""
@@ -271,6 +287,7 @@ def _start_greedily(state: _State, count: int) -> tuple[list[int], Float[np.ndar
     for step in range(count):
         if step % STEPS_PER_POOL == 0:
             pool = state.pool(free)
+            state.watch(pool)
         i = state.best(state.pooled(pool, free, chosen, count - step))
         state.change(i, 1.0)
         free[i] = False
@@ -287,6 +304,7 @@ def _exchange(state: _State, chosen: list[int], sweeps: int) -> tuple[float, int
     for _ in range(sweeps):
         before = value
         pool = np.union1d(state.pool(free), chosen)
+        state.watch(pool)
         for k, old in enumerate(chosen):
             state.change(old, -1.0)
             free[old] = True
