@@ -89,7 +89,7 @@ def fit(
 
     Args:
         equations: the data's cost, gradient and information.
-        start: first z.
+        start: first z; where the cost is infinite, the fit goes on from the prior's mean.
         mean: the prior's mean.
         precision: the prior's inverse covariance; zero for none.
         scale: natural size of each parameter.
@@ -112,7 +112,7 @@ def fit(
         except np.linalg.LinAlgError:
             damping = max(10.0 * damping, 1e-9 * float(np.max(np.diag(A) * scale**2)))
             continue
-        if 0.5 * float(b @ step) < stopping.decrement:
+        if np.isfinite(objective) and 0.5 * float(b @ step) < stopping.decrement:
             ended, left = Ended.CONVERGED, step
             break
         predicted = float(b @ step - 0.5 * step @ A @ step)
@@ -132,7 +132,7 @@ def fit(
                 ended = Ended.NO_STEP_FALLS
                 break
             continue
-        relative = fall / max(abs(objective), 1e-300)
+        relative = fall / max(abs(objective), 1e-300) if np.isfinite(objective) else 1.0
         z, cost, g, H, objective = trial, trial_cost, trial_g, trial_H, trial_objective
         damping = max(damping / 10.0, floor)
         if relative < stopping.decrease:

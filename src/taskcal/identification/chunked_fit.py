@@ -9,15 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from taskcal.errors import FitError
-from taskcal.estimation.least_squares import Solution, fit
-from taskcal.estimation.matrices import invert_positive, single_threaded
-from taskcal.identification.calibration import Calibration, spread_of
-from taskcal.identification.held_out import studentise
-from taskcal.identification.identify import GROSS_SIGMAS, farthest_targets, identify_parameters
+from taskcal.estimation.least_squares import Stopping
+from taskcal.estimation.matrices import single_threaded
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.hyperparameters import Hyperparameters, fit_weighed, fitted_alone
+from taskcal.identification.identify import GROSS_SIGMAS, conclude, farthest_targets, identify_parameters
 from taskcal.identification.layout import prior_of
 from taskcal.identification.options import FitOptions
-from taskcal.identification.problem import problem_of, whitener
+from taskcal.identification.problem import Equations, problem_of, whitener
 from taskcal.kernels.points import SQUARED
 from taskcal.observations.base import TrackerNoise
 from taskcal.reading.chunked import ChunkedCampaign
@@ -91,10 +90,7 @@ def identify_in_chunks(
     options = FitOptions(noise=noise)
     first = identify_parameters(model, campaign.sample, options=options)
     wrong = {start: farthest_targets(first, part, noise)[1] > GROSS_SIGMAS for start, part in campaign}
-    solution, precision = _fit_all(first, campaign, wrong, noise)
-    if not solution.converged:
-        raise FitError(f"the fit of all rows did not converge: {solution.reason}; fit fewer of them at once")
-    calibration = _with_all(first, solution, invert_positive(solution.information + precision), campaign, options)
+    calibration = _fit_all(first, campaign, wrong, options)
     fitted, unseen = ErrorsOfMany(), ErrorsOfMany()
     for start, part in campaign:
         right = ~wrong[start]
@@ -116,57 +112,32 @@ def identify_in_chunks(
 
 
 def _fit_all(
-    first: Calibration,
-    campaign: ChunkedCampaign,
-    wrong: dict[int, Bool[np.ndarray, " n"]],
-    noise: TrackerNoise | None,
-) -> tuple[Solution, Float[np.ndarray, "z z"]]:
-    """The fit of all rows from that of the sample on, with its hyperparameters; and the prior's precision."""
-    layout, variances = first.layout, np.square(first.model_error)
-    prior = prior_of(layout, "tolerances")
-    assert first.prior_scale is not None
-    precision = prior.precision(first.prior_scale**2)
-
-    def equations(z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        cost, g, H = 0.0, np.zeros(len(z)), np.zeros((len(z), len(z)))
-        for start, part in campaign:
-            problem = problem_of(layout, part.without(wrong[start]), noise)
-            more = problem.equations(whitener(problem.covariance(variances)), SQUARED, 1.0)(z)
-            cost, g, H = cost + more[0], g + more[1], H + more[2]
-        return cost, g, H
-
-    return fit(equations, first.z, prior.mean, precision, prior.scale), precision
-
-
-def _with_all(
-    first: Calibration,
-    solution: Solution,
-    covariance: Float[np.ndarray, "z z"],
-    campaign: ChunkedCampaign,
-    options: FitOptions,
+    first: Calibration, campaign: ChunkedCampaign, wrong: dict[int, Bool[np.ndarray, " n"]], options: FitOptions
 ) -> Calibration:
-    """The calibration of all rows, with the residuals of the sample."""
+    """The calibration of all rows, from that of the sample on and with its hyperparameters; residuals are the sample's."""
     # what the fit of the sample left out was not seen
     numbers = [campaign.sample.row_of(k) for k in range(len(campaign.sample))]
     sample = campaign.sample.without(np.isin(numbers, [row.row for row in first.left_out]))
+    hyper = Hyperparameters.of_deviations(first.model_error, first.prior_scale)
+
+    def equations(z: np.ndarray) -> Equations:
+        parts = (problem_of(first.layout, part.without(wrong[start]), options.noise) for start, part in campaign)
+        each = (part.equations(whitener(part.covariance(hyper.variances)), SQUARED, 1.0)(z) for part in parts)
+        cost, g, H = next(each)
+        for more in each:
+            cost, g, H = cost + more[0], g + more[1], H + more[2]
+        return cost, g, H
+
     problem = problem_of(first.layout, sample, options.noise)
-    residual, predicted = problem.propagate(solution.z, covariance)
-    whole = problem.covariance(np.square(first.model_error))
-    studentised, outliers = studentise(residual, whole - predicted, whole, sample, options.outlier_level)
-    T_tracker_base, T_tool_target = first.layout.frames(solution.z)
+    prior = prior_of(first.layout, options.prior)
+    fitted = fit_weighed(problem, prior, options.loss, hyper, first.z, Stopping(), equations=equations)
+    calibration = conclude(fitted, fitted_alone(fitted, problem, first.layout), sample, options)
+    provenance = replace(first.provenance, campaign=campaign.path.name, rows=campaign.rows, notes=campaign.sample.notes)
     return replace(
-        first,
-        z=solution.z,
-        z_spread=spread_of(covariance),
-        T_tracker_base=T_tracker_base,
-        T_tool_target=T_tool_target,
-        residuals=residual,
-        studentised=studentised,
-        outliers=outliers,
-        iterations=solution.iterations,
-        reason=solution.reason,
+        calibration,
+        left_out=first.left_out,
+        rounds=first.rounds,
         log_evidence=None,
-        provenance=replace(
-            first.provenance, campaign=campaign.path.name, rows=campaign.rows, notes=campaign.sample.notes
-        ),
+        remarks=first.remarks,
+        provenance=provenance,
     )

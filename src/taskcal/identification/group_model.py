@@ -14,8 +14,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import FitError
-from taskcal.estimation.group_variances import MIN_GAIN, Evidence, GroupEquations, Groups, find_sizes
+from taskcal.estimation.group_variances import MAX_STEPS, MIN_GAIN, Evidence, GroupEquations, Groups, find_sizes
 from taskcal.estimation.matrices import inverse_factors
+from taskcal.estimation.prior import Squared
 from taskcal.identification.layout import FRAME_SIZE, PriorOfEstimate, frame_precision
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Linearisation, Problem, stated_rows
@@ -73,22 +74,13 @@ class PoseNoise:
         rotation = None if self.rotation is None else float(variances[1])
         return replace(self, position=float(variances[0]), rotation=rotation, joints=variances[first:])
 
-    def parts(self, at: Linearisation) -> list[Float[np.ndarray, "n m m"]]:
-        """Covariance of every pose for a unit of each variance."""
-        n, m = at.residual.shape
-        b = 3 if self.rotation is None else 6
-        own = [np.arange(m) % b < 3] if self.rotation is None else [np.arange(m) % b < 3, np.arange(m) % b >= 3]
-        parts: list[np.ndarray] = [np.broadcast_to(np.diag(mask.astype(float)), (n, m, m)) for mask in own]
-        columns = np.moveaxis(at.by_joint, 2, 0)
-        return parts + [c[:, :, None] * c[:, None, :] for c in columns]
-
     def covariance(self, at: Linearisation, noise: Float[np.ndarray, "n targets b b"]) -> Float[np.ndarray, "n m m"]:
         """Covariance of every pose; the identity where nothing was seen."""
         n, targets, b = noise.shape[:3]
         R = np.zeros((n, targets * b, targets * b))
         for t in range(targets):
             R[:, t * b : (t + 1) * b, t * b : (t + 1) * b] = noise[:, t]
-        for variance, part in zip(self.variances, self.parts(at), strict=True):
+        for variance, part in zip(self.variances, at.units_of_noise, strict=True):
             R += variance * part
         both = at.seen[:, :, None] & at.seen[:, None, :]
         return np.where(both, R, np.eye(targets * b))
@@ -112,7 +104,7 @@ def score_noise(
     """
     variances = errors.variances
     own = np.eye(left.shape[1]) - explained
-    white = [whitener @ part @ np.swapaxes(whitener, 1, 2) for part in errors.parts(at)]
+    white = [whitener @ part @ np.swapaxes(whitener, 1, 2) for part in at.units_of_noise]
     judged = [own @ part for part in white]
     traces = np.array([np.trace(seen, axis1=1, axis2=2).sum() for seen in judged])
     gradient = 0.5 * (np.array([np.einsum("ni,nij,nj", left, part, left) for part in white]) - traces)
@@ -176,6 +168,9 @@ MAX_SEARCH_STEPS = 40
 
 SETTLED_GAIN = 1e-4
 """Expected gain of log posterior by a step about one estimate at which it has settled: a hundredth of a standard error."""
+
+SETTLED_SIZE = 1e-2
+"""Change of a log variance by such a step at which sizes have settled. A convention: 0.5 % in size."""
 
 MAX_SAMPLED_POSES = 300
 """Poses, at most, evenly among all, that pose noise is estimated from. A convention: variances of 300 poses are known to some 8
@@ -448,12 +443,14 @@ def search_about(
     """
     at = one.problem.linearise(z, joints=bool(len(errors.joints)))
     weights, deviations = np.ones(len(one.problem.q)), np.zeros(len(errors.variances))
-    fitted = _fit_once(one, z, at, errors, weights, options, sizes, SETTLED_GAIN)
-    for _ in range(MAX_SEARCH_STEPS if errors.searched else 0):
+    fitted, moved = _fit_once(one, z, at, errors, weights, options, sizes, steps=1), np.inf
+    for _ in range(MAX_SEARCH_STEPS):
         errors, weights, gain, deviations = _score(fitted)
-        if gain < SETTLED_GAIN:
+        if gain < SETTLED_GAIN and moved < SETTLED_SIZE:
             break
-        fitted = _fit_once(one, z, at, errors, weights, options, fitted.found.log_variances, SETTLED_GAIN)
+        sizes = fitted.found.log_variances
+        fitted = _fit_once(one, z, at, errors, weights, options, sizes, steps=1)
+        moved = float(np.abs(fitted.found.log_variances - sizes).max(initial=0.0))
     return fitted, errors, deviations
 
 
@@ -465,9 +462,9 @@ def _fit_once(
     weights: np.ndarray,
     options: FitOptions,
     sizes: np.ndarray,
-    gain: float = MIN_GAIN,
+    steps: int = MAX_STEPS,
 ) -> GroupFit:
-    """Sizes under given errors of single poses."""
+    """Sizes under given errors of single poses, or as many steps towards them."""
     W = whiteners(errors.covariance(at, one.problem.noise))
     by_loss = _by_loss(at, W, one.problem, options)
     W = W * np.sqrt(weights[:, None] * by_loss)[:, :, None]
@@ -494,14 +491,16 @@ def _fit_once(
         A=A,
         y=y,
         stated=(stated, told),
-        found=find_sizes(GroupEquations.of_rows(*rows, one.groups), sizes, gain=gain),
+        found=find_sizes(GroupEquations.of_rows(*rows, one.groups), sizes, steps, MIN_GAIN if steps > 1 else 0.0),
     )
 
 
 def _by_loss(at: Linearisation, W: np.ndarray, problem: Problem, options: FitOptions) -> Float[np.ndarray, "n m"]:
     """Weight of each number under the loss: by the root mean square of its target's whitened residuals."""
-    white = np.einsum("nij,nj->ni", W, at.residual)
     n, targets = problem.seen.valid.shape
+    if isinstance(options.loss, Squared):
+        return np.ones(at.residual.shape)
+    white = np.einsum("nij,nj->ni", W, at.residual)
     by_target = np.sqrt((white.reshape(n, targets, -1) ** 2).mean(axis=2))
     return np.repeat(options.loss.weights(by_target), white.shape[1] // targets, axis=1)
 
@@ -531,7 +530,8 @@ def _score(fitted: GroupFit) -> tuple[PoseNoise, Float[np.ndarray, " n"], float,
     explained = followed @ np.swapaxes(A[judged], 1, 2)
     # covariances of poses are what is found over the weights: the whitener of what is found has none
     whitener = fitted.whitener[judged] / np.sqrt(weights[judged, None] * fitted.by_loss[judged])[:, :, None]
-    scored = score_noise(errors, fitted.at.take(judged), whitener, left[judged], explained)
+    at = fitted.at if len(judged) == n else fitted.at.take(judged)
+    scored = score_noise(errors, at, whitener, left[judged], explained)
     if one.tails:
         square = (left**2).sum(axis=1) / weights
         spread = np.trace(explained, axis1=1, axis2=2) / weights[judged]

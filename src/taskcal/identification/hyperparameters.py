@@ -12,10 +12,11 @@ from taskcal.estimation.group_variances import expected_variance
 from taskcal.estimation.least_squares import Ended, Solution, Stopping, fit
 from taskcal.estimation.matrices import factor_positive, invert_positive, pseudo_invert_scaled
 from taskcal.estimation.prior import Loss, Squared
-from taskcal.identification.group_model import MIN_VARIANCE, PoseNoise, geometry_alone, search_about
+from taskcal.identification.group_model import TYPICAL, PoseNoise, geometry_alone, search_about
 from taskcal.identification.layout import Layout, PriorOfEstimate
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, whitener
+from taskcal.kernels.points import WhitenedEquations
 from taskcal.robot.error_model import ErrorModel
 
 
@@ -151,6 +152,7 @@ def fit_weighed(
     z: Float[np.ndarray, " z"],
     stopping: Stopping,
     known: Solution | None = None,
+    equations: WhitenedEquations | None = None,
 ) -> Fitted:
     """Fit a campaign under given hyperparameters.
 
@@ -162,6 +164,7 @@ def fit_weighed(
         z: where to start.
         stopping: when to end.
         known: a solution under the same model error that ended at `z`.
+        equations: of all rows under this model error, where the problem has some of them only.
 
     Raises:
         FitError: the fit did not converge.
@@ -169,7 +172,7 @@ def fit_weighed(
     covariance = problem.covariance(hyper.variances)
     white = whitener(covariance)
     precision, damping = prior.precision(hyper.prior_factor), 1e-2 if prior.parameters is None else 0.0
-    equations = problem.equations(white, loss.code, loss.threshold)
+    equations = equations or problem.equations(white, loss.code, loss.threshold)
     solution = fit(equations, z, prior.mean, precision, prior.scale, stopping, damping, known)
     slowly = solution.ended is Ended.TOO_MANY_ITERATIONS and stopping.iterations < SLOW.iterations
     if slowly and prior.parameters is not None:
@@ -236,20 +239,23 @@ def fit_with_hyperparameters(problem: Problem, prior: PriorOfEstimate, options: 
     loose = replace(final, decrement=LINEAR_WITHIN if linear else max(final.decrement, CURVED_WITHIN))
     part, z = _sample(problem), problem.layout.start()
     one = geometry_alone(part, prior, options)
-    errors, sizes = _first_errors(part, z, options), one.groups.location
+    errors, sizes = _first_errors(part, options), one.groups.location
     hyper, rounds, known = _hyper(errors, sizes), 0, None
     deviations = np.zeros(len(errors.variances))
     scaled = bool(len(one.groups.searched))
     while (errors.searched or scaled) and rounds <= MAX_ROUNDS:
-        solution = fit_weighed(part, prior, loss, hyper, z, loose).solution
-        if rounds and np.array_equal(solution.z, z):
-            known = solution if part is problem else None
-            break
-        found, errors, deviations = search_about(one, solution.z, errors, options, sizes)
+        if rounds or not linear:
+            before, solution = z, fit_weighed(part, prior, loss, hyper, z, loose).solution
+            z = solution.z
+            if rounds and np.array_equal(z, before):
+                known = solution if part is problem else None
+                break
+        found, errors, deviations = search_about(one, z, errors, options, sizes)
         rounds, sizes = rounds + 1, found.found.log_variances
         hyper = _hyper(errors, sizes)
         # where rows are linear, the fit under the new hyperparameters has its end where theirs have it
-        z = one.estimate_of(found.found.mean) if linear else solution.z
+        if linear:
+            z = one.estimate_of(found.found.mean)
     insignificant = errors.searched & (hyper.variances < SIGNIFICANT * deviations)
     if insignificant.any():
         hyper, known = replace(hyper, variances=np.where(insignificant, 0.0, hyper.variances)), None
@@ -280,14 +286,12 @@ def _sample(problem: Problem) -> Problem:
     return problem.take(np.sort(np.random.default_rng(0).choice(len(problem.q), size=SAMPLED_FROM, replace=False)))
 
 
-def _first_errors(problem: Problem, start: Float[np.ndarray, " z"], options: FitOptions) -> PoseNoise:
-    """Model error as given; or a tenth of what the nominal robot leaves, large, as the prior steers a first fit."""
+def _first_errors(problem: Problem, options: FitOptions) -> PoseNoise:
+    """Model error as given; or a tenth of what the registered nominal robot leaves, large, as the prior steers a first fit."""
     groups, found = problem.noise.shape[-1] // 3, isinstance(options.model_error, str)
-    if found:
-        residual, _ = problem.propagate(start, np.zeros((len(start), len(start))))
-        variances = [max(0.01 * np.nanmean(residual[..., 3 * g : 3 * g + 3] ** 2), MIN_VARIANCE) for g in range(groups)]
-    else:
-        variances = np.square(np.resize(np.atleast_1d(np.asarray(options.model_error, dtype=float)), groups))
+    first = max(0.1 * problem.layout.registration.rms / np.sqrt(3.0), TYPICAL)
+    given = first if isinstance(options.model_error, str) else options.model_error
+    variances = np.square(np.resize(np.atleast_1d(np.asarray(given, dtype=float)), groups))
     return PoseNoise(
         position=float(variances[0]),
         rotation=float(variances[1]) if groups > 1 else None,

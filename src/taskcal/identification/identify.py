@@ -426,7 +426,7 @@ def _fit(
     else:
         prior = prior_of(whole.layout, chosen.prior)
         outcome = consider(fit, problem, whole, prior, fit_with_hyperparameters(whole, prior, chosen).hyper)
-    return FittedRows(calibration=_conclude(fit, outcome, campaign, chosen), unlearnt=_unlearnt(fit, chosen))
+    return FittedRows(calibration=conclude(fit, outcome, campaign, chosen), unlearnt=_unlearnt(fit, chosen))
 
 
 def _checked(registration: Registration, model: ErrorModel, campaign: Campaign, target_within: float) -> Registration:
@@ -464,7 +464,7 @@ def _check_worth(fitted: FittedRows) -> None:
         )
 
 
-def _conclude(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOptions) -> Calibration:
+def conclude(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOptions) -> Calibration:
     """Everything that is reported, from the converged fit."""
     layout, has_prior = outcome.layout, options.prior is not None
     T_tracker_base, T_tool_target = layout.frames(outcome.z)

@@ -101,6 +101,14 @@ class Linearisation:
         )
 
     @cached_property
+    def units_of_noise(self) -> list[Float[np.ndarray, "n m m"]]:
+        """Covariance of every pose for a unit of variance of each axis of position, of each axis of rotation, and of each joint."""
+        (n, m), targets = self.residual.shape, self.valid.shape[1]
+        kind = np.arange(m) % (m // targets) // 3
+        axes = [np.broadcast_to(np.diag((kind == k).astype(float)), (n, m, m)) for k in range(m // targets // 3)]
+        return axes + [c[:, :, None] * c[:, None, :] for c in np.moveaxis(self.by_joint, 2, 0)]
+
+    @cached_property
     def _blocks(self) -> tuple[Float[np.ndarray, "seen b"], Float[np.ndarray, "seen b z"]]:
         """Residual and derivative of every target that was seen at a pose."""
         n, targets = self.valid.shape
