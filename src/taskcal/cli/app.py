@@ -190,6 +190,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")  # read once, when NumPy is imported; the kernels bring their own threads
+    os.environ.setdefault("NUMBA_OPT", "1")  # kernels run as fast as with 3, and compile in three quarters of the time
     if sys.stderr is None:  # pyright: ignore  # closed by the caller; Rich and others write to it unasked
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     if sys.stdout is None:  # pyright: ignore

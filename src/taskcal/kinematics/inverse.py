@@ -190,11 +190,10 @@ class Conditioned:
         """Change of the joints that leads some poses nearer to their goals, radians or metres: Jᵀ(JJᵀ + damping)⁻¹·left."""
         J, left = self.J[rows], self.left[rows]
         A = J @ np.swapaxes(J, 1, 2)
-        square = np.einsum("ni,ni->n", left, left)
-        trace = np.einsum("nii->n", A)
-        damping = DAMPING * np.minimum(square, MAX_DAMPED) + ROUNDING_SHARE * (1.0 + trace)
-        A += damping[:, None, None] * np.eye(A.shape[1])
-        step = np.einsum("nr,nrj->nj", np.linalg.solve(A, left[:, :, None])[:, :, 0], J)
+        diagonal = np.einsum("nii->ni", A)  # a view
+        square = np.minimum(np.einsum("ni,ni->n", left, left), MAX_DAMPED)
+        diagonal += (DAMPING * square + ROUNDING_SHARE * (1.0 + diagonal.sum(axis=1)))[:, None]
+        step = (np.swapaxes(np.linalg.solve(A, left[:, :, None]), 1, 2) @ J)[:, 0]
         far = np.abs(step).max(axis=1, initial=0.0)
         return step * (MAX_JOINT_STEP / np.maximum(far, MAX_JOINT_STEP))[:, None]
 
@@ -216,6 +215,9 @@ Spin = Literal["fixed", "free"]
 
 POSITION_TOLERANCE_M, ROTATION_TOLERANCE_RAD = 1e-9, 1e-9
 """A pose is reached within these, metres and radians."""
+
+POSES = 2048
+"""Poses that are solved at a time; of 1024 to 8192 the fastest, for their matrices stay in the second cache."""
 
 STEP_MARGIN = 0.1
 """Share of them at which the steps end."""
@@ -319,7 +321,7 @@ def newton_steps(
             if k < iterations:
                 q[active] += asked.step(far)
 
-    in_chunks(solve, len(seed))
+    in_chunks(solve, len(seed), POSES)
     return end
 
 
