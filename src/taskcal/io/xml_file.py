@@ -22,6 +22,8 @@ MAX_ELEMENTS = 20_000
 class Element:
     """An element without its text, which descriptions of robots do not use."""
 
+    path: Path
+    """The file that has it."""
     tag: str
     attributes: dict[str, str]
     line: int
@@ -34,6 +36,10 @@ class Element:
     def first(self, tag: str) -> "Element | None":
         """The first of them, if there is one."""
         return next(self.all(tag), None)
+
+    def error(self, message: str) -> FileError:
+        """An error at the line where the element begins."""
+        return FileError(self.path, message, line=self.line)
 
 
 def read_xml(path: Path) -> Element:
@@ -88,7 +94,7 @@ class _Building:
             )
         if len(self.open) >= DEEPEST:
             raise FileError(self.path, f"nests more than {DEEPEST} elements; is it a robot's description?", line=line)
-        element = Element(tag, attributes, line)
+        element = Element(self.path, tag, attributes, line)
         if self.open:
             self.open[-1].children.append(element)
         else:

@@ -120,23 +120,31 @@ def _root(path: Path) -> Element:
 
 def _tree(path: Path, root: Element) -> UrdfTree:
     if root.tag != "robot":
-        raise FileError(path, f"is not a URDF: its root is <{shown(root.tag, 40)}>, not <robot>", line=root.line)
+        raise root.error(f"is not a URDF: its root is <{shown(root.tag, 40)}>, not <robot>")
     if any(tag.tag.startswith("xacro:") for tag in root.children):
         raise FileError(path, "is a xacro file, not a URDF; name it .xacro, so that its macros are carried out")
     for tag in CLOSING:
         closing = root.first(tag)
         if closing is not None:
-            message = (
+            raise closing.error(
                 f"closes a loop by <{tag}>, which URDF does not define; describe the loop as [four_bar] of a robot file"
             )
-            raise FileError(path, message, line=closing.line)
-    links = [_attribute(path, link, "name") for link in root.all("link")]
-    joints = [_joint(path, element) for element in root.all("joint")]
+    links = _named(root, "link")
+    joints = [_joint(element, name) for name, element in _named(root, "joint").items()]
     if not joints:
         raise FileError(path, "has no joints; is it the right file?")
-    _see_all_differ(path, [*root.all("link")], links, "links")
-    _see_all_differ(path, [*root.all("joint")], [joint.name for joint in joints], "joints")
-    return _joined(path, root.attributes.get("name", ""), links, joints)
+    return _joined(path, root.attributes.get("name", ""), list(links), joints)
+
+
+def _named(root: Element, tag: str) -> dict[str, Element]:
+    """Children of the root with a tag, by their names, all of which differ."""
+    named: dict[str, Element] = {}
+    for element in root.all(tag):
+        name = _attribute(element, "name")
+        if name in named:
+            raise element.error(f"two {tag}s are named '{shown(name)}'")
+        named[name] = element
+    return named
 
 
 def _joined(path: Path, name: str, links: list[str], joints: list[UrdfJoint]) -> UrdfTree:
@@ -197,23 +205,13 @@ def _see_mimics(tree: UrdfTree) -> None:
                 )
 
 
-def _see_all_differ(path: Path, elements: list[Element], names: list[str], what: str) -> None:
-    seen: set[str] = set()
-    for element, name in zip(elements, names, strict=True):
-        if name in seen:
-            raise FileError(path, f"two {what} are named '{shown(name)}'", line=element.line)
-        seen.add(name)
-
-
-def _joint(path: Path, element: Element) -> UrdfJoint:
-    name = _attribute(path, element, "name")
-    kind = _attribute(path, element, "type")
+def _joint(element: Element, name: str) -> UrdfJoint:
+    kind = _attribute(element, "type")
     if kind not in get_args(UrdfKind):
-        error = UnknownName("type", kind, get_args(UrdfKind), f"of joint '{shown(name)}'")
-        raise FileError(path, str(error), line=element.line)
+        raise element.error(str(UnknownName("type", kind, get_args(UrdfKind), f"of joint '{shown(name)}'")))
     axis, mimic = element.first("axis"), element.first("mimic")
-    pose = _placed_at(path, element.first("origin"), f"joint '{shown(name)}'")
-    limits, speed = _limits(path, element, name, sliding=kind == "prismatic")
+    pose = _placed_at(element.first("origin"), f"joint '{shown(name)}'")
+    limits, speed = _limits(element, name, sliding=kind == "prismatic")
     remark = ""
     if kind in ("revolute", "prismatic") and element.first("limit") is not None and limits is None:
         remark = f"limits of {name} are not a range, and taken for none"
@@ -223,25 +221,25 @@ def _joint(path: Path, element: Element) -> UrdfJoint:
     return UrdfJoint(
         name=name,
         kind=cast(UrdfKind, kind),
-        parent=_linked(path, element, "parent"),
-        child=_linked(path, element, "child"),
+        parent=_linked(element, "parent"),
+        child=_linked(element, "child"),
         origin=pose,
-        axis=_axis(path, axis, name) if kind != "fixed" else np.array([0.0, 0.0, 1.0]),
+        axis=_axis(axis, name) if kind != "fixed" else np.array([0.0, 0.0, 1.0]),
         limits=limits if kind in ("revolute", "prismatic") else None,
         speed=speed,
         remark=remark,
         mimic=None
         if mimic is None
         else Mimic(
-            joint=_attribute(path, mimic, "joint"),
-            multiplier=_number(path, mimic, "multiplier", 1.0),
-            offset=_number(path, mimic, "offset", 0.0),
+            joint=_attribute(mimic, "joint"),
+            multiplier=_number(mimic, "multiplier", 1.0),
+            offset=_number(mimic, "offset", 0.0),
         ),
         line=element.line,
     )
 
 
-def _placed_at(path: Path, origin: Element | None, of: str) -> Float[np.ndarray, "4 4"]:
+def _placed_at(origin: Element | None, of: str) -> Float[np.ndarray, "4 4"]:
     """The pose that an ``<origin>`` states, metres; none where there is no such element.
 
     Raises:
@@ -249,73 +247,69 @@ def _placed_at(path: Path, origin: Element | None, of: str) -> Float[np.ndarray,
     """
     if origin is None:
         return np.eye(4)
-    roll, pitch, yaw = _triple_of(path, origin, "rpy", (0.0, 0.0, 0.0))
-    _refuse_degrees(path, origin, of, (roll, pitch, yaw))
+    roll, pitch, yaw = _triple_of(origin, "rpy", (0.0, 0.0, 0.0))
+    _refuse_degrees(origin, of, (roll, pitch, yaw))
     R = se3.rotation("z", yaw) @ se3.rotation("y", pitch) @ se3.rotation("x", roll)
-    return se3.pose(R[:3, :3], np.array(_triple_of(path, origin, "xyz", (0.0, 0.0, 0.0))))
+    return se3.pose(R[:3, :3], np.array(_triple_of(origin, "xyz", (0.0, 0.0, 0.0))))
 
 
-def _refuse_degrees(path: Path, origin: Element, of: str, angles: tuple[float, float, float]) -> None:
+def _refuse_degrees(origin: Element, of: str, angles: tuple[float, float, float]) -> None:
     most = max(map(abs, angles))
     if most > MAX_ANGLE_RAD:
         message = (
             f"rpy of <origin> of {of} has {most:g}, {most / (2 * np.pi):.0f} turns; URDF counts in radians: "
             f"write {np.radians(most):.6g} for {most:g}°"
         )
-        raise FileError(path, message, line=origin.line)
+        raise origin.error(message)
 
 
-def _axis(path: Path, element: Element | None, joint: str) -> Float[np.ndarray, " 3"]:
+def _axis(element: Element | None, joint: str) -> Float[np.ndarray, " 3"]:
     """Along x where none is stated, as URDF has it; of unit length."""
     if element is None:
         return np.array([1.0, 0.0, 0.0])
-    axis = np.array(_triple_of(path, element, "xyz", (1.0, 0.0, 0.0)))
+    axis = np.array(_triple_of(element, "xyz", (1.0, 0.0, 0.0)))
     length = float(np.linalg.norm(axis))
     if length < 1e-6:
-        raise FileError(path, f"the axis of joint '{shown(joint)}' has no direction", line=element.line)
+        raise element.error(f"the axis of joint '{shown(joint)}' has no direction")
     return axis / length
 
 
-def _limits(
-    path: Path, element: Element, name: str, *, sliding: bool
-) -> tuple[tuple[float, float] | None, float | None]:
+def _limits(element: Element, name: str, *, sliding: bool) -> tuple[tuple[float, float] | None, float | None]:
     """Limits and speed; none where they are not stated, or as far out as nothing goes."""
     limit = element.first("limit")
     if limit is None:
         return None, None
-    speed = _number(path, limit, "velocity", 0.0, far=True)
-    low, high = _number(path, limit, "lower", 0.0, far=True), _number(path, limit, "upper", 0.0, far=True)
+    speed = _number(limit, "velocity", 0.0, far=True)
+    low, high = _number(limit, "lower", 0.0, far=True), _number(limit, "upper", 0.0, far=True)
     if low > high:
         unit = "m" if sliding else "rad"
         message = f"joint '{shown(name)}' has the lower limit {low:g} {unit} above the upper {high:g} {unit}"
-        raise FileError(path, message, line=limit.line)
+        raise limit.error(message)
     stated = low < high and abs(low) <= MAX_NUMBER and abs(high) <= MAX_NUMBER
     return (low, high) if stated else None, speed if 0.0 < speed <= MAX_NUMBER else None
 
 
-def _linked(path: Path, element: Element, tag: str) -> str:
+def _linked(element: Element, tag: str) -> str:
     inner = element.first(tag)
     if inner is None:
         name = shown(element.attributes.get("name", ""))
-        raise FileError(path, f"joint '{name}' has no <{tag} link=…>", line=element.line)
-    return _attribute(path, inner, "link")
+        raise element.error(f"joint '{name}' has no <{tag} link=…>")
+    return _attribute(inner, "link")
 
 
-def _attribute(path: Path, element: Element, name: str) -> str:
+def _attribute(element: Element, name: str) -> str:
     value = element.attributes.get(name, "").strip()
     if not value:
-        raise FileError(path, f"<{element.tag}> has no {name}", line=element.line)
+        raise element.error(f"<{element.tag}> has no {name}")
     return value
 
 
-def _number(path: Path, element: Element, name: str, default: float, *, far: bool = False) -> float:
+def _number(element: Element, name: str, default: float, *, far: bool = False) -> float:
     text = element.attributes.get(name)
-    return default if text is None else _parsed(path, element, name, text, far=far)
+    return default if text is None else _parsed(element, name, text, far=far)
 
 
-def _triple_of(
-    path: Path, element: Element, name: str, default: tuple[float, float, float]
-) -> tuple[float, float, float]:
+def _triple_of(element: Element, name: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
     """Three numbers of an attribute, or the default where it is not stated.
 
     Raises:
@@ -326,12 +320,12 @@ def _triple_of(
         return default
     words = text.split()
     if len(words) != 3:
-        raise FileError(path, f'{name}="{shown(text)}" of <{element.tag}> is not three numbers', line=element.line)
-    x, y, z = (_parsed(path, element, name, word) for word in words)
+        raise element.error(f'{name}="{shown(text)}" of <{element.tag}> is not three numbers')
+    x, y, z = (_parsed(element, name, word) for word in words)
     return x, y, z
 
 
-def _parsed(path: Path, element: Element, name: str, text: str, *, far: bool = False) -> float:
+def _parsed(element: Element, name: str, text: str, *, far: bool = False) -> float:
     try:
         value = float(text) if text.isascii() and "_" not in text else math.nan
     except ValueError:
@@ -340,7 +334,7 @@ def _parsed(path: Path, element: Element, name: str, text: str, *, far: bool = F
         message = (
             f"{name} of <{element.tag}>: '{shown(text)}' is not a number of metres or radians; write such as 0.0825"
         )
-        raise FileError(path, message, line=element.line)
+        raise element.error(message)
     return value
 
 
@@ -692,13 +686,13 @@ def read_looks(path: Path) -> Looks:
         FileError: it is not such a file, or has too many of them.
     """
     root = _root(path)
-    visuals = tuple(visual for link in root.all("link") for visual in _visuals(path, link))
+    visuals = tuple(visual for link in root.all("link") for visual in _visuals(link))
     if len(visuals) > MAX_VISUALS:
         raise FileError(path, f"has {len(visuals)} meshes; up to {MAX_VISUALS} are drawn")
     return Looks(tree=_tree(path, root), visuals=visuals)
 
 
-def _visuals(path: Path, link: Element) -> list[Visual]:
+def _visuals(link: Element) -> list[Visual]:
     found: list[Visual] = []
     for visual in link.all("visual"):
         geometry = visual.first("geometry")
@@ -708,8 +702,8 @@ def _visuals(path: Path, link: Element) -> list[Visual]:
         found.append(
             Visual(
                 link=link.attributes["name"],
-                origin=_placed_at(path, visual.first("origin"), f"a mesh of link '{shown(link.attributes['name'])}'"),
-                scale=_triple_of(path, mesh, "scale", (1.0, 1.0, 1.0)),
+                origin=_placed_at(visual.first("origin"), f"a mesh of link '{shown(link.attributes['name'])}'"),
+                scale=_triple_of(mesh, "scale", (1.0, 1.0, 1.0)),
                 file=mesh.attributes["filename"],
             )
         )
