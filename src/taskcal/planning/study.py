@@ -15,7 +15,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
 import numpy as np
 from jaxtyping import Float
@@ -267,36 +267,15 @@ class StudySetting:
     """Whether errors are those that are left once frames were taught."""
 
 
-class _Measured(NamedTuple):
-    """One robot, measured in one way."""
-
-    robot: int
-    observe: str
-    kind: str
-    poses: int
-    """How many were asked for."""
-    campaign: Campaign
-    truth: Truth
-    unexplained: Float[np.ndarray, "n 3"]
-    """What single poses of the task add, metres."""
-
-
 def try_robots(setting: StudySetting, indices: Sequence[int]) -> list[tuple[int, list[dict[str, Any]]]]:
-    """All ways to measure, plans and models of some of the true robots; of each what it would be by itself."""
-    measured = [case for index in indices for case in _measure(setting, index)]
-    found = {name: _learn(setting, name, measured) for name in setting.models}
-    rows: dict[int, list[dict[str, Any]]] = {index: [] for index in indices}
-    for k, case in enumerate(measured):
-        for name in setting.models:
-            rows[case.robot].append(_compare(setting, case, name, found[name][k]))
-    return list(rows.items())
+    """All ways to measure, plans and models of some of the true robots, by their numbers."""
+    return [(index, _try(setting, index)) for index in indices]
 
 
-def _measure(setting: StudySetting, index: int) -> list[_Measured]:
-    """One robot in every way and by every plan."""
-    rng = _own_numbers(setting, index)
-    robots = setting.robots
-    x, out = robots.draw(rng), list[_Measured]()
+def _try(setting: StudySetting, index: int) -> list[dict[str, Any]]:
+    """Rows of one robot, from random numbers of its own: every way to measure and plan, and every model."""
+    robots, rng = setting.robots, _own_numbers(setting, index)
+    x, rows = robots.draw(rng), list[dict[str, Any]]()
     for observe, kind, count in setting.cases:
         q = setting.plans.get(f"{kind} {count}")
         if q is None:
@@ -305,53 +284,37 @@ def _measure(setting: StudySetting, index: int) -> list[_Measured]:
         # the same for all plans, and drawn beside the robot, which does not depend on it
         alone = np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index, 1)))
         unexplained = robots.unexplained(truth, setting.task_q, alone)
-        out.append(_Measured(index, observe, kind, count, campaign, truth, unexplained))
-    return out
+        for name, options in setting.models.items():
+            found = _learn(robots.model, campaign, name, options)
+            # where nothing is learnt, what is left to its user is the robot as it is
+            off = _off(setting, fit_nominal(robots.model, campaign, options) if found is None else found, truth)
+            error, single = np.linalg.norm(off, axis=1), np.linalg.norm(off - unexplained * 1e3, axis=1)
+            row = {
+                "robot": index,
+                "plan": kind,
+                "count": count,
+                "model": name,
+                "rms_mm": float(np.sqrt(np.sum(setting.weights * error**2))),
+                "max_mm": float(error.max()),
+                "rms_with_model_error_mm": float(np.sqrt(np.sum(setting.weights * single**2))),
+                "observe": observe,
+                "learnt": found is not None,
+            }
+            rows.append(row)
+    return rows
 
 
-def _model_of(setting: StudySetting, name: str) -> ErrorModel:
-    model = setting.robots.model
-    return ErrorModel(model.robot, lengths_only=model.lengths_only) if name in ("geometry", "auto") else model
-
-
-def _learn(setting: StudySetting, name: str, measured: Sequence[_Measured]) -> list[Calibration | None]:
-    """Result of the named model for each campaign; None where nothing was learnt."""
-    model, options = _model_of(setting, name), setting.models[name]
-    out: list[Calibration | None] = []
-    for case in measured:
-        try:
-            found = _identify(model, case.campaign, name, options)
-        except NothingLearntError:
-            found = None
-        # tracker frame and targets alone are nothing learnt
-        out.append(None if found is not None and not len(found.estimated) and options.keep != () else found)
-    return out
-
-
-def _identify(model: ErrorModel, campaign: Campaign, name: str, options: FitOptions) -> Calibration:
-    if name == "auto":
-        return explain(model, campaign, options=options).calibration
-    return identify(model, campaign, options=options)
-
-
-def _compare(setting: StudySetting, case: _Measured, name: str, found: Calibration | None) -> dict[str, Any]:
-    """The row of one robot, way to measure and model."""
-    robots, options = setting.robots, setting.models[name]
-    # where nothing is learnt, what is left to its user is the robot as it is
-    known = fit_nominal(robots.model, case.campaign, options) if found is None else found
-    off = _off(setting, known, case.truth)
-    error, single = np.linalg.norm(off, axis=1), np.linalg.norm(off - case.unexplained * 1e3, axis=1)
-    return {
-        "robot": case.robot,
-        "plan": case.kind,
-        "count": case.poses,
-        "model": name,
-        "rms_mm": float(np.sqrt(np.sum(setting.weights * error**2))),
-        "max_mm": float(error.max()),
-        "rms_with_model_error_mm": float(np.sqrt(np.sum(setting.weights * single**2))),
-        "observe": case.observe,
-        "learnt": found is not None,
-    }
+def _learn(model: ErrorModel, campaign: Campaign, name: str, options: FitOptions) -> Calibration | None:
+    """Result of the named model; None where nothing was learnt, or tracker frame and targets alone."""
+    geometry = ErrorModel(model.robot, lengths_only=model.lengths_only)
+    try:
+        if name == "auto":
+            found = explain(geometry, campaign, options=options).calibration
+        else:
+            found = identify(geometry if name == "geometry" else model, campaign, options=options)
+    except NothingLearntError:
+        return None
+    return found if len(found.estimated) or options.keep == () else None
 
 
 def _own_numbers(setting: StudySetting, index: int) -> np.random.Generator:
