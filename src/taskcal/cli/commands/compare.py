@@ -71,27 +71,21 @@ def command(
 
 
 def _show(title: str, comparison: "taskcal.Comparison", accuracy: float | None, *, all_parameters: bool) -> None:
-    from taskcal.report.comparison import (
-        describe_chance,
-        describe_comparison,
-        describe_due,
-        describe_resemblance,
-        tabulate_changes,
-    )
+    from taskcal.report import comparison as tables
 
     for remark in comparison.remarks:
         info(remark)
     say(title)
     facts = [
-        ("change", describe_comparison(comparison)),
+        ("change", tables.describe_comparison(comparison)),
         ("maximum", f"{comparison.maximum * 1e3:.3f} mm at one of {len(comparison.q)} poses"),
-        ("significance", describe_chance(comparison)),
+        ("significance", tables.describe_chance(comparison)),
     ]
     if comparison.verdict != "unchanged" and comparison.resembles:
-        facts.append(("consistent with", describe_resemblance(comparison)))
+        facts.append(("consistent with", tables.describe_resemblance(comparison)))
     if accuracy is not None:
-        facts.append(("recalibration", describe_due(comparison, accuracy)))
+        facts.append(("recalibration", tables.describe_due(comparison, accuracy)))
     show_facts(facts)
-    table = tabulate_changes(comparison, None) if all_parameters else tabulate_changes(comparison)
+    table = tables.tabulate_changes(comparison, None) if all_parameters else tables.tabulate_changes(comparison)
     if len(table):
         show(table)

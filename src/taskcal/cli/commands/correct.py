@@ -259,28 +259,22 @@ def _result(correction: "taskcal.Correction", written: tuple[Path, ...], page: P
 
 
 def _show(correction: "taskcal.Correction", written: tuple[Path, ...], pages: str) -> None:
-    from taskcal.report.correction import (
-        group_remarks,
-        state_expected,
-        tabulate_correction,
-        tabulate_errors,
-        tabulate_targets,
-    )
+    from taskcal.report import correction as tables
 
-    show_facts(state_expected(correction))
+    show_facts(tables.state_expected(correction))
     if len(correction.before.error):
-        for table in (tabulate_errors(correction), tabulate_targets(correction, MAX_SHOWN_TARGETS)):
+        for table in (tables.tabulate_errors(correction), tables.tabulate_targets(correction, MAX_SHOWN_TARGETS)):
             show(table)
             if table.note:
                 tell(f"{table.note}\n")
-    show_facts(tabulate_correction(correction))
+    show_facts(tables.tabulate_correction(correction))
     backup = correction.program.backup
     if backup is not None:
         info(f"{backup.path}: {len(correction.program.sources)} files of the program, {backup.skipped} others")
     moves = correction.program.moves
     problems = [(moves[i].place, f"unchanged: {why}") for i, why in sorted(correction.rejected.items())]
     problems += [(diagnostic.place, diagnostic.text) for diagnostic in correction.diagnostics]
-    for problem in group_remarks(problems):
+    for problem in tables.group_remarks(problems):
         info(problem)
     for path in written:
         info(f"written: {path}")

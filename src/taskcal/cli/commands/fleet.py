@@ -128,24 +128,18 @@ def _tell_of(fleet: "taskcal.planning.Fleet", left_out: list[tuple[str, str]]) -
 
 
 def _show(fleet: "taskcal.planning.Fleet", result: Mapping[str, Any]) -> None:
-    from taskcal.report.fleet import (
-        SPARE,
-        describe_level,
-        tabulate_fleet,
-        tabulate_fleet_changes,
-        tabulate_outliers_of_fleet,
-    )
+    from taskcal.report import fleet as tables
 
-    table = tabulate_fleet(fleet)
-    show(table, spare=SPARE)
-    changes, outliers = tabulate_fleet_changes(fleet), tabulate_outliers_of_fleet(fleet)
+    table = tables.tabulate_fleet(fleet)
+    show(table, spare=tables.SPARE)
+    changes, outliers = tables.tabulate_fleet_changes(fleet), tables.tabulate_outliers_of_fleet(fleet)
     for one in (changes, outliers):
         if len(one):
             show(one)
     facts = [("fleet", f"{len(fleet.robots)} robots, {len(fleet.calibrations)} calibrations")]
     if not len(changes):
         facts.append(("changed", "none" if fleet.changes else "no robot has two calibrations"))
-    facts.append(("alarms", describe_level(fleet)))
+    facts.append(("alarms", tables.describe_level(fleet)))
     if result["accuracy_mm"] is not None:
         beyond = ", ".join(result["beyond"][:MAX_NAMED]) or "none"
         facts.append((f"above {result['accuracy_mm']:g} mm", f"latest held-out mean error: {beyond}"))

@@ -76,27 +76,20 @@ def _show(
     decision: "taskcal.identification.Acceptance | None",
     worst: int | None,
 ) -> None:
+    from taskcal.report import comparison as tables
     from taskcal.report.calibration import are_most, describe_outliers, tabulate_errors
-    from taskcal.report.comparison import (
-        describe_compared,
-        describe_decision,
-        describe_regions,
-        describe_rule,
-        tabulate_examined_outliers,
-        tabulate_points,
-    )
 
     show(tabulate_errors({"predicted": examination.validation.summary()}, title))
-    show(tabulate_points(examination, worst))
+    show(tables.tabulate_points(examination, worst))
     if examination.outliers:
-        show(tabulate_examined_outliers(examination, worst))
+        show(tables.tabulate_examined_outliers(examination, worst))
     mostly = are_most(len(examination.outliers), len(examination.validation))
     outliers = describe_outliers(examination.shared, mostly=mostly)
-    facts = [("95 % regions", describe_regions(examination)), ("outliers", outliers)]
+    facts = [("95 % regions", tables.describe_regions(examination)), ("outliers", outliers)]
     if examination.validation.compared:
-        facts.insert(0, ("stated distances", describe_compared(examination)))
+        facts.insert(0, ("stated distances", tables.describe_compared(examination)))
     if decision is not None:
-        facts += [("decision", describe_decision(decision)), ("decision rule", describe_rule(decision))]
+        facts += [("decision", tables.describe_decision(decision)), ("decision rule", tables.describe_rule(decision))]
     show_facts(facts)
 
 
