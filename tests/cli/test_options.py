@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 from inspect import signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from taskcal.cli import app, main
-from taskcal.cli.command import in_users_words, laid_out
+from taskcal.cli.command import argument, in_users_words, laid_out, option
 from taskcal.cli.options.campaign import CampaignOptions, MeasuredOptions, choose_rows
 from taskcal.cli.options.common import ModelOptions, read_effects
 from taskcal.cli.options.fit import FitCommandOptions
@@ -38,11 +38,11 @@ from tests.cli.conftest import IRB6660, TASK, Run
 
 @dataclass(frozen=True, kw_only=True)
 class Size:
-    width: Annotated[float, typer.Option("--width-mm")]
-    height: Annotated[float, typer.Option("--height-mm")] = 2.0
+    width_mm: float = option(..., "MM", also="-w")
+    height: float = option(2.0, named="--height-mm")
 
     def __post_init__(self) -> None:
-        if self.width < self.height:
+        if self.width_mm < self.height:
             raise typer.BadParameter("it is higher than wide", param_hint="--height-mm")
 
 
@@ -51,7 +51,7 @@ def ran(*arguments: str) -> tuple[int, list[Any], str]:
     got: list[Any] = []
 
     @laid_out
-    def command(name: Annotated[str, typer.Argument()], size: Size, twice: bool = False) -> None:
+    def command(*, name: str = argument(..., "NAME", "What is drawn."), size: Size, twice: bool = False) -> None:
         """Draw."""
         got.extend((name, size, twice))
 
@@ -64,12 +64,12 @@ def ran(*arguments: str) -> tuple[int, list[Any], str]:
 def test_group_reaches_the_command_as_one_value() -> None:
     assert ran("box", "--height-mm", "1", "--width-mm", "3", "--twice")[:2] == (
         0,
-        ["box", Size(width=3, height=1), True],
+        ["box", Size(width_mm=3, height=1), True],
     )
 
 
 def test_group_defaults_are_those_of_its_fields() -> None:
-    assert ran("box", "--width-mm", "3")[:2] == (0, ["box", Size(width=3), False])
+    assert ran("box", "-w", "3")[:2] == (0, ["box", Size(width_mm=3), False])
 
 
 def test_option_without_default_is_required() -> None:
@@ -88,13 +88,13 @@ def test_group_options_keep_their_place() -> None:
     @laid_out
     def command(first: int, size: Size, last: int) -> None: ...
 
-    assert list(signature(command).parameters) == ["first", "width", "height", "last"]
+    assert list(signature(command).parameters) == ["first", "width_mm", "height", "last"]
 
 
 def test_two_options_of_one_name_are_refused() -> None:
-    def command(width: int, size: Size) -> None: ...
+    def command(width_mm: int, size: Size) -> None: ...
 
-    with pytest.raises(ValueError, match="width"):
+    with pytest.raises(ValueError, match="width_mm"):
         laid_out(command)
 
 

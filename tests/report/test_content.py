@@ -8,7 +8,10 @@ from hypothesis import strategies as st
 from taskcal.report.content import (
     COVERAGE,
     Column,
+    Numbers,
+    Section,
     Table,
+    Text,
     decimals_of,
     fold,
     lay_out_facts,
@@ -167,3 +170,20 @@ def test_table_of_columns_formats_and_omits_values() -> None:
     assert table.header == ("name", "error mm", "points", "double")
     assert table.rows == (("a", "0.000", "3", "6.0"), ("b", "–", "4", "8.0"), ("c", "–", "5", "10.0"))
     assert table.text_columns == (0,)
+
+
+def test_words_of_a_section_are_paragraphs_and_nothing_is_left_out() -> None:
+    section = Section("title", "first", None, Numbers(None, ("1", "mm", "length")), "second")
+    assert section.blocks == (Text("first"), Numbers(("1", "mm", "length")), Text("second"))
+
+
+def test_rows_by_headings_are_groups_under_one_header() -> None:
+    columns = (
+        Column("name", "name"),
+        Column("size", "size", ".1f", optional=True),
+        Column("empty", "empty", optional=True),
+    )
+    rows = {"first": [{"name": "a", "size": 1.0, "empty": ""}], "second": [{"name": "b"}]}
+    table = Table.of("both", columns, rows)
+    assert table.header == ("name", "size")
+    assert table.groups == (("first", (("a", "1.0"),)), ("second", (("b", "–"),)))
