@@ -108,23 +108,23 @@ def test_commands_share_the_options_of_a_campaign(name: str) -> None:
     from taskcal.cli.options.campaign import CampaignOptions
 
     parameters = {parameter.name: parameter.opts for parameter in commands()[name].params}
-    for option in fields(CampaignOptions):
-        second = ["--nests"] if option.name == "reference_points" else []
-        assert parameters[option.name] == [f"--{option.name.replace('_', '-')}", *second]
+    for one in fields(CampaignOptions):
+        second = ["--nests"] if one.name == "reference_points" else []
+        assert parameters[one.name] == [f"--{one.name.replace('_', '-')}", *second]
 
 
 def test_option_names_have_their_unit() -> None:
     units = {"MM": "-mm", "DEG": "-deg", "S": "-s", "MM/S": "-mm-s"}
     named = [
-        (option, parameter.metavar)
+        (name, parameter.metavar)
         for command in commands().values()
         for parameter in command.params
-        for option in parameter.opts
+        for name in parameter.opts
         if parameter.metavar in units
     ]
     assert len(named) > 10
-    for option, metavar in named:
-        assert option.endswith(units[metavar])
+    for name, metavar in named:
+        assert name.endswith(units[metavar])
 
 
 @pytest.mark.parametrize("command", ["robots show {}", "poses -r {} angles.csv", "robots import {} -o robot.toml"])
