@@ -119,7 +119,7 @@ def points(model, joints, x):
         )
         layout = Layout(
             model=model,
-            kept=np.arange(len(model)),
+            estimated=np.arange(len(model)),
             registration=here,
             targets=campaign.targets,
             kinds=(observations.Point(),),
