@@ -273,17 +273,7 @@ def summarise_calibration(calibration: "Calibration") -> dict[str, Any]:
             }
             for row in calibration.left_out
         ],
-        "outliers": [
-            {
-                "row": outlier.row,
-                "line": outlier.line,
-                "id": outlier.id,
-                "target": outlier.target,
-                "residual_mm": outlier.residual * 1e3,
-                "studentised": outlier.studentised,
-            }
-            for outlier in calibration.outliers
-        ],
+        "outliers": [outlier.summary() for outlier in calibration.outliers],
         "reason": calibration.reason,
         "remarks": list(calibration.remarks),
         "iterations": calibration.iterations,

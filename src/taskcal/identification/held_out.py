@@ -285,6 +285,17 @@ class Outlier:
     residual: float
     """Length of its position residual, metres."""
 
+    def summary(self) -> dict[str, Any]:
+        """The report, in millimetres."""
+        return {
+            "row": self.row,
+            "line": self.line,
+            "id": self.id,
+            "target": self.target,
+            "residual_mm": self.residual * 1e3,
+            "studentised": self.studentised,
+        }
+
 
 @dataclass(frozen=True, kw_only=True)
 class LeftOut:

@@ -229,17 +229,7 @@ class Examination:
             **self.validation.summary(),
             "inside_share": None if self.inside is None else float(self.inside.mean()),
             "rotation_inside_share": None if self.rotation_inside is None else float(self.rotation_inside.mean()),
-            "outliers": [
-                {
-                    "row": outlier.row,
-                    "line": outlier.line,
-                    "id": outlier.id,
-                    "target": outlier.target,
-                    "residual_mm": outlier.residual * 1e3,
-                    "studentised": outlier.studentised,
-                }
-                for outlier in self.outliers
-            ],
+            "outliers": [outlier.summary() for outlier in self.outliers],
             **({"distances": compared} if compared else {}),
             "rows": self.points(),
         }
