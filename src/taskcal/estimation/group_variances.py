@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.estimation.matrices import factor_lower, invert_factored
+from taskcal.estimation.matrices import factor_lower, invert_factored, solve_factored
 from taskcal.kernels.chunks import in_chunks
 
 LARGEST_CHANGE = 10.0
@@ -128,10 +128,9 @@ class GroupEquations:
         root = np.ones(len(self.b))
         root[self.groups.grouped] = np.exp(0.5 * log_variances)[self.groups.own]
         L = factor_lower(self.groups.prior + root[:, None] * self.H * root)
-        K = invert_factored(L)
-        u = K @ (root * self.b)
+        u = solve_factored(L, root * self.b)
         log = 0.5 * (float(u @ (root * self.b)) - self.square + self.groups.log_held) - float(np.log(np.diag(L)).sum())
-        return Evidence(equations=self, log_variances=log_variances, log=log, root=root, K=K, u=u)
+        return Evidence(equations=self, log_variances=log_variances, log=log, root=root, L=L, u=u)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -144,10 +143,15 @@ class Evidence:
     """Log marginal likelihood, for rows of unit noise, but for log 2π."""
     root: Float[np.ndarray, " p"]
     """Standard deviation of every parameter that has a group, 1 for others."""
-    K: Float[np.ndarray, "p p"]
-    """Posterior covariance in units of these …"""
+    L: Float[np.ndarray, "p p"]
+    """Cholesky factor of the posterior information in units of these …"""
     u: Float[np.ndarray, " p"]
     """… and posterior mean."""
+
+    @cached_property
+    def K(self) -> Float[np.ndarray, "p p"]:
+        """Posterior covariance in these units."""
+        return invert_factored(self.L)
 
     @property
     def mean(self) -> Float[np.ndarray, " p"]:
@@ -194,7 +198,7 @@ class Evidence:
 
         information = self.scores()[1]
         spread = solve_triangular(np.linalg.cholesky(information), np.eye(len(searched)), lower=True).T
-        S = np.zeros(self.K.shape)
+        S = np.zeros(self.L.shape)
         for _ in range(draws // 2):
             step = np.zeros(len(self.log_variances))
             step[searched] = spread @ rng.standard_normal(len(searched))

@@ -53,6 +53,11 @@ def factor_lower(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     return factor
 
 
+def solve_factored(L: Float[np.ndarray, "p p"], b: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
+    """Solution of L·Lᵀ·x = b."""
+    return _lapack("potrs")(L, b, lower=True)[0] if len(L) else b.copy()
+
+
 def invert_factored(L: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     """Inverse of L·Lᵀ."""
     if not len(L):
