@@ -23,7 +23,6 @@ from hypothesis import HealthCheck, settings
 from threadpoolctl import threadpool_limits
 
 from tests.checked_calls import begin_test, install_checks
-from tests.shared_kernels import share_kernels
 
 sys.dont_write_bytecode = False  # for what this process is yet to import, and the workers to load
 
@@ -95,9 +94,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Share compiled kernels between workers; and keep what was imported and collected from every later search for garbage."""
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        share_kernels()
+    """What was imported and collected stays: no later search for garbage needs to walk through it."""
     gc.collect()
     gc.freeze()
 
