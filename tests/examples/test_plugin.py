@@ -291,13 +291,16 @@ def test_plugin_angles_alone_are_refused(taskcal: Run) -> None:
 @pytest.mark.parametrize(
     "observe", [pytest.param("tracker+inclinometer", marks=pytest.mark.long), "socket+inclinometer"]
 )
-def test_plugin_angles_are_fitted_beside_lengths(taskcal: Run, observe: str) -> None:
+def test_plugin_angles_are_fitted_beside_lengths(taskcal: Run, folder: Path, observe: str) -> None:
     """A kind that reads angles in degrees goes through files, fit, validation, report and study without a length of its own."""
     cell = ("--robot", "arm.json", "--task", "task.toml", "--observe", observe)
     taskcal("simulate", *cell, "--count", "120", "-o", "tilts.csv", "--force", "--json")
     options = ("--robot", "arm.json", "tilts.csv", "-o", "tilts.json", "--force", "--json", "--holdout", "0.3")
     told = json.loads(taskcal("identify", *options))
     assert "locate every target" not in " ".join(told["remarks"])
+    # millimetres of what measures lengths, milliradians of what measures angles
+    assert 0 < told["held_out"]["n"] < 36, told["held_out"]
+    assert told["held_out"]["mean_mrad"] < 0.4, told["held_out"]
     unknowns = told["observations"][-1]["unknowns"]
     assert {name: list(values) for name, values in unknowns.items()} == {
         f"vertical.g{axis}": ["value", "standard_error"] for axis in "xyz"
@@ -305,6 +308,7 @@ def test_plugin_angles_are_fitted_beside_lengths(taskcal: Run, observe: str) -> 
     judged = json.loads(taskcal("validate", "tilts.json", "tilts.csv", "--json"))
     assert judged["max_mrad"] < 0.4, judged
     taskcal("report", "tilts.json", "-o", "tilts.html", "--force")
+    assert " mrad, then " in (folder / "tilts.html").read_text(encoding="utf-8")
     assert "no mistake found" in taskcal("doctor", "--robot", "arm.json", "tilts.csv")
 
 

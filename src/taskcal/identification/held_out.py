@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.campaigns.performance import group_postures
@@ -28,6 +28,9 @@ class Validation:
     """Angle of every pose's orientation error, radians; None for points."""
     rows: tuple[int, ...]
     """Row of the campaign that each point belongs to."""
+    lengths: Bool[np.ndarray, " n"] | None = None
+    """Points whose error is a length: all but those of kinds that measure angles alone, which count at an arm of 1 m. None for
+    all."""
     in_space: bool = True
     """Whether every error is a distance in space; of a kind that measures one number, such as a length, it is that number's."""
     remarks: tuple[str, ...] = ()
@@ -57,7 +60,7 @@ class Validation:
             kinds: of observation of each target; none where a tracker measured all.
         """
         rows, targets = np.nonzero(~np.isnan(residual[..., 0]))
-        turn = residual[rows, targets, 3:]
+        turn = np.where(_angular(kinds, residual)[targets, None], residual[rows, targets, 3:], np.nan)
         components = residual[rows, targets, :3] @ base
         components[~np.array([kind.along_axes for kind in kinds] or [True] * residual.shape[1])[targets]] = np.nan
         return cls(
@@ -65,31 +68,37 @@ class Validation:
             components=components,
             rotations=np.linalg.norm(turn, axis=1) if turn.shape[1] else None,
             rows=tuple(int(row) for row in rows),
-            in_space=all(kind.width - kind.angles == 3 for kind in kinds),
+            in_space=all(kind.width - kind.angles in (0, 3) for kind in kinds),
+            lengths=_of_lengths(kinds, residual)[targets],
         )
 
     def __len__(self) -> int:
         return len(self.errors)
 
     @property
+    def _lengths(self) -> Float[np.ndarray, " k"]:
+        """Errors that are lengths, metres; where there is none, all."""
+        return self.errors[self.lengths] if self.lengths is not None and self.lengths.any() else self.errors
+
+    @property
     def mean(self) -> float:
-        """Mean error, metres."""
-        return float(self.errors.mean())
+        """Mean error of the lengths, metres."""
+        return float(self._lengths.mean())
 
     @property
     def rms(self) -> float:
-        """Root mean square of the error, metres."""
-        return float(np.sqrt(np.mean(self.errors**2)))
+        """Root mean square of the error of the lengths, metres."""
+        return float(np.sqrt(np.mean(self._lengths**2)))
 
     @property
     def p95(self) -> float:
-        """Error that 95 % of the points stay below, metres."""
-        return float(np.percentile(self.errors, 95))
+        """Error that 95 % of the lengths stay below, metres."""
+        return float(np.percentile(self._lengths, 95))
 
     @property
     def maximum(self) -> float:
-        """Largest error, metres."""
-        return float(self.errors.max())
+        """Largest error of a length, metres."""
+        return float(self._lengths.max())
 
     @property
     def per_axis(self) -> Float[np.ndarray, " 3"]:
@@ -112,14 +121,25 @@ class Validation:
         }
         if self.has_axes:
             out |= {f"max_{axis}_mm": float(value) * 1e3 for axis, value in zip("xyz", self.per_axis, strict=True)}
-        out["n"] = len(self)
+        out["n"] = len(self._lengths)
         if self.rotations is not None:
-            out["mean_mrad"] = float(self.rotations.mean() * 1e3)
-            out["max_mrad"] = float(self.rotations.max() * 1e3)
+            out["mean_mrad"] = float(np.nanmean(self.rotations) * 1e3)
+            out["max_mrad"] = float(np.nanmax(self.rotations) * 1e3)
         if self.compared:
             off = np.abs([one.found - one.stated for one in self.compared]) * 1e3
             out["distance_mean_mm"], out["distance_max_mm"] = float(off.mean()), float(off.max())
         return out
+
+
+def _of_lengths(kinds: Sequence[type[Observation]], residual: np.ndarray) -> Bool[np.ndarray, " targets"]:
+    """Targets of which lengths are measured; all where of none."""
+    out = np.array([kind.width > kind.angles for kind in kinds] or [True] * residual.shape[1])
+    return out if out.any() else ~out
+
+
+def _angular(kinds: Sequence[type[Observation]], residual: np.ndarray) -> Bool[np.ndarray, " targets"]:
+    """Targets of which angles are measured."""
+    return np.array([kind.angles > 0 for kind in kinds] or [True] * residual.shape[1])
 
 
 Grouping = Literal["neighbours", "blocks", "rows"]
@@ -181,7 +201,7 @@ class HeldOut:
     def _by_part(self) -> tuple[Float[np.ndarray, " parts"], Int[np.ndarray, " parts"]]:
         """Sum of the errors and number of points of every part."""
         length = error_lengths(self.residuals, self.kinds)
-        seen = np.isfinite(length)
+        seen = np.isfinite(length) & _of_lengths(self.kinds, self.residuals)
         sums = np.bincount(self.part, weights=np.where(seen, length, 0.0).sum(axis=1))
         return sums, np.bincount(self.part, weights=seen.sum(axis=1)).astype(int)
 

@@ -213,7 +213,7 @@ class Examination:
             out |= {
                 f"{axis}_mm": float(value) * 1e3 for axis, value in zip("xyz", validation.components[k], strict=True)
             }
-        if validation.rotations is not None:
+        if validation.rotations is not None and np.isfinite(validation.rotations[k]):
             out["error_mrad"] = float(validation.rotations[k]) * 1e3
         if self.studentised is not None and self.inside is not None:
             out |= {"studentised": float(self.studentised[k]), "inside": bool(self.inside[k])}

@@ -99,7 +99,15 @@ def tabulate_errors(
 # The result of a calibration in one sentence.
 
 
-def verdict(robot: str, before: float, after: float, held_out: int | None, *, in_space: bool = True) -> str:
+def verdict(
+    robot: str,
+    before: float,
+    after: float,
+    held_out: int | None,
+    *,
+    in_space: bool = True,
+    angles: tuple[float, float] | None = None,
+) -> str:
     """State how the prediction error changes; the robot itself moves as before until its programs are corrected.
 
     Args:
@@ -108,6 +116,7 @@ def verdict(robot: str, before: float, after: float, held_out: int | None, *, in
         after: of the calibrated model, on the same points.
         held_out: number of held-out points of which these are means; None for fitted ones.
         in_space: whether the errors are distances in space, not those of single numbers such as lengths.
+        angles: mean errors of angles that are measured by themselves, before and after, milliradians.
     """
     where = f"{held_out} held-out points" if held_out is not None else "fitted rows, optimistic: none were held out"
     change = "falls" if after < before else "does not fall"
@@ -115,6 +124,7 @@ def verdict(robot: str, before: float, after: float, held_out: int | None, *, in
     what = "mean 3D prediction error" if in_space else "mean prediction error"
     return (
         f"{robot}: the {what} {change} from {before:.3f} mm, {NOMINAL}, to {after:.3f} mm, calibrated ({ratio}{where})."
+        + (f" Mean error of the angles: {angles[0]:.3f} mrad, then {angles[1]:.3f} mrad." if angles else "")
     )
 
 
@@ -925,7 +935,11 @@ def summary_section(calibration: Calibration, errors: MeasuredErrors | None, ove
     robot, said, nominal = calibration.model.robot, None, None
     if before is not None:
         name, means = robot.title or robot.name, (before.mean * 1e3, after.mean * 1e3)
-        said = verdict(name, *means, None if held_out is None else len(after), in_space=after.in_space)
+        told = [one.summary() for one in (before, after)]
+        alone = any(kind.width == kind.angles for kind in calibration.layout.observed)
+        angles = (float(told[0]["mean_mrad"]), float(told[1]["mean_mrad"])) if alone else None
+        count = None if held_out is None else int(told[1]["n"])
+        said = verdict(name, *means, count, in_space=after.in_space, angles=angles)
         nominal = (f"{before.mean * 1e3:.3f}", "mm", f"{what} of the nominal model (registered), {sample}")
     return Section(
         "Summary",

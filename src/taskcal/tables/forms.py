@@ -14,7 +14,7 @@ import numpy as np
 from taskcal.errors import MAX_MET, FaultyFile, FileError, shown
 from taskcal.io.text_file import read_bytes
 from taskcal.plugins import load_plugins
-from taskcal.tables.parquet import is_parquet, read_parquet
+from taskcal.tables.parquet import MARK, read_parquet
 from taskcal.tables.table import MAX_COLUMNS, UNITS, Cells, Row, Sheet, Table, refuse_wide, too_wide
 from taskcal.tables.text import (
     MAX_REMARKS,
@@ -163,12 +163,6 @@ class TextForm(FileForm[str]):
     """A form whose content is text, decoded, with decimal digits of any script as plain ones."""
 
 
-def _is_workbook(path: Path, content: bytes) -> bool:
-    from taskcal.tables.spreadsheet import is_workbook
-
-    return is_workbook(content)
-
-
 def _read_workbook(path: Path, content: bytes, form: TableForm) -> Sheet:
     from taskcal.tables.spreadsheet import read_workbook
 
@@ -184,10 +178,16 @@ _FORMS: dict[str, FileForm] = {
         BinaryForm(
             name="parquet",
             suffixes=(".parquet",),
-            holds=lambda path, content: is_parquet(content),
+            holds=lambda path, content: content.startswith(MARK),
             read=lambda path, content, form: read_parquet(path, content),
         ),
-        BinaryForm(name="workbook", suffixes=(".xlsx",), holds=_is_workbook, read=_read_workbook),
+        BinaryForm(
+            name="workbook",
+            suffixes=(".xlsx",),
+            # whole or damaged: names of parts stand unpacked before their contents, so that one that was cut off is known too
+            holds=lambda path, content: content.startswith(b"PK\x03\x04") and b"xl/workbook.xml" in content,
+            read=_read_workbook,
+        ),
         TextForm(
             name="motion capture",
             suffixes=(".csv",),

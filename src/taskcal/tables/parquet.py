@@ -39,11 +39,6 @@ NOTE = "columns as in a campaign's CSV, units in their names: mm, deg, s, C; emp
 """What a file of ours says of itself."""
 
 
-def is_parquet(content: bytes) -> bool:
-    """Whether bytes are a Parquet file, whole or cut off."""
-    return content.startswith(MARK)
-
-
 def read_parquet(path: Path, content: bytes) -> Sheet:
     """The cells of a file, numbers to their last digit; its rows are counted as the lines of a CSV with a header would be.
 
@@ -163,7 +158,7 @@ def count_rows(path: Path) -> int | None:
         TaskcalError: it is one, and pyarrow is not installed.
     """
     with open_ordinary(path) as stream:
-        if not is_parquet(stream.read(len(MARK))):
+        if stream.read(len(MARK)) != MARK:
             return None
     with _opened(path) as file:
         return int(file.metadata.num_rows)

@@ -30,14 +30,6 @@ MAX_ROWS = 1_048_576
 """That a workbook has; a row with a far number makes those between it and the others."""
 
 
-def is_workbook(content: bytes) -> bool:
-    """Whether bytes are a workbook (.xlsx), whole or damaged: a packed folder with a part that lists its sheets.
-
-    Names of parts stand unpacked before their contents, so that a workbook that was cut off is known for one too.
-    """
-    return content.startswith(b"PK\x03\x04") and b"xl/workbook.xml" in content
-
-
 def read_workbook(path: Path, content: bytes, name: str | None = None) -> Sheet:
     """The cells of a sheet with their values as they were last computed.
 

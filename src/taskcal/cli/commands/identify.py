@@ -260,8 +260,11 @@ def show_report(
     summaries = {tables.NOMINAL: result["nominal"], "fitted": result["fitted"]}
     summaries |= {} if held_out is None else {"held out": held_out}
     after, before = (held_out or result["fitted"])["mean_mm"], result["nominal"]["mean_mm"]
-    in_space = all(kind.width - kind.angles == 3 for kind in calibration.layout.observed)
-    say(tables.verdict(result["robot"], before, after, held_out and held_out["n"], in_space=in_space))
+    observed, now = calibration.layout.observed, held_out or result["fitted"]
+    in_space = all(kind.width - kind.angles in (0, 3) for kind in observed)
+    alone = any(kind.width == kind.angles for kind in observed)
+    angles = (result["nominal"]["mean_mrad"], now["mean_mrad"]) if alone else None
+    say(tables.verdict(result["robot"], before, after, held_out and held_out["n"], in_space=in_space, angles=angles))
     tell()
     show(tables.tabulate_errors(summaries))
     steps = next_steps(calibration, result, tracker_mm)
