@@ -149,7 +149,7 @@ def compose_program(
         q: joint positions in which each motion ends, radians; they decide the posture of motions to a pose.
         notes: a comment before each motion; in CSV the name of a target that has none.
         wait_s: seconds to wait behind each motion that stops and waits; not in CSV.
-        speed: in RAPID: of the tool point, for motions that do not say theirs, metres per second.
+        speed: in RAPID: of the TCP, for motions that do not say theirs, metres per second.
         joint_speed_percent: in KRL: of motions of all joints, of the axes' largest speeds.
 
     Returns:
@@ -193,7 +193,7 @@ def moves_to_joints(
         path: file that they are meant for.
         stops: whether each stops there; all by default.
         waits: whether each waits where it stops; all by default.
-        speeds: of the tool point in each, metres per second; none of their own by default.
+        speeds: of the TCP in each, metres per second; none of their own by default.
     """
     tool, part = Frame(name="", T=robot.T_flange_tool), Frame(name="", T=np.eye(4))
     place = Place(path=Path(path), line=1)

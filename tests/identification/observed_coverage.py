@@ -29,7 +29,7 @@ class Covered:
     """Of one robot."""
 
     points: float
-    """Share of the coordinates of predicted tool points inside of their interval."""
+    """Share of the coordinates of predicted TCPs inside of their interval."""
     parameters: float
     """The same of parameters."""
     stands: float

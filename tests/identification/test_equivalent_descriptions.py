@@ -19,7 +19,7 @@ def identified(structure):
 
 
 def assert_the_same(structure, *changes):
-    """To a two-hundredth of the noise: a target that few axes do not locate entirely stays at the tool point, which another
+    """To a two-hundredth of the noise: a target that few axes do not locate entirely stays at the TCP, which another
     tool frame has elsewhere."""
     some, q, points, covariance = identified(structure)
     for change in changes:

@@ -161,9 +161,7 @@ def test_identify_rejects_distant_target_unless_allowed(model, poses):
     """A target too far from the TCP is rejected unless its distance is allowed."""
     far = {"far": np.array([0.0, 1.2, 0.4])}
     campaign, _ = simulate(model, poses[20.0][0], rng=np.random.default_rng(3), targets=far)
-    with pytest.raises(
-        CampaignError, match=r"target 'far' is found 126\d mm from the tool point, where at most 1000 mm"
-    ):
+    with pytest.raises(CampaignError, match=r"target 'far' is found 126\d mm from the TCP, where at most 1000 mm"):
         identify(model, campaign)
     found = identify(model, campaign, target_within=1.5)
     np.testing.assert_allclose(found.T_tool_target[0, :3, 3], far["far"], atol=0.01)

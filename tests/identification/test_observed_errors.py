@@ -15,7 +15,7 @@ from tests.laws.observations import KINDS_WITHOUT_TRACKER, observed, observed_wi
 
 
 def tool_error(calibration, truth, seed=0, *, sized=False):
-    """Mean error of the tool in space at other postures, as far as a shift and a turn of the base and another tool point, and if
+    """Mean error of the tool in space at other postures, as far as a shift and a turn of the base and another TCP, and if
     asked for another size of the robot, leave it, metres."""
     q = np.random.default_rng(seed).uniform(-2.0, 2.0, (200, 6))
     found, true = calibration.tool_in_base(q), truth.model.poses(q, truth.x)

@@ -1,7 +1,7 @@
 """How accurate virtual robots become that touch planes or cubes: ``python -m tests.identification.touched_accuracy [ROBOTS]``.
 
 The table of ``docs/how-to/calibrate-by-touching.md``: robots like an IRB 120 drawn from the tolerances, touches of 0.02 mm, and
-the error in space at other postures before the robot, as far as another base and another tool point leave it; and as far as
+the error in space at other postures before the robot, as far as another base and another TCP leave it; and as far as
 another size of the robot leaves it besides.
 """
 
@@ -28,7 +28,7 @@ def but_for_size(tool: np.ndarray, error: np.ndarray, true: np.ndarray, weights:
     """What is left of aligned errors where the robot may be larger or smaller as well."""
     grown = tool.copy()
     grown[:, :3, 3] *= 1.001
-    direction = error - aligned_errors(grown, true, weights)  # of a thousandth, but for frame and tool point
+    direction = error - aligned_errors(grown, true, weights)  # of a thousandth, but for frame and TCP
     return error - direction * (np.vdot(direction, error) / np.vdot(direction, direction))
 
 

@@ -169,7 +169,7 @@ def test_moving_everything_together_changes_nothing(rng):
 @given(generators)
 @settings(max_examples=10)
 def test_links_run_from_base_to_tool_point(rng):
-    """Links run from the base over the joints to the tool point."""
+    """Links run from the base over the joints to the TCP."""
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     q = irb6660_positions(rng, 5)
     links = place_links(model, q)

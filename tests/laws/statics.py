@@ -50,7 +50,7 @@ def link_frames(robot: Mapping[str, Any], s: list[complex]) -> list[np.ndarray]:
 def energy(
     robot: Mapping[str, Any], q: np.ndarray, turned: np.ndarray, force: np.ndarray, payload: Mapping[str, Any] | None
 ) -> complex:
-    """Potential energy of all weights, of a constant force at the tool point, and of the robot's spring, joules."""
+    """Potential energy of all weights, of a constant force at the TCP, and of the robot's spring, joules."""
     s = coordinates(robot, q, turned)
     *frames, tool = link_frames(robot, s)
     down = np.array(robot.get("gravity", [0.0, 0.0, -1.0]))

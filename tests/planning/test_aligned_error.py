@@ -1,4 +1,4 @@
-"""Errors of shape: a frame and a tool point that are taught take up what is rigid, and nothing else."""
+"""Errors of shape: a frame and a TCP that are taught take up what is rigid, and nothing else."""
 
 import numpy as np
 import pytest

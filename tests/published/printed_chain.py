@@ -44,7 +44,7 @@ class PrintedChain:
         return T @ SPINDLE @ se3.error_transform(x[36:42])
 
     def sensitivity(self, q: np.ndarray) -> np.ndarray:
-        """∂X/∂ξ of the tool point by central differences, stacked: (3n, 45)."""
+        """∂X/∂ξ of the TCP by central differences, stacked: (3n, 45)."""
         steps = STEP * np.eye(45)
         columns = [(self.poses(q, e)[:, :3, 3] - self.poses(q, -e)[:, :3, 3]).reshape(-1) / (2.0 * STEP) for e in steps]
         return np.stack(columns, axis=1)

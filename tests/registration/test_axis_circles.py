@@ -78,7 +78,7 @@ def test_parallelogram_motor_circle_has_lower_arm_radius():
 
 
 def test_inexact_parallelogram_is_compared_with_own_motion():
-    """With a rod 2 mm too long the tool point leaves the circle by some tenths of a millimetre: no error of the frame."""
+    """With a rod 2 mm too long the TCP leaves the circle by some tenths of a millimetre: no error of the frame."""
     robot = load_robot("abb-irb6660-205-1.9")
     bar = replace(robot.four_bar.bar, rod=robot.four_bar.bar.rod + 2e-3)
     model = ErrorModel(replace(robot, four_bar=replace(robot.four_bar, bar=bar)))

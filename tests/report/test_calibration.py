@@ -230,7 +230,7 @@ def test_no_warning_if_orientations_are_rich():
 
 def test_unobservable_target_is_held_at_the_tool_point():
     calibration = fitted(one_orientation(), {"a": FAR_TARGETS_M["a"]})
-    assert said(calibration) == ("offset not identifiable from these poses; held at the tool point",)
+    assert said(calibration) == ("offset not identifiable from these poses; held at the TCP",)
     assert np.linalg.norm(calibration.T_tool_target[0, :3, 3]) < 1e-5
 
 
@@ -238,7 +238,7 @@ def test_unobservable_direction_of_a_target_is_named():
     q = about_one_axis()
     calibration = fitted(q, {"a": FAR_TARGETS_M["a"]})
     (sentence,) = said(calibration)
-    assert sentence.endswith("held at the tool point there")
+    assert sentence.endswith("held at the TCP there")
     axis = turning_axis(q)
     place = calibration.T_tool_target[0, :3, 3]
     assert np.linalg.norm(place) > 0.5
@@ -251,7 +251,7 @@ def test_unobservable_direction_of_a_target_is_named():
 def test_unobservable_mean_of_several_targets():
     calibration = fitted(one_orientation(), FAR_TARGETS_M)
     (sentence,) = set(said(calibration))
-    assert sentence == "common offset of all targets not identifiable from these poses; held at the tool point"
+    assert sentence == "common offset of all targets not identifiable from these poses; held at the TCP"
     places = calibration.T_tool_target[:, :3, 3]
     assert np.linalg.norm(places.mean(axis=0)) < 1e-5
     expected = np.array(list(FAR_TARGETS_M.values()))

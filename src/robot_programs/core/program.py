@@ -29,9 +29,9 @@ class Zone:
     """
 
     distance: float = 0.0
-    """Of the tool point from the target along its path, metres."""
+    """Of the TCP from the target along its path, metres."""
     turn_distance: float = 0.0
-    """Of the tool point from the target where the orientation begins to change for the next motion, metres; it counts
+    """Of the TCP from the target where the orientation begins to change for the next motion, metres; it counts
     where it is more than `distance`."""
     angle: float = 0.0
     """Of the orientation from the target's, radians; it counts where the tool only turns."""
@@ -136,7 +136,7 @@ class Move:
     part_in_hand: bool
     """The robot holds the part, and the tool stands still."""
     speed: float | None
-    """Programmed speed of the tool point, metres per second; None where it is not known or not meant."""
+    """Programmed speed of the TCP, metres per second; None where it is not known or not meant."""
     stops: bool
     """It comes to rest in its target instead of passing by."""
     follows: int | None
@@ -334,7 +334,7 @@ class Composition:
     wait_s: float = 0.0
     """Seconds to wait behind each motion that stops."""
     speed: float = 0.25
-    """Of the tool point, for motions that do not say theirs, metres per second."""
+    """Of the TCP, for motions that do not say theirs, metres per second."""
     joint_speed_percent: float = 10.0
     """Of motions of all joints, of the axes' largest speeds."""
     zone: str = "z0"

@@ -659,7 +659,7 @@ def _turn_speed(where: Layout, scope: Scope, values: Values) -> float | None:
 def _zone(where: Layout, scope: Scope, file: File, settings: Settings) -> tuple[bool, Zone | None]:
     r"""Whether a motion stops, and how near it passes by its target otherwise.
 
-    The size of the zone for the tool point is also given by ``\Z``. Zones of the reorientation that are smaller are as large
+    The size of the zone for the TCP is also given by ``\Z``. Zones of the reorientation that are smaller are as large
     as that one (Technical reference manual, RAPID, data type zonedata).
     """
     if "inpos" in where.options or where.zone is None:

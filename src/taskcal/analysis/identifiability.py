@@ -354,7 +354,7 @@ def identifiability(
         model: the model.
         q: joint positions, radians.
         x: parameter values; the nominal robot by default.
-        components: the tool point's ``position``, or its ``pose`` (rotations weighted with the robot's reach).
+        components: the TCP's ``position``, or its ``pose`` (rotations weighted with the robot's reach).
         frames: put the tracker frame, ``base.*``, and one target, ``target.*``, behind the model's own parameters.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Sensitivity of the tool point to every parameter, at every pose."""
+"""Sensitivity of the TCP to every parameter, at every pose."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sensitivity:
-    """S = ∂(tool point)/∂ξ in base axes (Gutiérrez et al., eq. 4)."""
+    """S = ∂(TCP)/∂ξ in base axes (Gutiérrez et al., eq. 4)."""
 
     model: ErrorModel
     matrix: Float[np.ndarray, "n 3 p"]
@@ -84,7 +84,7 @@ class Sensitivity:
 def sensitivity(
     model: ErrorModel, q: Float[np.ndarray, "n joints"], x: Float[np.ndarray, " p"] | None = None
 ) -> Sensitivity:
-    """Sensitivity of the tool point over some poses.
+    """Sensitivity of the TCP over some poses.
 
     Args:
         model: the model.

@@ -38,7 +38,7 @@ class Deviations:
     q: Float[np.ndarray, "k joints"]
     """Joint positions of the controller, radians."""
     error: Float[np.ndarray, "k 3"]
-    """True less wanted position of the tool point in the part's axes, metres."""
+    """True less wanted position of the TCP in the part's axes, metres."""
     turn: Float[np.ndarray, " k"]
     """Angle between true and wanted orientation, radians."""
 

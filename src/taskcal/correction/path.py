@@ -72,7 +72,7 @@ class Segments:
 
     @cached_property
     def length(self) -> Float[np.ndarray, " m"]:
-        """Length of the tool point's path, metres."""
+        """Length of the TCP's path, metres."""
         is_arc, center, _, angles = self._arc
         radius = np.linalg.norm(self.start[:, :3, 3] - center, axis=1)
         straight = np.linalg.norm(self.end[:, :3, 3] - self.start[:, :3, 3], axis=1)
@@ -91,7 +91,7 @@ class Segments:
         return se3.pose(R, p)
 
     def direction(self, segment: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3"]:
-        """Unit vectors along some segments; zero where the tool point stays."""
+        """Unit vectors along some segments; zero where the TCP stays."""
         out = self.end[segment, :3, 3] - self.start[segment, :3, 3]
         is_arc, center, axis, _ = (array[segment] for array in self._arc)
         if is_arc.any():
@@ -235,7 +235,7 @@ PosesInMotions = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """From numbers of motions (n) and shares of their lengths (n) to poses (n, 4, 4) of the tool in the part's frame."""
 
 MIN_LENGTH_M = 1e-6
-"""A motion whose tool point goes less far only turns the tool, metres."""
+"""A motion whose TCP goes less far only turns the tool, metres."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -247,9 +247,9 @@ class Corners:
     after: Int[np.ndarray, " m"]
     """Motion for which each one is left in a rounded corner; −1 where it goes to its target."""
     entry: Float[np.ndarray, "m 2"]
-    """Share of its length where it is joined: by the tool point, and by the orientation; zero in the target before."""
+    """Share of its length where it is joined: by the TCP, and by the orientation; zero in the target before."""
     exit: Float[np.ndarray, "m 2"]
-    """Share of its length that is not gone any more: by the tool point, and by the orientation."""
+    """Share of its length that is not gone any more: by the TCP, and by the orientation."""
     joined: Float[np.ndarray, "m 4 4"]
     """Tool in part where a motion of the joints is joined; NaN for others, which say their paths themselves."""
     left: Float[np.ndarray, "m 4 4"]
@@ -354,14 +354,14 @@ STRAIGHT_M, STRAIGHT_RAD = 1e-6, 1e-6
 END_SHARE = 1e-12
 
 POINT, TURN = 0, 1
-"""Columns of the sizes of a corner: for the tool point, and for the orientation."""
+"""Columns of the sizes of a corner: for the TCP, and for the orientation."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RoundedPath:
     """Segments of a tool's path, with the corners between them rounded.
 
-    In a corner the tool point goes along a cubic Bézier curve that touches both motions where they are left and joined: between
+    In a corner the TCP goes along a cubic Bézier curve that touches both motions where they are left and joined: between
     lines it is the parabola, between two pieces of one arc the arc to fourth order. The orientation turns as both motions
     turn it, the one running out while the other sets in. A share of a motion's length is that of its segment; the
     corner is half passed where the motion would have ended.
@@ -383,7 +383,7 @@ class RoundedPath:
         return T
 
     def direction(self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3"]:
-        """Unit vectors along the path; zero where the tool point stays."""
+        """Unit vectors along the path; zero where the TCP stays."""
         out = self.segments.direction(move, share)
         passage = self._passage(move, share, POINT)
         if len(passage.rows):

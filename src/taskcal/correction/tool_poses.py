@@ -63,7 +63,7 @@ class ToolPoses:
     nominal: Float[np.ndarray, "n 4 4"]
     calibrated: Float[np.ndarray, "n 4 4"]
     uncertainty: Float[np.ndarray, " n"]
-    """Standard deviation of the calibrated tool point in space, its model error included, metres."""
+    """Standard deviation of the calibrated TCP in space, its model error included, metres."""
 
     @property
     def moved(self) -> Float[np.ndarray, "n 3"]:

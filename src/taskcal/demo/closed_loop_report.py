@@ -39,7 +39,7 @@ STORY = (
     "off there; and the path of the true cutter on the true part is compared with what the program wants."
 )
 TRUTH = (
-    "The true robots have defects of geometry; drives, bearings and links that yield to the weight they carry; gears with "
+    "The true robots have geometric errors; drives, bearings and links that yield to the weight they carry; gears with "
     "ripples of unknown orders, whose size changes over the turn; lost motion that is taken up little by little; and links that "
     "warm up each in its own time. The fit is told none of this, only the order of the poses and the time of each."
 )

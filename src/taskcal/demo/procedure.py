@@ -67,11 +67,11 @@ class Predictions:
     q: Float[np.ndarray, "n joints"]
     """Of the new poses, radians."""
     position: Float[np.ndarray, "n 3"]
-    """Nominal tool points in the base, metres."""
+    """Nominal TCPs in the base, metres."""
     angle: Float[np.ndarray, " n"]
     """Rotation of the tool from a reference orientation, radians."""
     error: Float[np.ndarray, "n 3"]
-    """True less predicted tool point in the tracker frame, metres."""
+    """True less predicted TCP in the tracker frame, metres."""
     covariance: Float[np.ndarray, "n 3 3"]
     """Of that error, as the calibration states it, m²."""
 
@@ -105,7 +105,7 @@ def errors_in_base(in_tracker: Float[np.ndarray, "n 3"], calibration: Calibratio
     """The size of errors, along the robot's base axes.
 
     Args:
-        in_tracker: errors of the tool point in the tracker frame, metres.
+        in_tracker: errors of the TCP in the tracker frame, metres.
         calibration: says how the base lies in it.
     """
     return Validation.of_residuals(in_tracker[:, None], calibration.T_tracker_base[:3, :3])

@@ -192,11 +192,11 @@ def tabulate_influences(procedure: Procedure, limit: int | None = None) -> Table
         ),
     ]
     return Table.of(
-        "Largest influence on the tool point (µm)" + ("" if limit is None else f": the {limit} strongest parameters"),
+        "Largest influence on the TCP (µm)" + ("" if limit is None else f": the {limit} strongest parameters"),
         columns,
         order,
-        note="What a defect of one tolerance (1σ) does along the robot's base axes and in space, over the poses measured in "
-        f"{' and in '.join(sets)}.",
+        note="What a geometric error of one tolerance (1σ) does along the robot's base axes and in space, over the poses measured "
+        f"in {' and in '.join(sets)}.",
         folded=limit is None,
     )
 
@@ -245,7 +245,7 @@ def tabulate_relations(procedure: Procedure) -> Table:
         f"Of the published {len(kept)}, these repeat others",
         (Column("parameter", lambda row: f"{row.name} ({row.symbol})"), *map(relation, sets)),
         [row for row in procedure.elimination.rows if row.name in kept and set(row.eliminated.values()) != {"kept"}],
-        note="A combination moves the tool point exactly as the parameter does, at every pose of the set, to first "
+        note="A combination moves the TCP exactly as the parameter does, at every pose of the set, to first "
         "order. Coefficients are in metres and radians: 0.3·t1z means 0.3 mm of t1z for 1 mrad of the parameter.",
     )
 
@@ -337,7 +337,7 @@ def tabulate_held_out(procedure: Procedure) -> Table:
         "Errors on new poses (µm)",
         columns,
         _fits_of(procedure),
-        note="True less predicted tool point in the tracker frame, in space. Inside: new poses in the workspace and the "
+        note="True less predicted TCP in the tracker frame, in space. Inside: new poses in the workspace and the "
         "orientations that were measured. Outside: the same workspace with the tool tilted by up to 40° from the "
         "single orientation, and turned by up to 40° about its axis.",
     )
@@ -352,7 +352,7 @@ def tabulate_parameters(procedure: Procedure) -> Table:
 
         def cell(i: int) -> str:
             factor = parameters[i].shown.factor
-            return f"{found.estimate[i] * factor:.3f} ± {found.standard_errors[i] * factor:.3f}"
+            return f"{found.estimate[i] * factor:.3f} ({found.standard_errors[i] * factor:.3f})"
 
         return Column(label, cell, "s")
 
@@ -366,7 +366,7 @@ def tabulate_parameters(procedure: Procedure) -> Table:
         f"All {len(parameters)} parameters: estimates and truth",
         columns,
         range(len(parameters)),
-        note="Estimate ± one standard error, identified with the prior.",
+        note="Estimate with its standard error in brackets, identified with the prior.",
         folded=True,
     )
 
@@ -410,7 +410,7 @@ def draw_held_out(fits: Sequence[Fitted]) -> go.Figure:
     styled(figure, height=230 * len(campaigns) + 130, top=90)
     ends = [np.log10(min(every)) - 0.35, np.log10(max(every)) + 0.35]
     figure.update_xaxes(type="log", range=ends, tickvals=TICKS, tickfont={"size": 12})
-    figure.update_xaxes(title_text="error of the predicted tool point (µm)", row=len(campaigns))
+    figure.update_xaxes(title_text="error of the predicted TCP (µm)", row=len(campaigns))
     figure.update_yaxes(autorange="reversed", ticks="")
     return figure.update_layout(legend={"y": 1.07})
 
@@ -426,7 +426,7 @@ def draw_error_over_angle(predictions: Sequence[Predictions]) -> go.Figure:
             figure, label, np.degrees(angle), length * 1e6, SERIES[k % len(SERIES)], hover="%{x:.1f}°: %{y:.1f} µm", marker=marker
         )  # fmt: skip
     styled(figure, height=440, x="rotation of the tool from the single measured orientation (°)")
-    return figure.update_yaxes(title_text="error of the predicted tool point (µm)", type="log", tickvals=TICKS)
+    return figure.update_yaxes(title_text="error of the predicted TCP (µm)", type="log", tickvals=TICKS)
 
 
 def draw_coverage(predictions: Sequence[Predictions]) -> go.Figure:
@@ -468,7 +468,7 @@ def draw_workspace(predictions: Sequence[Predictions], measured: Mapping[str, Fl
 
     Args:
         predictions: views to choose from; all share one logarithmic scale of colours.
-        measured: for each campaign, the tool points that were measured, in the base, metres.
+        measured: for each campaign, the TCPs that were measured, in the base, metres.
     """
     figure = go.Figure()
     top = float(np.ceil(2.0 * np.log10(max(p.length.max() for p in predictions) * 1e6)) / 2.0)
@@ -574,10 +574,10 @@ def _summary(procedure: Procedure) -> Section:
             (um(one.outside.mean), "µm", "mean 3D error, calibrated in one orientation, at other orientations"),
         ),
         Points(*summary_points(procedure)),
-        "The robot is virtual: its defects are drawn from the tolerances (one standard deviation: 0.3 mm and 0.3 mrad unless its "
-        "file says otherwise) and its tracker has the noise of a Leica AT901, ±(15 µm + 6 µm/m) taken as two standard deviations. "
-        "So the truth is known, and errors are errors, not residuals. It does not bend, warm up or backlash; a real robot leaves "
-        "more.",
+        "The robot is virtual: its geometric errors are drawn from the tolerances (one standard deviation: 0.3 mm and 0.3 mrad "
+        "unless its file says otherwise) and its tracker has the noise of a Leica AT901, ±(15 µm + 6 µm/m) taken as two standard "
+        "deviations. So the truth is known, and errors are errors, not residuals. It does not bend, warm up or backlash; a real "
+        "robot leaves more.",
     )
 
 
@@ -621,7 +621,7 @@ def _mechanism(procedure: Procedure) -> Section:
         "Mechanism and model",
         f"{found.explanation[0].upper()}{found.explanation[1:]}.",
         f"The nominal model has the lengths {lengths} mm." if lengths else None,
-        "Every defect that the mechanism leaves free is a parameter.",
+        "Every geometric error that the mechanism leaves free is a parameter.",
         tabulate_model(model),
         Table.of("All parameters with their tolerances", columns, model.parameters, folded=True),
     )
@@ -630,14 +630,14 @@ def _mechanism(procedure: Procedure) -> Section:
 def _sensitivity(procedure: Procedure) -> Section:
     return Section(
         "Sensitivity",
-        "How far does each defect move the tool point? The sensitivity S = ∂X/∂ξ answers at every pose; shown is its largest value "
-        "over the measured poses. Scaled by the tolerance, it is the error to expect from that defect alone. A large influence "
-        "does not make a parameter identifiable: the next section says why.",
+        "How far does each geometric error move the TCP? The sensitivity S = ∂X/∂ξ answers at every pose; shown is its largest "
+        "value over the measured poses. Scaled by the tolerance, it is the error to expect from that geometric error alone. A "
+        "large influence does not make a parameter identifiable: the next section says why.",
         Chart(
             "Largest influence of each parameter on X, Y and Z",
             draw_sensitivities(procedure.sensitivities, procedure.elimination.eliminations),
             "Along the robot's base axes. Pale bars: parameters that repeat others at these poses. The buttons "
-            "change between the influence of a defect as large as its tolerance and the influence per unit.",
+            "change between the influence of a geometric error as large as its tolerance and the influence per unit.",
         ),
         tabulate_influences(procedure),
     )
@@ -683,9 +683,9 @@ def _identification(procedure: Procedure) -> Section:
         "publication registers the tracker from circles that single motors draw; that way, held, stands beside it. “Damped, no "
         "prior” is after the published way, Levenberg–Marquardt without a prior; it ends early, once the objective falls by less "
         "than a millionth of itself or the next step is small beside the standard errors.",
-        "All models of defects with fitted frames leave nearly the same residuals, close to the tracker's noise; the lengths alone "
-        "do not. Residuals therefore cannot say which model is better; new poses can. The published residuals are those of a real "
-        "robot, with gravity and all else that geometry does not explain, so they are larger.",
+        "All models of geometric errors with fitted frames leave nearly the same residuals, close to the tracker's noise; the "
+        "lengths alone do not. Residuals therefore cannot say which model is better; new poses can. The published residuals are "
+        "those of a real robot, with gravity and all else that geometry does not explain, so they are larger.",
         tabulate_registration(procedure),
         tabulate_residuals(procedure),
         Chart(
@@ -715,11 +715,11 @@ def _held_out(procedure: Procedure) -> Section:
         "Errors at held-out poses",
         "Predictions of each model are compared with the true robot at new poses. In the measured orientation even a redundant "
         "model predicts well: its dependent parameters have equal effects there.",
-        "One orientation is good inside and poor outside for a simple reason. With the tool always turned alike, defects of the "
-        "wrist and the tool move the tool point like defects of the arm. The fit may blame either; when the tool turns, the two "
-        "part company. No fit can repair that, only measuring in several orientations. Without prior the blame goes anywhere; with "
-        "it, to where the tolerances make it likely, which need not be where it belongs: with another seed the prior helps more, "
-        "or not at all.",
+        "One orientation is good inside and poor outside for a simple reason. With the tool always turned alike, geometric errors "
+        "of the wrist and the tool move the TCP like geometric errors of the arm. The fit may blame either; when the tool turns, "
+        "the two part company. No fit can repair that, only measuring in several orientations. Without prior the blame goes "
+        "anywhere; with it, to where the tolerances make it likely, which need not be where it belongs: with another seed the "
+        "prior helps more, or not at all.",
         tabulate_held_out(procedure),
         Chart(
             "Mean and largest error of each model on new poses",
@@ -759,7 +759,7 @@ def _uncertainty(procedure: Procedure) -> Section:
     )
     return Section(
         "Does the calibration know how wrong it is?",
-        "A calibration states an uncertainty for every pose, measured or not: an ellipsoid about the predicted tool point. It "
+        "A calibration states an uncertainty for every pose, measured or not: an ellipsoid about the predicted TCP. It "
         "comes from the tracker's noise, from the poses that were measured and from the prior.",
         f"With the prior, the statement grows where the tool turns away from what was measured ({stated} stated, {actual} actual, "
         "root mean square). Out there it rests on the tolerances, not on measurements, and one robot can be luckier or unluckier "
@@ -787,7 +787,7 @@ def _parameters(procedure: Procedure) -> Section:
     return Section(
         "Estimated parameters",
         "Parameters that repeat each other share what is found; their standard errors stay near the tolerance and say so. "
-        "Combinations that matter to the tool point are known far better than any one of them. J1.tz and J1.rz repeat the tracker "
+        "Combinations that matter to the TCP are known far better than any one of them. J1.tz and J1.rz repeat the tracker "
         "frame, which is fitted too. Read the predictions, not the single parameters.",
         Chart(
             "Estimated parameters and the truth",

@@ -154,7 +154,7 @@ OTHER_UNITS = {unit: LENGTHS[unit] for unit in ("mm", "m", "in", "cm", "ft")}
 """In which points are written, and taken for one another; yards cannot be told from metres."""
 
 MAX_SCATTER_RATIO = 2.0
-"""Factor, at most, between the scatter of the points and that of the nominal tool point, which a target's place and mistakes of
+"""Factor, at most, between the scatter of the points and that of the nominal TCP, which a target's place and mistakes of
 joints explain; units nearer to each other are not told apart. A convention: below 2.54, the ratio of inches and centimetres."""
 
 
@@ -223,7 +223,7 @@ def _other_units(names: tuple[str, ...], ratio: Float[np.ndarray, " targets"]) -
 
 
 def _expected_scatter(case: Case) -> float | None:
-    """Scatter of the nominal tool point, joints in their likely unit, metres; None if it hardly moves."""
+    """Scatter of the nominal TCP, joints in their likely unit, metres; None if it hardly moves."""
     for hypothesis in unit_mistakes(case):
         case = hypothesis.undo(case)
     scatter = _scatter(case.poses(np.arange(len(case.campaign)))[:, :3, 3])

@@ -24,7 +24,7 @@ CONVERGED = 1e-12
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Remaining:
-    """Distance of the tool point from the calibrated robot's, metres."""
+    """Distance of the TCP from the calibrated robot's, metres."""
 
     rms: float
     maximum: float

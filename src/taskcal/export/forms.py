@@ -24,7 +24,7 @@ ROUNDING = 1e-8
 
 @dataclass(frozen=True, kw_only=True)
 class Loss:
-    """Distance of a form's tool point from the calibration's, metres."""
+    """Distance of a form's TCP from the calibration's, metres."""
 
     rms: float
     maximum: float

@@ -14,8 +14,8 @@ from jaxtyping import Float, Int
 from taskcal.geometry import se3
 
 OFFSET_PULL = 1e-9
-"""Weight of a target's offset from the tool point against one measured point: in one orientation only the sum of the frame's
-translation and the offset is seen, and a slight pull leaves the target at the tool point."""
+"""Weight of a target's offset from the TCP against one measured point: in one orientation only the sum of the frame's
+translation and the offset is seen, and a slight pull leaves the target at the TCP."""
 
 HELD = 1e12
 """The same along directions in which offsets are held."""

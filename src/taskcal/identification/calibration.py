@@ -759,7 +759,7 @@ class Calibration:
     def tool_jacobian(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
     ) -> Float[np.ndarray, "n 6 z"]:
-        """Derivative of the tool's pose by the entries of z: rows vx vy vz wx wy wz at the tool point, in tracker axes.
+        """Derivative of the tool's pose by the entries of z: rows vx vy vz wx wy wz at the TCP, in tracker axes.
 
         Args:
             q: joint positions, radians.

@@ -1,6 +1,6 @@
 """What changed between two calibrations of a robot: in millimetres where it works, and in parameters over their uncertainty.
 
-Tracker frame and targets do not count. The tool points of both are put on each other by the best rigid motion of the base and the
+Tracker frame and targets do not count. The TCPs of both are put on each other by the best rigid motion of the base and the
 best offset on the tool; what is left, r, is what the robot itself does otherwise. Were it unchanged, r would be normal with the
 covariance S = P·(J₁·C₁·J₁ᵀ + J₂·C₂·J₂ᵀ)·P, where C are the covariances of the two estimates, taken as independent, J the
 Jacobians, and P takes out what frames can do; rᵀ·S⁺·r is then χ²-distributed. They have their prior in common, so that this is
@@ -35,7 +35,7 @@ MAX_TOLERANCES = 20.0
 by more."""
 
 ALIGNMENTS = 3
-"""Steps in which the tool points are put on each other; each leaves what is of second order in the step."""
+"""Steps in which the TCPs are put on each other; each leaves what is of second order in the step."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +76,7 @@ class Comparison:
     q: Float[np.ndarray, "n joints"]
     """Poses at which they were compared, radians."""
     difference: Float[np.ndarray, "n points 3"]
-    """Second less first tool point, frames fitted, in the axes of the base, metres."""
+    """Second less first TCP, frames fitted, in the axes of the base, metres."""
     expected: float
     """Rms in space that their uncertainties alone would give, metres."""
     chance: float
@@ -207,7 +207,7 @@ def _frame_columns(R: Float[np.ndarray, "n 3 3"], points: Float[np.ndarray, "n p
 def _without_frames(
     T: Float[np.ndarray, "n 4 4"], tips: Float[np.ndarray, "points 3"], start: Float[np.ndarray, "n points 3"]
 ) -> Float[np.ndarray, " m"]:
-    """Tool points of poses less others, when the base of the poses is moved and the points are offset so that the least is left."""
+    """TCPs of poses less others, when the base of the poses is moved and the points are offset so that the least is left."""
     offsets = np.zeros_like(tips)
     difference = np.zeros(start.size)
     for _ in range(ALIGNMENTS):
@@ -219,14 +219,14 @@ def _without_frames(
 
 
 def _jacobian(calibration: Calibration, q: np.ndarray, tips: np.ndarray) -> Float[np.ndarray, "m z"]:
-    """Derivative of the tool points by the entries of z, in the axes of the base."""
+    """Derivative of the TCPs by the entries of z, in the axes of the base."""
     J, turn = calibration.tool_jacobian(q), calibration.predict_tool(q)[:, :3, :3]
     at_tips = np.stack([se3.carry(J, turn @ tip)[:, :3] for tip in tips], axis=1)
     return (calibration.T_tracker_base[:3, :3].T @ at_tips).reshape(-1, J.shape[2])
 
 
 def _spread(calibration: Calibration, q: np.ndarray, tips: np.ndarray, basis: np.ndarray) -> Float[np.ndarray, "m z"]:
-    """B with B·Bᵀ the covariance of the tool points, without what frames can do."""
+    """B with B·Bᵀ the covariance of the TCPs, without what frames can do."""
     values, vectors = np.linalg.eigh(calibration.z_covariance)
     B = _jacobian(calibration, q, tips) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
     return B - basis @ (basis.T @ B)

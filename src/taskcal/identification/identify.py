@@ -312,7 +312,7 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
             ``gross_errors``: ``"leave out"`` rows that cannot be right beside all others, up to a tenth (`gross_errors`), or
             ``"keep"`` them.
 
-            ``target_within``: how far from the tool point a target may be found, metres.
+            ``target_within``: how far from the TCP a target may be found, metres.
 
     Returns:
         the calibration: estimate, covariance, residuals, and predictions with their uncertainty. Where no parameter explains the
@@ -321,7 +321,7 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
     Raises:
         CampaignError: too few rows, a row at which the nominal robot's closed loop does not close, joints and points that do
             not belong together, lengths without a prior where none was measured or stated, more wrong rows than can be told
-            from right ones, a target too far from the tool point, or a model that depends on temperature or time and a row
+            from right ones, a target too far from the TCP, or a model that depends on temperature or time and a row
             without.
         UnknownName: a name in `keep` that the model does not have.
         FitError: the fit did not converge.

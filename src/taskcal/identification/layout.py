@@ -227,7 +227,7 @@ BASE_PRIOR, TARGET_PRIOR = 10.0, 1.0
 """Standard deviations of tracker frame and targets about their registration, metres and radians: as good as none."""
 
 UNOBSERVABLE_PRIOR = 1e-6
-"""The same along directions in which the poses do not locate the targets: there they stay at the tool point."""
+"""The same along directions in which the poses do not locate the targets: there they stay at the TCP."""
 
 FRAME_SIZE = 1e-3
 """Natural size of tracker frame, targets and the kinds' own unknowns in the equations, metres and radians."""

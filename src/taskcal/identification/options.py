@@ -22,7 +22,7 @@ LARGEST_MODEL_ERROR = 1.0
 """Metres (and radians, for poses): more is no calibration's concern."""
 
 LARGEST_TARGET_WITHIN = 100.0
-"""Metres from the tool point: no robot carries a tool that is longer."""
+"""Metres from the TCP: no robot carries a tool that is longer."""
 
 SMALLEST_PRIOR_SCALE, LARGEST_PRIOR_SCALE = 1e-6, 1e6
 """Beyond, the prior holds a parameter at zero, or not at all, and its square leaves the range of numbers."""
@@ -74,7 +74,7 @@ class FitOptions:
     gross_errors: GrossErrors = "leave out"
     """``leave out`` rows that cannot be right beside all others, up to a tenth of them, or ``keep`` them."""
     target_within: float = TARGET_WITHIN
-    """How far from the tool point a target may be found, metres."""
+    """How far from the TCP a target may be found, metres."""
 
     def __post_init__(self) -> None:
         if isinstance(self.keep, str):

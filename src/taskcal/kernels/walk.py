@@ -1,7 +1,7 @@
 """The compiled walk along a chain: poses, and the twist of the tool for every parameter, in one pass over blocks of poses.
 
 At each joint and error frame the walk notes the axes and origins about which, or along which, the rest of the chain
-moves. A translation along a moves the tool point p by a, a rotation about a through o by a × (p − o); a joint-side
+moves. A translation along a moves the TCP p by a, a rotation about a through o by a × (p − o); a joint-side
 parameter moves joints, so its column is a combination of theirs.
 
 There is one kernel, `walk_points`: whether its result is poses, columns or the whitened rows of measured points, the code of

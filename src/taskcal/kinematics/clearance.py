@@ -40,7 +40,7 @@ class Links:
 
 
 def place_links(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Links:
-    """The links of the nominal robot: from the base to the first joint, from joint to joint, and to the tool point.
+    """The links of the nominal robot: from the base to the first joint, from joint to joint, and to the TCP.
 
     Robots whose file states no link radii have none.
     """

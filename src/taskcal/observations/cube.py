@@ -378,7 +378,7 @@ class Cubes(Touching):
 
     @classmethod
     def stage(cls, tool: Float[np.ndarray, "n 4 4"], places: int | None, rng: np.random.Generator) -> Scene:
-        """A cube that stands nearly level and is made as well as is said, touched on five faces; the probe is at the tool point."""
+        """A cube that stands nearly level and is made as well as is said, touched on five faces; the probe is at the TCP."""
         staged = stage_cubes(tool, places or 1, rng)
         kind = cls(faces=staged.faces, of=staged.of, sizes=staged.sizes)
         made = kind.deviations.reshape(-1, 10)[:, 6:]

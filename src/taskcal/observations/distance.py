@@ -200,7 +200,7 @@ class Lengths(Standalone):
 
     @classmethod
     def stage(cls, tool: Float[np.ndarray, "n 4 4"], places: int | None, rng: np.random.Generator) -> Scene:
-        """Anchors around, at other heights: three, if the rows suffice, one length a row; the wire is tied to the tool point."""
+        """Anchors around, at other heights: three, if the rows suffice, one length a row; the wire is tied to the TCP."""
         count = places or int(np.clip(len(tool) // FEWEST, 1, 3))
         turn = rng.uniform(0.0, 2.0 * np.pi) + 2.0 * np.pi * np.arange(count) / count
         up = np.resize(ELEVATIONS, count)

@@ -676,7 +676,7 @@ def _refuse_unreached(model: ErrorModel, instrument: Instrument, found: list[Flo
 # Where fixtures could be for a task, where nobody states their places.
 
 POSES = 60
-"""Of the task, whose tool points determine the places."""
+"""Of the task, whose TCPs determine the places."""
 
 
 def on_the_floor(position: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:

@@ -184,7 +184,7 @@ class Planes(Touching):
 
     @classmethod
     def stage(cls, tool: Float[np.ndarray, "n 4 4"], places: int | None, rng: np.random.Generator) -> Scene:
-        """Three planes that face different ways, each touched over a hand's breadth; the tip is at the tool point."""
+        """Three planes that face different ways, each touched over a hand's breadth; the tip is at the TCP."""
         at = tool[spots(tool[:, :3, 3], places or 3), :3, 3]
         of = np.arange(len(tool)) % len(at)
         axes = to_one_side(se3.exp(rng.normal(size=3))[:, np.arange(len(at)) % 3].T)

@@ -179,7 +179,7 @@ def load_station(path: str | Path) -> Station:
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Tracker(Instrument):
-    """A laser tracker; without a station it sees one reflector at the tool point from everywhere."""
+    """A laser tracker; without a station it sees one reflector at the TCP from everywhere."""
 
     kind: ClassVar[type[Observation]] = Point
     smooth_share: ClassVar[float] = 1.0

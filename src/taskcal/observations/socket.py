@@ -172,7 +172,7 @@ class Sockets(Standalone):
     def stage(cls, tool: Float[np.ndarray, "n 4 4"], places: int | None, rng: np.random.Generator) -> Scene:
         """A block with two sockets, the second further inside, at three places; a calliper said once how far apart they are.
 
-        The ball is at the tool point, and goes to its socket in the orientation that it has.
+        The ball is at the TCP, and goes to its socket in the orientation that it has.
         """
         first = tool[spots(tool[:, :3, 3], places or 3), :3, 3]
         along = np.median(tool[:, :3, 3], axis=0) - first + BLOCK * rng.normal(size=first.shape)

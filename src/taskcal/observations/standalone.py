@@ -14,7 +14,7 @@ from taskcal.geometry import se3
 from taskcal.observations.base import Measured, Observation, Placed, TrackerNoise
 
 TIPS = 0.15 * np.array([[0, 0, 0], [0, 0, 1], [0, 0, -1], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]], dtype=float)
-"""Places on the tool from which a search starts, metres from the tool point. A convention: a hand's breadth to all sides."""
+"""Places on the tool from which a search starts, metres from the TCP. A convention: a hand's breadth to all sides."""
 
 ROUGH_M = 1e-2
 """Residual, metres, from which on a number counts less in the search for a start: a nominal robot errs by less."""
@@ -215,7 +215,7 @@ class Search:
     def find(self, starts: Iterable[Float[np.ndarray, " x"]]) -> "Found":
         """The best estimate from some starts, in spite of a few wrong rows.
 
-        Along directions of its place that the rows do not tell, the target is at the tool point.
+        Along directions of its place that the rows do not tell, the target is at the TCP.
         """
         x, least = np.zeros(0), np.inf
         for start in starts:

@@ -204,7 +204,7 @@ class PlanOptions:
     seed: int = 0
     """Of the candidates and of the refinement; the same seed gives the same plan."""
     station: Station | None = None
-    """Tracker, reflectors and keep-out boxes; without it one reflector at the tool point is always seen."""
+    """Tracker, reflectors and keep-out boxes; without it one reflector at the TCP is always seen."""
     criterion: Criterion = "task"
     """``task`` for the expected task error, or D, A, E, O1–O5."""
     campaign: Campaign | None = None
@@ -521,7 +521,7 @@ EVEN_FACTOR = 3
 """Poses tried for each of a space-filling plan: a workspace that is reached by a third still gives as many. A convention."""
 
 ADVISED_POSES, ADVISED_POSES_WITHOUT_TRACKER = 30, 60
-"""Poses that a message recommends: as few as ISO 9283 asks for cycles of one pose, and as many as `plan` chooses by default."""
+"""Poses that a message recommends, with a tracker and without one. A convention."""
 
 
 def _prior(model: ErrorModel, options: PlanOptions) -> PlanPrior:
@@ -587,7 +587,7 @@ def plan(model: ErrorModel, task: Task, count: int = 60, **options: Unpack[PlanC
 
             ``seed``: of the candidates and of the refinement; the same seed gives the same plan.
 
-            ``station``: tracker, reflectors and keep-out boxes; without it one reflector at the tool point is always seen.
+            ``station``: tracker, reflectors and keep-out boxes; without it one reflector at the TCP is always seen.
 
             ``criterion``: ``task`` for the expected task error, or D, A, E, O1–O5.
 

@@ -98,7 +98,7 @@ class StudyOptions:
     """Robots like this one, with defects and effects of the sizes that were found, and its model error."""
     observe: tuple[str, ...] = ("tracker",)
     """How the robots are measured, each way as `simulate` has it: ``tracker``, ``socket``, ``socket+wire`` … Where it is not by a
-    tracker alone, errors are those that are left once the work's frame and the tool point were taught with the calibrated robot,
+    tracker alone, errors are those that are left once the work's frame and the TCP were taught with the calibrated robot,
     and postures are drawn from the room that measuring may take about the task."""
 
     def __post_init__(self) -> None:
@@ -203,7 +203,7 @@ class VirtualRobots:
     def unexplained(
         self, truth: Truth, q: Float[np.ndarray, "n joints"], rng: np.random.Generator
     ) -> Float[np.ndarray, "n 3"]:
-        """Pose-specific error of the tool point at each pose, metres."""
+        """Pose-specific error of the TCP at each pose, metres."""
         white = self.model_error.position * rng.normal(size=(len(q), 3))
         if not self.joint_error.any():
             return white
@@ -224,11 +224,11 @@ class VirtualRobots:
 def aligned_errors(
     tool: Float[np.ndarray, "n 4 4"], true: Float[np.ndarray, "n 3"], weights: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, "n 3"]:
-    """True less predicted tool points, metres, with the frame and the tool point on the tool that make them least.
+    """True less predicted TCPs, metres, with the frame and the TCP on the tool that make them least.
 
     Args:
         tool: poses of the tool that a calibration predicts, in the base.
-        true: the true tool points, in the base; some millimetres off, for which the equations are linear.
+        true: the true TCPs, in the base; some millimetres off, for which the equations are linear.
         weights: how much each pose counts.
     """
     p = tool[:, :3, 3]
@@ -322,7 +322,7 @@ def _own_numbers(setting: StudySetting, index: int) -> np.random.Generator:
 
 
 def _off(setting: StudySetting, calibration: Calibration, truth: Truth) -> Float[np.ndarray, "n 3"]:
-    """Predicted less true tool points over the task, in the measuring frame, millimetres."""
+    """Predicted less true TCPs over the task, in the measuring frame, millimetres."""
     q, way = setting.task_q, setting.robots.conditions(setting.task_q)
     if not setting.aligned:
         return (calibration.predict(q, way) - truth.points(q, way))[:, 0] * 1e3

@@ -100,7 +100,7 @@ def map_expected(design: Design, at: Slice, kept: Int[np.ndarray, " k"] | None =
 
 
 def map_uncertainty(calibration: Calibration, at: Slice) -> Float[np.ndarray, "v u"]:
-    """Standard deviation in space of the calibrated tool point over a slice, tracker frame, metres."""
+    """Standard deviation in space of the calibrated TCP over a slice, tracker frame, metres."""
     covariance = calibration.tool_covariance(at.q[at.reached])
     return at.spread(np.sqrt(np.trace(covariance[:, :3, :3], axis1=1, axis2=2)))
 
@@ -168,7 +168,7 @@ def map_task(
     )
 
 
-# How well a calibrated tool point is known over a task.
+# How well a calibrated TCP is known over a task.
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

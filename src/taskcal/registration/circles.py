@@ -2,7 +2,7 @@
 
 The classical way, as in figure 6 of Gutiérrez et al.: turn one motor after the other; the circles' planes turn the
 robot's base, and their centres place it. A motor need not turn the tool about its own axis: behind a parallelogram the
-forearm keeps its direction while motor 2 turns, and the tool point describes a circle about a point that is not on
+forearm keeps its direction while motor 2 turns, and the TCP describes a circle about a point that is not on
 axis 2. So the nominal robot is put through the same fit as the measurements, and like is compared with like.
 
 It leans on the sweeps alone, where `register` uses every pose and the fit refines both frames. It is here to be held
@@ -145,7 +145,7 @@ def _suffices(angle: Float[np.ndarray, " k"]) -> bool:
 
 
 def _is_round(T: Float[np.ndarray, "k 4 4"], angle: Float[np.ndarray, " k"]) -> bool:
-    """Whether the tool point, and points a metre from it, stay on circles."""
+    """Whether the TCP, and points a metre from it, stay on circles."""
     y = T[:, :3].reshape(len(T), -1)
     A = _circular(angle)
     return bool(np.abs(y - A @ np.linalg.lstsq(A, y, rcond=None)[0]).max() < MAX_DEPARTURE)
@@ -169,7 +169,7 @@ def _measure(
     solve = np.linalg.pinv(A)
     c, u, v = solve @ y
     nominal = np.einsum("ak,kij->aij", solve, T[:, :3])
-    # tool point and tool axes turn about one direction; where the tool keeps its orientation, the point alone shows it
+    # TCP and tool axes turn about one direction; where the tool keeps its orientation, the point alone shows it
     turning = np.cross(nominal[1], nominal[2], axis=0).sum(axis=1)
     normal, unit_covariance = np.cross(u, v), solve @ solve.T
     radius = float(np.sqrt(np.linalg.norm(normal)))

@@ -242,7 +242,7 @@ IN_BASE_M, IN_BASE_RAD = 2e-3, 2e-3
 """How far the frame of a controller's own positions is found from the base: its own robot differs a little from the nominal."""
 
 TARGET_WITHIN = 1.0
-"""How far a target may be from the tool point, metres: tools are no longer, and where joints or points are wrong the target is
+"""How far a target may be from the TCP, metres: tools are no longer, and where joints or points are wrong the target is
 the first to be found far away."""
 
 
@@ -368,13 +368,13 @@ def check_targets(registration: Registration, campaign: Campaign, within: float)
     Args:
         registration: as found.
         campaign: the measurements.
-        within: how far from the tool point a target may be, metres.
+        within: how far from the TCP a target may be, metres.
     """
     distance = np.linalg.norm(registration.T_tool_target[:, :3, 3], axis=1)
     far = int(distance.argmax())
     if distance[far] > within:
         raise CampaignError(
-            f"{named_file(campaign)}target '{campaign.targets[far]}' is found {distance[far] * 1e3:.0f} mm from the tool point, "
+            f"{named_file(campaign)}target '{campaign.targets[far]}' is found {distance[far] * 1e3:.0f} mm from the TCP, "
             f"where at most {within * 1e3:.0f} mm are expected: check the joints of rows in rare orientations, and the tool in the "
             "robot file; if the target really is so far out, allow it (target_within, --target-within-mm)"
         )

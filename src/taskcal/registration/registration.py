@@ -125,7 +125,7 @@ class Registration:
     """Root mean square of the nominal robot's residual in space, metres."""
     unobservable: Float[np.ndarray, "offsets offsets"]
     """Projector onto the directions of all target offsets together, in the tool frame, that the poses do not determine:
-    zero in general; in one orientation a common shift of all targets. Along them the targets stay at the tool point."""
+    zero in general; in one orientation a common shift of all targets. Along them the targets stay at the TCP."""
     method: Method = "poses"
     """Found from all ``poses``, or from the ``circles`` of axes that turned alone."""
     file: str = ""

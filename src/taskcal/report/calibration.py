@@ -251,16 +251,16 @@ def parameters_section(calibration: Calibration) -> Section:
     return Section(
         "Parameters",
         Chart(
-            "Effect of every parameter on the tool point at the measured poses",
+            "Effect of every parameter on the TCP at the measured poses",
             draw_effects(sensitivity(geometry, calibration.q)),
-            "A high bar: a defect of one tolerance (1σ) moves the tool far. A bar near zero: it hardly matters here, and is "
-            "poorly determined by these poses. Along the robot's base axes, and in space.",
+            "A high bar: a geometric error of one tolerance (1σ) moves the tool far. A bar near zero: it hardly matters here, and "
+            "is poorly determined by these poses. Along the robot's base axes, and in space.",
             least_width=700,
         ),
         Chart(
             "Estimated parameters",
             draw_parameters({"fit": calibration}),
-            "Bars are two standard errors. A bar that crosses zero: the defect is not significant. Linearly dependent "
+            "Bars are two standard errors. A bar that crosses zero: the geometric error is not significant. Linearly dependent "
             "parameters share the estimate.",
             least_width=700,
         )
@@ -313,24 +313,24 @@ def _status(name: str, kept: bool, informed: bool | None, found: Identifiability
     if kept:
         return "estimated; determined only together with its dependent parameters" if dependent else "estimated"
     if name in found.zero:
-        return "left out: no effect on the tool point here"
+        return "left out: no effect on the TCP here"
     return "left out: linearly dependent here" if dependent else "left out by choice"
 
 
 def _tabulate_relations(model: ErrorModel, found: Identifiability) -> Table:
     """Exact linear dependence at the fitted poses."""
     symbols = {p.name: p.symbol or p.name for p in model.parameters}
-    rows = [(symbols[name], "0: no effect on the tool point") for name in found.zero]
+    rows = [(symbols[name], "0: no effect on the TCP") for name in found.zero]
     for name, terms in found.dependent.items():
         few = dict(sorted(terms.items(), key=lambda term: -abs(term[1]))[:MAX_TERMS])
         more = f" … ({len(terms) - MAX_TERMS} more)" if len(terms) > MAX_TERMS else ""
         rows.append((symbols[name], describe_combination(few, symbols) + more))
     return Table.of_rows(
         f"Linear dependence: {len(rows)} parameters equal others at the measured poses",
-        ("a defect in", "moves the tool point exactly as"),
+        ("a geometric error in", "moves the TCP exactly as"),
         rows,
         text_columns=(0, 1),
-        note="No measurement of the tool point at these poses separates the two sides; their estimate is shared in proportion to "
+        note="No measurement of the TCP at these poses separates the two sides; their estimate is shared in proportion to "
         "the tolerances. Per metre and radian.",
         folded=True,
     )
@@ -395,7 +395,9 @@ def draw_parameters(calibrations: Mapping[str, Calibration], truth: Float[np.nda
             marker = {"symbol": "diamond-open", "size": 11, "line": {"width": 2}}
             values = truth[columns] * unit.factor
             add_series(figure, "truth", names, values, VERMILION, legendgroup="truth", marker=marker, **shared)
-        figure.update_yaxes(title_text=f"{'effect' if effect else 'defect'} ({unit.name})", zeroline=True, **place)
+        figure.update_yaxes(
+            title_text=f"{'effect' if effect else 'geometric error'} ({unit.name})", zeroline=True, **place
+        )
         figure.update_xaxes(
             tickangle=-60, tickfont={"size": 11}, dtick=1 if len(columns) < MAX_TICKED else None, **place
         )
@@ -887,7 +889,7 @@ MAX_UNDETERMINED = 1e-6
 def describe_unobservable(registration: Registration) -> tuple[str, ...]:
     """Describe non-identifiable target offsets and the values assumed for them; empty for a target that is determined.
 
-    In directions that the poses do not determine, the target, or the mean of all targets, is held at the tool point. In
+    In directions that the poses do not determine, the target, or the mean of all targets, is held at the TCP. In
     the others it is estimated, however far away it is.
     """
     sentence = _describe_common(registration.unobservable)
@@ -899,14 +901,14 @@ def _describe_common(unlocated: Float[np.ndarray, "offsets offsets"]) -> str:
     directions = np.einsum("tisj->ij", unlocated.reshape(count, 3, count, 3)) / count
     common = np.kron(np.full((count, count), 1.0 / count), directions)
     if not np.allclose(common, unlocated, atol=MAX_UNDETERMINED):
-        return "offset not identifiable in every direction from these poses; there held as near to the tool point as possible"
+        return "offset not identifiable in every direction from these poses; there held as near to the TCP as possible"
     what = "offset" if count == 1 else "common offset of all targets"
     values, vectors = np.linalg.eigh(directions)
     rank = int((values > 0.5).sum())
     if rank == 3:
-        return f"{what} not identifiable from these poses; held at the tool point"
+        return f"{what} not identifiable from these poses; held at the TCP"
     where = f"along {_axis(vectors[:, -1])}" if rank == 1 else f"across {_axis(vectors[:, 0])}"
-    return f"{what} not identifiable {where} of the tool from these poses; held at the tool point there"
+    return f"{what} not identifiable {where} of the tool from these poses; held at the TCP there"
 
 
 def _axis(direction: Float[np.ndarray, " 3"]) -> str:
@@ -1056,12 +1058,12 @@ def _task_section(over: Uncertainty) -> Section:
     reach = f" {over.unreachable:.1%} of its poses are out of reach and left out." if over.unreachable else ""
     text = (
         f"Standard uncertainty over {over.task}, 3D, rms. Measured target in the tracker frame: {over.target * 1e3:.3f} mm; tool "
-        f"point in the tracker frame: {over.after * 1e3:.3f} mm. By the tolerances alone, in the robot's base: tool point "
+        f"point in the tracker frame: {over.after * 1e3:.3f} mm. By the tolerances alone, in the robot's base: TCP "
         f"{over.before * 1e3:.3f} mm. Model error adds to these.{reach}"
     )
     difference = (
         "Measurements of a single target locate that target, not its offset from the tool. The offset is estimated by the fit, so "
-        "that the tool point is only as certain as the tolerances of tool and last axis; several targets, or measured poses, "
+        "that the TCP is only as certain as the tolerances of tool and last axis; several targets, or measured poses, "
         "reduce its uncertainty."
     )
     if over.slices:

@@ -135,7 +135,7 @@ def plan_scene(model: ErrorModel, plan: Plan, space: Workspace | None) -> Scene:
         strokes("path from pose to pose", [points], GREY, width=1, dash=True),
         strokes("axis of the tool", stems, BLUE),
         coloured_points(
-            f"tool points, dark 0 to bright {last} in the order of measuring",
+            f"TCPs, dark 0 to bright {last} in the order of measuring",
             points,
             np.arange(len(points), dtype=float),
             (0.0, float(max(last, 1))),

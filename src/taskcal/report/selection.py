@@ -166,7 +166,7 @@ def _which(model: ErrorModel, selection: Selection, effects: Sensitivity) -> Sec
         f"Selected: {kept or 'none, only tracker frame and targets'}.",
         tabulate_dropped(selection, model),
         Chart(
-            "Effect of every parameter on the tool point",
+            "Effect of every parameter on the TCP",
             draw_effects(effects),
             "Over the task's poses, along the robot's base axes and in space. A large effect does not make a parameter "
             "necessary: it may depend linearly on others, or move the task as tracker frame and targets do.",

@@ -223,7 +223,7 @@ def tabulate_effects(found: Sensitivity) -> Table:
         f"All {len(parameters)} parameters in numbers",
         columns,
         range(len(parameters)),
-        note="Per unit of the parameter; then in mm for a defect of one tolerance (1σ).",
+        note="Per unit of the parameter; then in mm for a geometric error of one tolerance (1σ).",
         folded=True,
     )
 
@@ -278,9 +278,9 @@ def _effects(found: Sensitivity, table: EliminationTable, told_apart: Distinguis
             ),
         ),
         Chart(
-            "Effect of every parameter on the tool point",
+            "Effect of every parameter on the TCP",
             draw_effects(found),
-            "A high bar: an ordinary defect moves the tool far. No bar: the parameter has no effect at these poses. Along "
+            "A high bar: an ordinary geometric error moves the tool far. No bar: the parameter has no effect at these poses. Along "
             "the base axes and in space, nominal model. A tolerance is one standard deviation.",
             least_width=700,
         ),
@@ -294,7 +294,7 @@ def _elimination(
     """Exactly independent parameters, and the directions that noise leaves determined."""
     eliminated = next(iter(table.eliminations.values()))
     counts = (
-        f"{len(eliminated.zero)} parameters have no effect on the tool point, {len(eliminated.dependent)} equal a combination of "
+        f"{len(eliminated.zero)} parameters have no effect on the TCP, {len(eliminated.dependent)} equal a combination of "
         f"others, {len(eliminated.kept)} are independent. Tracker frame and targets, which are dependent on some of these too, are "
         "not counted here."
     )

@@ -109,6 +109,6 @@ def _frame(study: Study) -> str:
     if not study.aligned:
         return "in the tracker frame"
     return (
-        "after teaching work frame and tool point with the calibrated robot, so that all instruments are judged alike; median "
+        "after teaching work frame and TCP with the calibrated robot, so that all instruments are judged alike; median "
         f"error of a robot that is not calibrated: {1e3 * float(np.median(study.before)):.2f} mm"
     )

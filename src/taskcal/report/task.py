@@ -107,7 +107,7 @@ def draw_bands(bands: Mapping[str, Float[np.ndarray, "n 3"]]) -> go.Figure:
                 figure, label, both_x, both_y, fill, fill="toself", fillcolor=fill, width=0.5, legendgroup=label,
                 showlegend=row == 1, **shared,
             )  # fmt: skip
-            hover = "pose %{x}: ±%{y:.3f} mm (95 %)"
+            hover = "pose %{x}: 95 % interval ±%{y:.3f} mm"
             add_series(
                 figure,
                 label,
@@ -171,8 +171,8 @@ def task_section(model: ErrorModel, maps: TaskMaps | TaskCurves, identified: str
             Chart(
                 "3D effect of a single parameter's tolerance",
                 draw_maps(maps.coarse, {labels[name]: maps.effects[name] for name in strongest}, from_zero=True),
-                "One colour all over: the defect moves the whole task equally. Bright corners: it matters there most. Choose "
-                "the parameter in the list, which begins with the strongest. Each has its own scale of colours.",
+                "One colour all over: the geometric error moves the whole task equally. Bright corners: it matters there most. "
+                "Choose the parameter in the list, which begins with the strongest. Each has its own scale of colours.",
                 least_width=700,
             ),
         )

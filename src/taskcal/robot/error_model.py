@@ -346,7 +346,7 @@ class ErrorModel:
         Args:
             q: controller joint positions, radians (metres where a joint slides).
             x: parameter values, metres and radians; the nominal robot by default.
-            angular: all six rows, else the three of the tool point.
+            angular: all six rows, else the three of the TCP.
             out: where to write them, best what an earlier call gave; new memory takes as long as the sensitivities do.
 
         Raises:

@@ -25,7 +25,7 @@ class ModelError:
     """Gears, compliance, backlash, temperature: what stays when the geometry is known."""
 
     position: float
-    """Standard deviation per axis of the tool point at a pose, metres."""
+    """Standard deviation per axis of the TCP at a pose, metres."""
     source: str
     """Where the figure comes from, in words."""
 
@@ -163,7 +163,7 @@ class Robot:
     statics: Statics
     """Masses, payload, stiffness and the direction of gravity."""
     link_radii: tuple[float, ...] | None
-    """Radii of the capsules around the links, from base to first joint, joint to joint, last joint to tool point, metres;
+    """Radii of the capsules around the links, from base to first joint, joint to joint, last joint to TCP, metres;
     None where the file does not say."""
     tolerances: Tolerances
     symbols: Mapping[str, str]

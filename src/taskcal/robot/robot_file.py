@@ -363,7 +363,7 @@ class RobotFile(Section):
         if self.link_radii_mm is not None and len(self.link_radii_mm) != len(names) + 1:
             raise ValueError(
                 f"link_radii_mm has {len(self.link_radii_mm)} values; {len(names)} joints have {len(names) + 1} links: base to "
-                "first joint, joint to joint, last joint to tool point"
+                "first joint, joint to joint, last joint to TCP"
             )
         weightless = [joint.name for joint in self.own if joint.mass_kg is None]
         if 0 < len(weightless) < len(names):

@@ -82,7 +82,7 @@ Vector = tuple[float, float, float]
 @short_repr
 @dataclass(frozen=True, kw_only=True)
 class Load:
-    """A payload and a constant force and moment at the tool point, such as those of a cut.
+    """A payload and a constant force and moment at the TCP, such as those of a cut.
 
     Raises:
         TaskcalError: a value that is not a finite number, a mass below zero, or axes that do not exist.
@@ -93,7 +93,7 @@ class Load:
     centre: Vector = (0.0, 0.0, 0.0)
     """Centre of the payload's mass in the controller's flange frame, metres."""
     force: Vector = (0.0, 0.0, 0.0)
-    """On the tool, at the tool point, newtons."""
+    """On the tool, at the TCP, newtons."""
     moment: Vector = (0.0, 0.0, 0.0)
     """On the tool, newton metres."""
     axes: Literal["base", "tool"] = "base"

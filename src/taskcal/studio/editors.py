@@ -424,7 +424,7 @@ class StationEditor:
             button(texts("station.begin"), lambda: self._begin(robot), plain=True)
 
     def _begin(self, robot: Robot) -> None:
-        """Begin with a tracker before the robot, and one reflector at the tool point."""
+        """Begin with a tracker before the robot, and one reflector at the TCP."""
         path = self._project.put(LAYOUT.stations, "station.toml", first_station(robot).encode(), STATION_ENDINGS)
         self._project.choose(station=path)
         ui.navigate.reload()
@@ -445,7 +445,7 @@ class StationEditor:
 
 
 def first_station(robot: Robot) -> str:
-    """A station file to begin with: a tracker before the robot, and a reflector at the tool point that is seen from everywhere."""
+    """A station file to begin with: a tracker before the robot, and a reflector at the TCP that is seen from everywhere."""
     away = float(np.ceil(TRACKER_DISTANCE * robot.reach * 10.0) * 100.0)
     content: dict[str, Any] = {
         "position_mm": [away, -0.5 * away, 0.25 * away],

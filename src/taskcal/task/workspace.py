@@ -1,4 +1,4 @@
-"""A workspace: where the tool point is, and how the tool is turned."""
+"""A workspace: where the TCP is, and how the tool is turned."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -35,7 +35,7 @@ class Orientation:
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Workspace:
-    """A box or a cylinder of tool points, with the orientations the tool takes in it."""
+    """A box or a cylinder of TCPs, with the orientations the tool takes in it."""
 
     T_base_frame: Float[np.ndarray, "4 4"]
     """Pose of the workspace's frame in the robot's base."""

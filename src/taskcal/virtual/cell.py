@@ -276,7 +276,7 @@ class SimulationOptions:
     x: Float[np.ndarray, " p"] | None = None
     """The true robot's defects; None to draw them from the tolerances."""
     targets: Mapping[str, Float[np.ndarray, " 3"]] | None = None
-    """Target centres in the tool frame, metres; None for one at the tool point."""
+    """Target centres in the tool frame, metres; None for one at the TCP."""
     pose: bool = False
     """Measure poses of the first target instead of points."""
     noise: TrackerNoise | None = None
@@ -337,7 +337,7 @@ class SimulationOptions:
         return all(kind.in_tracker for kind in self.kinds.values())
 
     def reflectors_beside(self, others: set[str]) -> dict[str, Float[np.ndarray, " 3"]]:
-        """The targets that a tracker measures: one at the tool point where all that are named are measured otherwise."""
+        """The targets that a tracker measures: one at the TCP where all that are named are measured otherwise."""
         named = {name: np.asarray(at, dtype=float) for name, at in (self.targets or {}).items() if name not in others}
         named = named or {"tool": np.zeros(3)}
         return dict(list(named.items())[:1]) if self.pose else named
@@ -360,7 +360,7 @@ def simulate(
 
             ``x``: the true robot's defects; drawn from the tolerances by default.
 
-            ``targets``: target centres in the tool frame, metres; one at the tool point by default.
+            ``targets``: target centres in the tool frame, metres; one at the TCP by default.
 
             ``pose``: measure poses of the first target instead of points.
 

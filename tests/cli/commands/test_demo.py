@@ -94,7 +94,7 @@ def test_demo_closed_loop_program_can_be_reproduced(run: Run, folder: Path, monk
     assert ended.status == 0
     (robot,) = ended.json["closed_loop"]
     assert robot["before_max_mm"] > 1.0 > 0.5 > robot["touched_off_max_mm"] > 2.0 * robot["after_max_mm"]
-    assert robot["effects"] == ["compliance (±3 mrad)", GEARS.name, "warming up in 60 min"]
+    assert robot["effects"] == ["compliance (expected σ 3 mrad)", GEARS.name, "warming up in 60 min"]
     files = {label: Path(path) for label, path in ended.json["files"].items()}
     again = run(
         "correct", "-c", files["calibration for milling"], "--cell", files["cell"], files["touched-off program"], "-o",

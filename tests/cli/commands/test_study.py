@@ -146,7 +146,7 @@ def test_ways_to_measure_stand_in_one_table(run: Run, ask: list[object], cell: P
     assert {line["plan"] for line in ended.json["summary"]} == {"random"}
     assert all(line["median_mm"] < ended.json["before_mm"]["median"] for line in ended.json["summary"])
     page = (tmp_path / "study.html").read_text(encoding="utf-8")
-    assert "after teaching work frame and tool point with the calibrated robot" in page
+    assert "after teaching work frame and TCP with the calibrated robot" in page
     shown = run(*of)
     assert shown.status == 0
     assert "measured by" in shown.out

@@ -50,7 +50,7 @@ def test_load_path_slope_is_that_of_differences(name, effect):
 @settings(max_examples=15)
 @given(cases(prismatic=False, min_joints=3))
 def test_a_weight_puts_on_a_motor_the_torque_of_virtual_work(case: Case):
-    """The weight at the tool point lowers it by lever · turn; the lever is minus the motor's column of its height."""
+    """The weight at the TCP lowers it by lever · turn; the lever is minus the motor's column of its height."""
     assert_torques_are_of_virtual_work(case.model, case.q)
 
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 # Measuring programs that ``taskcal plan`` writes beside the plan.
 
 SLOW = 0.02
-"""Speed of the tool point into a socket and out of it, in RAPID, metres per second."""
+"""Speed of the TCP into a socket and out of it, in RAPID, metres per second."""
 
 
 class Stop(NamedTuple):

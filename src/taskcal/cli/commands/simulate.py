@@ -31,7 +31,7 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.virtual.cell import Truth
 
 REFLECTORS_MM = {"smr1": (60.0, 10.0, -20.0), "smr2": (-45.0, 55.0, 15.0), "smr3": (-20.0, -70.0, 35.0)}
-"""Three reflectors about the tool point, in the tool frame, not on a line and no two alike."""
+"""Three reflectors about the TCP, in the tool frame, not on a line and no two alike."""
 
 
 MEASURING = "measuring"

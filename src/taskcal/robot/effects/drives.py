@@ -190,7 +190,7 @@ def _is_new(column: Float[np.ndarray, " n"], others: list[Float[np.ndarray, " n"
 class MotorTorque:
     """Torque of all known loads on every motor, newton metres (newtons where it slides), in the nominal geometry.
 
-    The weights of links and payload, the force and moment at the tool point, and the torque of the robot's spring: a force
+    The weights of links and payload, the force and moment at the TCP, and the torque of the robot's spring: a force
     f and a moment m at a point put on motor j the torque Jv_jᵀ f + Jw_jᵀ m, with J the point's columns.
     """
 
@@ -198,7 +198,7 @@ class MotorTorque:
     """Chains that carry a body, its weight in base axes, newtons, and its centre in the frame of the chain's end, metres."""
     tool: Chain
     wrench: Float[np.ndarray, " 6"]
-    """At the tool point, newtons and newton metres."""
+    """At the TCP, newtons and newton metres."""
     turning: bool
     """Whether force and moment turn with the tool."""
     robot: Robot
@@ -296,7 +296,7 @@ class Compliance(Effect):
     coupling without a four-bar is the controller's way of counting, and each drive yields about its own axis.
 
     Where the robot file states the masses, each joint has one compliance, which acts on the torque of all known loads
-    together. Where it does not, each motor has a parameter for a weight at each later joint and at the tool point: the
+    together. Where it does not, each motor has a parameter for a weight at each later joint and at the TCP: the
     product of compliance and weight, so that neither must be known.
     """
 
@@ -310,7 +310,7 @@ class Compliance(Effect):
     @property
     def details(self) -> str:
         """The tolerance, where it is not the default."""
-        return "" if self.tolerance == DEFLECTION else f" (±{self.tolerance * 1e3:g} mrad)"
+        return "" if self.tolerance == DEFLECTION else f" (expected σ {self.tolerance * 1e3:g} mrad)"
 
     def under(self, load: Load) -> "Compliance":
         """Return the effect for another load."""
@@ -327,9 +327,9 @@ class Compliance(Effect):
             total = deviation + (0.0 if stiffness is None else 1.0 / stiffness)
             if total < -CERTAIN_SIGMAS * error:
                 out.append(
-                    f"the compliance of {joint} is {total * unit.factor:.3g} ± {error * unit.factor:.2g} {unit.name}, but no "
-                    "drive yields against its load: something else there has the shape of gravity; do not predict other "
-                    "loads with it"
+                    f"the compliance of {joint} is {total * unit.factor:.3g} {unit.name} (standard error "
+                    f"{error * unit.factor:.2g}), but no drive yields against its load: something else there has the shape of "
+                    "gravity; do not predict other loads with it"
                 )
         return out
 

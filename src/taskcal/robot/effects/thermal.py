@@ -114,7 +114,7 @@ class ThermalExpansion(Effect, abstract=True):
 
 
 def _links(robot: Robot) -> list[tuple[int, Float[np.ndarray, " 3"]]]:
-    """The way from the base (−1) and from each joint to the next, or to the tool point, in the frame where it begins."""
+    """The way from the base (−1) and from each joint to the next, or to the TCP, in the frame where it begins."""
     poses = [np.eye(4)]
     for step in robot.steps():
         if isinstance(step, Fixed):
