@@ -299,15 +299,15 @@ def test_parameters_are_drawn_in_millimetres_and_milliradians(
     figure = draw_parameters({"whole": fits["whole"]}, truth.x)
     drawn = np.concatenate([trace.y for trace in figure.data if trace.name == "truth"])
     assert sorted(drawn) == pytest.approx(sorted(truth.x * 1e3))
-    assert "defect (mm)" in axis_titles(figure)
-    assert "defect (mrad)" in axis_titles(figure)
+    assert "geometric error (mm)" in axis_titles(figure)
+    assert "geometric error (mrad)" in axis_titles(figure)
 
 
 def test_parameters_figure_has_a_panel_for_each_unit(fitted: tuple[Calibration, ResidualAnalysis]) -> None:
     calibration, _ = fitted
     figure = draw_parameters({"fit": calibration})
     titles = [figure.layout[f"yaxis{k}"].title.text for k in ("", 2, 3, 4)]
-    assert titles == ["defect (mm)", "defect (mrad)", "effect (mrad/m)", "effect (mrad/rad)"]
+    assert titles == ["geometric error (mm)", "geometric error (mrad)", "effect (mrad/m)", "effect (mrad/rad)"]
     drawn = np.concatenate([np.asarray(trace.y, dtype=float) for trace in figure.data])
     np.testing.assert_allclose(np.sort(drawn), np.sort(calibration.estimate * 1e3))
 
