@@ -101,7 +101,7 @@ def test_published_ur10_file_needs_only_column_names(
     rows = [";".join(f"{v:.9g}".replace(".", ",") for v in row) for row in np.stack(columns, 1)]
     Path("measurements_joint_configurations.csv").write_text("\n".join([";".join(names), *rows]) + "\n")
     result = check(run, "ur10")
-    stated = re.search(r"left with ([\d.]+) mrad", PAGE)
+    stated = re.search(r"held-out rows is ([\d.]+) mrad", PAGE)
     assert stated is not None
     assert result["held_out"]["mean_mrad"] == pytest.approx(float(stated[1]), abs=6e-3)
 

@@ -467,8 +467,8 @@ class Observation(ABC):
     def of_description(cls, content: Mapping[str, Any]) -> "Observation":
         """Make it from what `describe` gave, or a file has of it, without rows."""
         records = {field: tuple(record(**one) for one in content[field]) for field, record in cls.parts.items()}
-        made: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
-        return cls(**(made | records))
+        made: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()} | records
+        return cls(**made)
 
 
 def kinds() -> tuple[type[Observation], ...]:

@@ -25,7 +25,7 @@ from taskcal.task.task import TaskPoses
 
 LANDMARKS = 40
 """Poses of the task on which the field is approximated: 0.9 % of its variance over the task stay white, and 12 % over candidates
-(IRB 6660, reference task; 3 % and 21 % with 20 landmarks, 0.2 % and 7 % with 80)."""
+(six axes with a parallelogram, a box of 500 × 700 × 500 mm; 3 % and 21 % with 20 landmarks, 0.2 % and 7 % with 80)."""
 
 FIELD_LENGTH = 2.0
 """Length scale of the field, standard deviations of each joint's positions among the candidates. A convention: errors are alike

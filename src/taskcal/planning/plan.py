@@ -159,8 +159,8 @@ class Plan:
 
 # How poses are chosen: one frozen value.
 
-# The figures of the experiment below are of 30 poses for an IRB 6660 over its reference task: the expected error by which
-# poses are chosen, micrometres.
+# The figures of the experiment below are of 30 poses for a machining robot of 1.9 m with a parallelogram: the expected error by
+# which poses are chosen, micrometres.
 
 CANDIDATES = 10_000
 """Poses to choose among: 20.5 of 1000 or 3000, 20.4 of 10 000, which take a second."""
@@ -510,8 +510,8 @@ class PoseChoice:
 
 
 RANDOM_PLANS = 20
-"""Random plans whose expected errors are compared with that of a plan: they scatter by 6 % (IRB 6660, 30 poses), and their mean by
-less than 2 %."""
+"""Random plans whose expected errors are compared with that of a plan: they scatter by 6 % (30 poses of a machining robot),
+and their mean by less than 2 %."""
 
 POOL_FACTOR, MIN_POOL_POSES, POOL_SEED = 10, 600, 77
 """Poses that random plans are drawn from, for each of theirs and at least, so that two plans have few in common; and what their
