@@ -330,13 +330,22 @@ GROUPS = {
     "robot_programs.languages": "from robot_programs.languages import languages; assert languages()[-1].name == 'PTS'",
 }
 
+SEPARATOR = "\n---- another group\n"
 
-@pytest.mark.parametrize("group", GROUPS)
-def test_broken_package_is_named_and_hides_no_other(run: Run, tmp_path: Path, group: str) -> None:
-    write_package(tmp_path, "aaa_broken", "import of_nothing", f"[{group}]\nthing = aaa_broken:THING\n")
-    said = run("-c", GROUPS[group], others=(tmp_path,))
-    assert "the package 'aaa_broken' cannot add" in said
-    assert "ModuleNotFoundError: No module named 'of_nothing'" in said
+
+def said_of_each_group(run: Run, others: Path) -> list[str]:
+    """What is said at the use of each group, in one process."""
+    lines = [f"import sys\nsys.stderr.write({SEPARATOR!r})\n{code}\nsys.stderr.flush()" for code in GROUPS.values()]
+    _, *said = run("-c", "\n".join(lines), others=(others,)).split(SEPARATOR)
+    return said
+
+
+def test_broken_package_is_named_and_hides_no_other(run: Run, tmp_path: Path) -> None:
+    entries = "".join(f"[{group}]\nthing = aaa_broken:THING\n" for group in GROUPS)
+    write_package(tmp_path, "aaa_broken", "import of_nothing", entries)
+    for group, said in zip(GROUPS, said_of_each_group(run, tmp_path), strict=True):
+        assert "the package 'aaa_broken' cannot add" in said, group
+        assert "ModuleNotFoundError: No module named 'of_nothing'" in said, group
 
 
 TWICE = {
@@ -365,13 +374,13 @@ TWICE = {
 """A module that takes a name or an ending of the example's."""
 
 
-@pytest.mark.parametrize("group", GROUPS)
-def test_name_of_another_package_is_refused_naming_both(run: Run, tmp_path: Path, group: str) -> None:
-    module, entry = TWICE[group]
-    write_package(tmp_path, "zzz_twice", module, f"[{group}]\nthing = zzz_twice:{entry}\n")
-    said = run("-c", GROUPS[group], others=(tmp_path,))
-    assert "the package 'zzz_twice' cannot add" in said
-    assert "taskcal-example" in said or "taskcal_example" in said
+def test_name_of_another_package_is_refused_naming_both(run: Run, tmp_path: Path) -> None:
+    for k, (group, (module, entry)) in enumerate(TWICE.items()):
+        write_package(tmp_path, f"zzz_twice{k}", module, f"[{group}]\nthing = zzz_twice{k}:{entry}\n")
+    assert list(TWICE) == list(GROUPS)
+    for k, said in enumerate(said_of_each_group(run, tmp_path)):
+        assert f"the package 'zzz_twice{k}' cannot add" in said
+        assert "taskcal-example" in said or "taskcal_example" in said, said
 
 
 def test_help_loads_no_package(run: Run, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What a calibration says of its own uncertainty holds, over hundreds of true robots drawn from the prior."""
+"""What a calibration says of its own uncertainty holds, over many true robots drawn from the prior."""
 
 import numpy as np
 import pytest
@@ -19,10 +19,13 @@ MANY = pytest.param(400, marks=pytest.mark.long)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("spread_deg", "campaigns"),
-    [(20.0, 400), *(pytest.param(spread, 1000, marks=pytest.mark.long) for spread in (20.0, 0.0))],
+    [(20.0, 100), *(pytest.param(spread, 1000, marks=pytest.mark.long) for spread in (20.0, 0.0))],
 )
 def test_interval_coverage_is_nominal_and_error_is_near_bound(spread_deg, campaigns):
-    """Intervals have their nominal coverage, and the error is near its lower bound."""
+    """Intervals have their nominal coverage, and the error is near its lower bound.
+
+    Of 100 robots the coverage has a standard error of 0.006, and the ratio to the bound one of 3 %; of 1000, 0.002 and 1 %.
+    """
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     task = reference_task(np.radians(spread_deg))
     measured, unseen = reach_task(model, task, 60), reach_task(model, task, 50, seed=1)

@@ -106,10 +106,10 @@ def test_extended_campaign_lowers_expected_error(model, listed, pool):
 
 
 def test_a_plan_among_given_joints_takes_these(model):
-    q = reach_task(model, TASK, 80, 5).q
+    q = reach_task(model, TASK, 30, 5).q
     made = plan(model, TASK, 10, candidates=q)
     np.testing.assert_array_equal(made.q, q[list(made.rows)])
-    everything = plan(model, TASK, 80, candidates=q)
+    everything = plan(model, TASK, 30, candidates=q)
     assert everything.expected < made.expected < made.random.mean()
 
 

@@ -1,6 +1,6 @@
 """What a folder shows, and for whom a module is there."""
 
-import ast
+import re
 from collections import defaultdict
 from functools import cache
 from pathlib import Path
@@ -54,13 +54,13 @@ ONE_IMPORTER = {
 
 @cache
 def imported(path: Path) -> set[str]:
-    """Modules that a file imports, wherever it does so."""
+    """Modules that a file imports, wherever it does so; by its lines, for syntax trees of all files take seconds."""
     found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-        elif isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+    text = path.read_text(encoding="utf-8")
+    for module, names in re.findall(r"^[ \t]*from ([\w.]+) import (\([^)]*\)|.*)", text, re.MULTILINE):
+        found |= {module, *(f"{module}.{name}" for name in re.findall(r"\w+", names))}
+    for names in re.findall(r"^[ \t]*import (.*)", text, re.MULTILINE):
+        found |= set(re.findall(r"[\w.]+", names))
     return found & set(MODULES)
 
 

@@ -47,6 +47,7 @@ def test_the_panda_at_places_that_were_not_fitted(data_folder: Path, distances: 
     assert max(errors) < 0.96
 
 
+@pytest.mark.long
 def test_effects_that_extrapolate_worse_are_dropped(data_folder: Path) -> None:
     """At one place single rows are predicted better with effects, and sockets elsewhere much worse."""
     folder = data_folder / "panda_sockets"

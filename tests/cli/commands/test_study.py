@@ -114,7 +114,7 @@ def test_what_cannot_be_studied(run: Run, ask: list[object], cell: Path, tmp_pat
         assert said in ended.err
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_cluster_of_other_processes_gives_the_same_rows(run: Run, ask: list[object], tmp_path: Path) -> None:
     small = [*ask, "--robots", "2", "--counts", "10", "--plans", "random"]
     assert run(*small, "-o", tmp_path / "serial.csv").status == 0
