@@ -14,9 +14,11 @@ from taskcal.identification.layout import layout_of, prior_of
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import problem_of
 from taskcal.registration.registration import register
+from taskcal.virtual.cell import simulate
 from tests.identification.arms import arm, defects
 from tests.laws.campaigns import measure
 from tests.laws.robots import industrial_positions
+from tests.reading.virtual_task import MODEL, postures
 
 KINDS = {"points": {"targets": 2, "lost": 0.2}, "poses": {"pose": True, "rotation_sigma": 3e-4}}
 
@@ -57,6 +59,20 @@ def test_model_error_and_prior_scale_maximise_the_marginal_likelihood(kind: str)
     best = scipy.optimize.minimize(negative, found, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-6}).x
     # a tenth of their standard errors: 0.1 of either variance's logarithm and more
     np.testing.assert_allclose(found, best, atol=1.5e-2)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 5])
+def test_model_error_of_few_lengths_is_as_probable_as_any_other(seed: int) -> None:
+    """No model error that is given makes 36 lengths, fewer than the unknowns, more probable than the one that is found.
+
+    One within two standard errors of zero may be taken for zero, which costs two of log evidence at most.
+    """
+    x = 0.5 * MODEL.tolerances * np.random.default_rng(seed).normal(size=len(MODEL))
+    rng = np.random.default_rng((seed, 1))
+    campaign, _ = simulate(MODEL, postures(36, seed), rng=rng, x=x, observe="wire", model_error=3e-4)
+    found = identify(MODEL, campaign)
+    others = [identify(MODEL, campaign, model_error=error).log_evidence for error in (0.0, 1e-4, 2e-4, 3e-4)]
+    assert found.log_evidence > max(others) - 2.0
 
 
 def test_hyperparameters_of_many_rows_are_sought_on_some(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -169,6 +169,10 @@ MAX_SEARCH_STEPS = 40
 SETTLED_GAIN = 1e-4
 """Expected gain of log posterior by a step about one estimate at which it has settled: a hundredth of a standard error."""
 
+REVERSED_SHARE = 0.5
+"""Share of a log variance's last change that a change back may have, at most: steps that go to and fro shrink, as in a bisection.
+Without it, variances of as few numbers as there are parameters swing between two values for ever."""
+
 SETTLED_SIZE = 1e-2
 """Change of a log variance by such a step at which sizes have settled. A convention: 0.5 % in size."""
 
@@ -444,14 +448,32 @@ def search_about(
     at = one.problem.linearise(z, joints=bool(len(errors.joints)))
     weights, deviations = np.ones(len(one.problem.q)), np.zeros(len(errors.variances))
     fitted, moved = _fit_once(one, z, at, errors, weights, options, sizes, steps=1), np.inf
+    last = np.zeros(len(errors.variances))
     for _ in range(MAX_SEARCH_STEPS):
         errors, weights, gain, deviations = _score(fitted)
+        if errors.searched:
+            errors, last = _without_cycles(fitted.errors, errors, last)
         if gain < SETTLED_GAIN and moved < SETTLED_SIZE:
             break
         sizes = fitted.found.log_variances
         fitted = _fit_once(one, z, at, errors, weights, options, sizes, steps=1)
         moved = float(np.abs(fitted.found.log_variances - sizes).max(initial=0.0))
     return fitted, errors, deviations
+
+
+def _without_cycles(
+    before: PoseNoise, after: PoseNoise, last: Float[np.ndarray, " k"]
+) -> tuple[PoseNoise, Float[np.ndarray, " k"]]:
+    """A step of the scoring, shortened where a log variance turns back, and the changes of the log variances by it.
+
+    Args:
+        before: where the step starts.
+        after: where it ends.
+        last: changes of the log variances by the step before.
+    """
+    change, most = np.log(after.variances / before.variances), REVERSED_SHARE * np.abs(last)
+    change = np.where(change * last < 0.0, np.clip(change, -most, most), change)
+    return after.with_variances(before.variances * np.exp(change)), change
 
 
 def _fit_once(
