@@ -80,8 +80,8 @@ def test_mistakes_of_poses(mistake):
 
 @pytest.mark.slow
 def test_doctor_finds_two_mistakes_together():
-    robot = load_robot("abb-irb120")
-    sound = virtual("abb-irb120", rows=24)
+    robot = load_robot("ur5")
+    sound = virtual("ur5", rows=16)
     q = sound.q * np.array([1.0, -1.0, 1.0, 1.0, 1.0, 1.0]) + np.array([0.0, 0.0, 0.0, np.pi / 2, 0.0, 0.0])
     found = diagnose(replace(sound, q=q), robot)
     assert {(f.id, f.subject) for f in found.findings[:2]} == {("joint-sign", ("J2",)), ("joint-zero", ("J4",))}

@@ -32,12 +32,12 @@ def measured(seed: int, kind: type[Effect] = Backlash, b: float = 3e-4, count: i
 def test_identify_recovers_lost_motion_within_standard_errors(kind):
     """Identified lost motion is within its standard errors of the true value."""
     scaled = []
-    for seed in range(12):
+    for seed in range(8):
         model, campaign, truth = measured(seed, kind)
         found = identify(model, campaign)
         scaled.append((found.estimate[-3:] - truth.x[-3:]) / found.standard_errors[-3:])
         assert found.standard_errors[-3:].max() < 5e-5
-    assert (np.abs(scaled) < 3.0).sum() >= 35
+    assert (np.abs(scaled) < 3.0).sum() >= 23  # of 24
     assert 0.75 < np.sqrt(np.mean(np.square(scaled))) < 1.25
 
 

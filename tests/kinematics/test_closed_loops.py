@@ -83,8 +83,8 @@ def test_no_solver_leads_beyond_the_loop_s_singular_position(lengths):
         turn = found[:, 2] - found[:, 1] - 0.5 * (low + high)
         assert (np.abs(np.angle(np.exp(1j * turn))) <= 0.5 * (high - low) + 0.01).all()
 
-    seeds = rng.uniform(-np.pi, np.pi, (40 * len(q), 6))
-    near = solve_near(model, np.repeat(T, 40, axis=0), seeds, iterations=60)
+    seeds = rng.uniform(-np.pi, np.pi, (20 * len(q), 6))
+    near = solve_near(model, np.repeat(T, 20, axis=0), seeds, iterations=60)
     assert_between_the_ends(near.q[near.reached])
     assert_between_the_ends(np.concatenate([find_postures(model, pose) for pose in T[:3]]))
     followed = follow(model, T, q[0])

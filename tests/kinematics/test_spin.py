@@ -49,7 +49,7 @@ def check(model: ErrorModel, T: np.ndarray, spun, tip: np.ndarray | None = None)
 
 
 @given(generators)
-@settings(max_examples=4)
+@settings(max_examples=2)
 def test_spin_of_the_given_path_does_not_matter(rng):
     """Paths that a robot can follow are followed whatever spin they are given with."""
     model = ErrorModel(ROBOT)

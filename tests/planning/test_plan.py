@@ -188,7 +188,14 @@ def test_pose_count_forecast_agrees_with_plan_under_model_error():
 
 
 @pytest.mark.parametrize(
-    "lengths", [(500.0, 700.0, 500.0, 700.0), (500.0, 1300.0, 400.0, 700.0), (734.0, 288.0, 664.0, 385.0)]
+    "lengths",
+    [
+        (500.0, 1300.0, 400.0, 700.0),
+        *(
+            pytest.param(lengths, marks=pytest.mark.long)
+            for lengths in ((500.0, 700.0, 500.0, 700.0), (734.0, 288.0, 664.0, 385.0))
+        ),
+    ],
 )
 def test_plan_stays_before_singularity_of_loop(lengths):
     """Of a robot that nothing but its loop keeps from there, around poses near the end of the loop's range."""

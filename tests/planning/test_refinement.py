@@ -33,10 +33,9 @@ def test_refinement_keeps_what_the_station_sees(model):
 
 
 def test_refinement_never_makes_a_plan_worse(model, listed):
-    for seed in range(2):
-        expected = [plan(model, listed, 6, candidates=80, refine=rounds, seed=seed).expected for rounds in (0, 1, 2)]
-        assert np.all(np.diff(expected) <= 1e-12)
-        assert expected[2] < expected[0]
+    expected = [plan(model, listed, 6, candidates=80, refine=rounds).expected for rounds in (0, 1, 2)]
+    assert np.all(np.diff(expected) <= 1e-12)
+    assert expected[2] < expected[0]
 
 
 def test_refined_poses_stay_in_the_room_that_measuring_may_take():

@@ -147,7 +147,7 @@ def test_a_list_of_poses_has_no_slices(model):
 @pytest.mark.parametrize(
     ("pose", "spread_deg", "robots"),
     [
-        (False, 0.0, 80),
+        (False, 0.0, 50),
         *(
             pytest.param(pose, spread, 200, marks=pytest.mark.long)
             for pose, spread in ((False, 0.0), (False, 20.0), (True, 20.0))

@@ -32,7 +32,7 @@ def test_poses_are_the_product_with_error_frames(kind):
 
 @pytest.mark.parametrize("kind", ANY)
 def test_jacobian_is_the_derivative_of_the_poses(kind):
-    @settings(max_examples=12)
+    @settings(max_examples=8)
     @given(ANY[kind])
     def law(case):
         model = case.model

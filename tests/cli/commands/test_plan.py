@@ -133,7 +133,7 @@ def test_a_calibration_is_planned_on_with_its_effects(
     cal = tmp_path / "cal.json"
     effects = ["--effects", "compliance,gain", "--model-error-mm", "0.000001"]
     assert run("identify", "--robot", IRB6660, cell / "one.csv", "-o", cal, *effects).status == 0
-    on = ["plan", "--calibration", cal, *ask[3:], "--task", cell / "task.toml"]
+    on = ["plan", "--calibration", cal, *ask[3:]]
     result = run(*on, "--json").json
     assert (result["calibration"], result["measured_before"], result["count"]) == (str(cal), 60, 12)
     assert result["expected_error_mm"] < min(result["before_mm"], alone[0]["expected_error_mm"])

@@ -175,7 +175,10 @@ def test_what_cannot_be_reported(run: Run, cell: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("command", ["sensitivity", "select", "plan", "study"])
-def test_every_page_has_a_head_and_a_summary_if_asked_for(run: Run, path: Path, tmp_path: Path, command: str) -> None:
+def test_every_page_has_a_head_and_a_summary_if_asked_for(
+    run: Run, path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.setattr("taskcal.planning.study.POOL_POSES", 100)
     (tmp_path / "head.toml").write_text('customer = "Example & Sons"\n')
     beside = ["--header", tmp_path / "head.toml"]
     most = {
