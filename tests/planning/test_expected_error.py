@@ -38,7 +38,7 @@ def test_the_expected_error_is_the_mean_over_simulated_robots(cell, dropped):
     model, measured, unseen, made = cell
     kept = np.setdiff1d(np.arange(len(model)), model.indices(dropped) if dropped else [])
     squares = []
-    for seed in range(100):
+    for seed in range(200):
         campaign, truth = simulate(model, measured.q, rng=np.random.default_rng(seed))
         keep = [model.names[i] for i in kept]
         found = identify(model, campaign, keep=keep, model_error=0.0, prior_scale=1.0, gross_errors="keep")
