@@ -75,7 +75,7 @@ class Dial:
         name: str,
         label: str,
         unit: str,
-        limits: Sequence[float],
+        limits: tuple[float, float],
         take: Callable[[str, bool], None],
         every: float,
         step: str = "any",

@@ -168,8 +168,10 @@ class _Jog:
         self._scale = np.where(robot.prismatic, 1e3, 180.0 / np.pi)
         units = np.where(robot.prismatic, "mm", "°")
         self._controls = [
-            Dial(name, name, unit, limits, lambda given, _, i=i: self._take(i, given), UPDATES_S)
-            for i, (name, unit, limits) in enumerate(
+            Dial(
+                name, name, str(unit), (float(low), float(high)), lambda given, _, i=i: self._take(i, given), UPDATES_S
+            )
+            for i, (name, unit, (low, high)) in enumerate(
                 zip(robot.joint_names, units, slider_ranges(robot) * self._scale[:, None], strict=True)
             )
         ]
