@@ -170,7 +170,7 @@ SETTLED_GAIN = 1e-4
 """Expected gain of log posterior by a step about one estimate at which it has settled: a hundredth of a standard error."""
 
 REVERSED_SHARE = 0.5
-"""Share of a log variance's last change that a change back may have, at most: steps that go to and fro shrink, as in a bisection.
+"""Share of a log variance's last change that a change back may have, at most: steps that alternate shrink, as in a bisection.
 Without it, variances of as few numbers as there are parameters swing between two values for ever."""
 
 SETTLED_SIZE = 1e-2
