@@ -262,7 +262,7 @@ class ExpressionParser(Words):
 
 # Declarations and statements of a routine; what cannot be understood is passed over and noted.
 
-MAX_STATEMENTS = 850_000
+MAX_STATEMENTS = 800_000
 """Statements and declarations of a file; 400 000 motions with as many declared targets are 50 MB."""
 
 MAX_PROBLEMS = 100_000

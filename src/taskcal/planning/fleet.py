@@ -194,6 +194,8 @@ def _identified(model: ErrorModel, folds: int, file: SentFile) -> tuple[str, str
     try:
         return file.name, _read_sent(file, fit), None
     except TaskcalError as refusal:
+        if isinstance(refusal.__cause__, OSError):  # no room to work in, which is no campaign's fault
+            raise
         return file.name, None, str(refusal)
 
 

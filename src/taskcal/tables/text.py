@@ -155,7 +155,7 @@ def without_blanks(cell: str) -> str:
 _BEHIND_NUMBERS = sorted((word for word, name in UNITS.items() if name in LENGTHS or name in ANGLES), key=len)[::-1]
 
 _MEASURED = re.compile(
-    rf"([+-]?(?:\d[\d.,]*|[.,]\d+)(?:e[+-]?\d+)?)\s*({'|'.join(map(re.escape, _BEHIND_NUMBERS))}|°c)",
+    rf"([+-]?(?:\d[\d.,]*+|[.,]\d++)(?:e[+-]?\d+)?)\s*({'|'.join(map(re.escape, _BEHIND_NUMBERS))}|°c)",
     re.ASCII | re.IGNORECASE,
 )
 
@@ -201,7 +201,7 @@ _SEPARATOR_LINE = re.compile(r"\Asep=(.)[ \t]*(?=\n)", re.IGNORECASE)
 
 _COMMENT = re.compile(r"\s*(?:#|//|%|;;|!)(.*)")
 
-_ANY_NUMBER = re.compile(r"[+-]?(?:\d+(?:[\d.,]*\d|\.)?|[.,]\d+)(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+_ANY_NUMBER = re.compile(r"[+-]?(?:\d(?:[\d.,]*\d)?|\d++\.|[.,]\d++)(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 """A number with any decimal mark, to tell one way of parting lines from another; a comma behind it parts."""
 
 _SAMPLED = 120
