@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 from taskcal.errors import CampaignError
 from taskcal.identification.held_out import SAME_POSTURE_RAD
 from taskcal.robot.robot import Robot
+from taskcal.short_repr import short_repr
 
 TURN = 2.0 * np.pi
 """A whole turn, radians."""
@@ -25,6 +26,7 @@ PROBED_ROWS = 16
 """Rows, evenly among all, at which a whole turn is tried. A convention: derivatives that differ do so at almost every row."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MeasuredRange:
     """Lowest and highest position of every joint in the rows that a fit used."""
