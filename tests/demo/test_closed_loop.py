@@ -9,6 +9,7 @@ import pytest
 from taskcal.demo.closed_loop import (
     LINES,
     RADIUS_95,
+    StatedAndTrue,
     errors_by_line,
     largest_errors,
     prepare_closed_loop,
@@ -19,8 +20,8 @@ from taskcal.demo.closed_loop import (
     stated_errors,
     summarise_runs,
 )
-from taskcal.demo.closed_loop_report import draw_closed_loop, tabulate_closed_loop
-from taskcal.demo.true_robot import Sizes
+from taskcal.demo.closed_loop_report import closed_loop_page, draw_closed_loop, tabulate_closed_loop
+from taskcal.demo.true_robot import UNKIND, Sizes
 from taskcal.identification.identify import identify
 from taskcal.robot.effects import SOFT, Backlash, Harmonics, WarmUp
 
@@ -143,3 +144,23 @@ def test_tables_figure_and_json_tell_the_same(runs):
         )
         assert row["within_95"] == share_within(run)
         assert len(row["effects"]) == len(run.calibration.model.effects) == 4
+
+
+def test_page_says_what_is_kind_and_whether_the_statement_held_for_unkind_truths(loop, runs):
+    """Of a robot twice as large, by figures that are computed here from its runs; beside one whose statement is taken away."""
+    twice = run_closed_loop(loop, 0, sizes=UNKIND["twice as large"], fit=named_effects)
+    assert twice.touched_off.length.max() == pytest.approx(2.0 * runs[0].touched_off.length.max(), rel=0.1)
+    found = StatedAndTrue.of([twice])
+    assert found.rms == pytest.approx(np.sqrt((twice.after.length**2).mean()))
+    assert found.within == pytest.approx(share_within(twice))
+    unsure = replace(twice, correction=replace(twice.correction, uncertainty=0.2 * twice.correction.uncertainty))
+    assert not StatedAndTrue.of([unsure]).held
+    sure = replace(twice, correction=replace(twice.correction, uncertainty=9.0 * twice.correction.uncertainty))
+    assert StatedAndTrue.of([sure]).held
+    page = closed_loop_page(
+        loop, runs, unkind={"twice as large": [unsure], "axis wobble": [sure]}, next_steps=""
+    ).html()
+    assert "no force of the process" in page
+    assert "Twice as large: what was stated did not hold." in page
+    assert "Axis wobble: what was stated held." in page
+    assert "Unkind truths" not in closed_loop_page(loop, runs, next_steps="").html()

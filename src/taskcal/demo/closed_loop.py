@@ -252,6 +252,7 @@ def run_closed_loops(
     seeds: Sequence[int],
     progress: Callable[[str], None] = lambda _: None,
     *,
+    sizes: Sizes | None = None,
     fits: Path | None = None,
     workers: int = -1,
 ) -> list[LoopRun]:
@@ -261,12 +262,13 @@ def run_closed_loops(
         loop: what the robots have in common.
         seeds: of each robot's defects and measurements.
         progress: told how many are done, and how long the others will take.
+        sizes: of what their truths are made of.
         fits: folder in which every robot's calibration is kept as soon as it is found, and taken from there in the next run.
         workers: processes; −1 for one per core.
     """
     progress(f"robot 1 of {len(seeds)}: measured, its effects searched, corrected")
     begin = time.monotonic()
-    jobs = partial(_run_keeping, loop, fits)
+    jobs = partial(_run_keeping, loop, sizes, fits)
     runs: dict[int, LoopRun] = {}
     with closing(side_by_side(jobs, enumerate(seeds), "loky", workers if len(seeds) > 1 else 1)) as done:
         for number, run in done:
@@ -276,9 +278,11 @@ def run_closed_loops(
     return [runs[number] for number in range(len(seeds))]
 
 
-def _run_keeping(loop: ClosedLoop, fits: Path | None, numbered: tuple[int, int]) -> tuple[int, LoopRun]:
+def _run_keeping(
+    loop: ClosedLoop, sizes: Sizes | None, fits: Path | None, numbered: tuple[int, int]
+) -> tuple[int, LoopRun]:
     number, seed = numbered
-    return number, run_closed_loop(loop, seed, fit=None if fits is None else partial(_find_or_load, fits))
+    return number, run_closed_loop(loop, seed, sizes=sizes, fit=None if fits is None else partial(_find_or_load, fits))
 
 
 def _find_or_load(folder: Path, model: ErrorModel, campaign: Campaign) -> Calibration:
@@ -395,6 +399,37 @@ def stated_errors(run: LoopRun) -> Float[np.ndarray, " k"]:
 def share_within(run: LoopRun) -> float:
     """Share of the points of the corrected program at which the true error is within the stated radius of 95 %."""
     return float((run.after.length <= RADIUS_95 * stated_errors(run)).mean())
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatedAndTrue:
+    """The true errors of corrected programs, all points of all robots together, and what was stated of them; metres."""
+
+    rms: float
+    stated_rms: float
+    largest: float
+    stated_95: float
+    """Radius at the worst target of all robots."""
+    within: float
+    """Share of the points within the radius that is stated at each to hold 95 %."""
+
+    @classmethod
+    def of(cls, runs: Sequence[LoopRun]) -> "StatedAndTrue":
+        """Of some robots."""
+        true = np.concatenate([run.after.length for run in runs])
+        stated = np.concatenate([stated_errors(run) for run in runs])
+        return cls(
+            rms=rms(true),
+            stated_rms=rms(stated),
+            largest=float(true.max()),
+            stated_95=float(RADIUS_95 * stated.max()),
+            within=float((true <= RADIUS_95 * stated).mean()),
+        )
+
+    @property
+    def held(self) -> bool:
+        """Whether the errors are no larger than stated, root mean square, and at least 95 % of them within their radius."""
+        return self.rms <= self.stated_rms and self.within >= 0.95
 
 
 def summarise_runs(runs: Sequence[LoopRun]) -> list[dict[str, Any]]:

@@ -12,12 +12,14 @@ from taskcal.demo.closed_loop import (
     LINES,
     ClosedLoop,
     LoopRun,
+    StatedAndTrue,
     errors_by_line,
     largest_errors,
     rms,
     share_within,
     stated_errors,
 )
+from taskcal.demo.true_robot import AxisWobble
 from taskcal.report.content import Chart, Column, Commands, Numbers, Section, Table
 from taskcal.report.correction import draw_errors, with_decades
 from taskcal.report.page import Page
@@ -42,6 +44,12 @@ TRUTH = (
     "The true robots have geometric errors; drives, bearings and links that yield to the weight they carry; gears with "
     "ripples of unknown orders, whose size changes over the turn; lost motion that is taken up little by little; and links that "
     "warm up each in its own time. The fit is told none of this, only the order of the poses and the time of each."
+)
+
+KIND = (
+    "Kind to the correction, all the same: geometric errors are drawn from the tolerances, which the fit has as its prior; base "
+    "and parts are where the controller has them, cutters as the controller knows them; no force of the process acts on the "
+    "cutter."
 )
 
 
@@ -86,6 +94,30 @@ def tabulate_effects(runs: Sequence[LoopRun]) -> Table:
     )
 
 
+ASSUMED = "as assumed"
+"""Name of the truths of `true_robot` beside the unkind ones."""
+
+
+def tabulate_unkind(cases: Mapping[str, Sequence[LoopRun]]) -> Table:
+    """What was stated of the corrected program and what was true, for the robots of each truth by its name, millimetres."""
+    columns = (
+        Column("truth", lambda row: row[0]),
+        Column("rms\ntrue", lambda row: row[1].rms, ".3f", 1e3),
+        Column("rms\nstated", lambda row: row[1].stated_rms, ".3f", 1e3),
+        Column("largest\ntrue", lambda row: row[1].largest, ".3f", 1e3),
+        Column("95 % within\nstated", lambda row: row[1].stated_95, ".3f", 1e3),
+        Column("points within\nthe stated 95 % (%)", lambda row: row[1].within, ".1f", 100.0),
+        Column("what was stated", lambda row: "held" if row[1].held else "did not hold"),
+    )
+    return Table.of(
+        "Corrected, by how kind the truth is (mm)",
+        columns,
+        [(name, StatedAndTrue.of(runs)) for name, runs in cases.items()],
+        note="All points of all robots together. Stated within: the radius at the worst target. What was stated held if the "
+        "true rms is at most the stated one and at least 95 % of the points are within the radius stated for each.",
+    )
+
+
 def draw_closed_loop(found: Mapping[str, Float[np.ndarray, " runs"]]) -> go.Figure:
     """Errors of every robot, metres, as `largest_errors` gives them, on a logarithmic scale, by the error as programmed."""
     order = np.argsort(found[LINES[0]], kind="stable")
@@ -100,12 +132,15 @@ def draw_closed_loop(found: Mapping[str, Float[np.ndarray, " runs"]]) -> go.Figu
     return with_decades(styled(figure, height=400), "largest error on the part (mm)")
 
 
-def closed_loop_page(loop: ClosedLoop, runs: Sequence[LoopRun], *, next_steps: str) -> Page:
+def closed_loop_page(
+    loop: ClosedLoop, runs: Sequence[LoopRun], *, unkind: Mapping[str, Sequence[LoopRun]] | None = None, next_steps: str
+) -> Page:
     """Make the page of the closed loop.
 
     Args:
         loop: what the robots have in common.
         runs: one for each robot.
+        unkind: the same robots with truths that keep less to what is assumed, by the name of each in `UNKIND`.
         next_steps: commands to go on with.
     """
     found = largest_errors(runs)
@@ -128,6 +163,7 @@ def closed_loop_page(loop: ClosedLoop, runs: Sequence[LoopRun], *, next_steps: s
                 ),
                 STORY,
                 TRUTH,
+                KIND,
             ),
             Section(
                 "All robots",
@@ -139,6 +175,7 @@ def closed_loop_page(loop: ClosedLoop, runs: Sequence[LoopRun], *, next_steps: s
                 ),
                 tabulate_effects(runs),
             ),
+            *([_unkind(runs, unkind)] if unkind else []),
             Section(
                 "The first robot",
                 Chart(
@@ -150,6 +187,20 @@ def closed_loop_page(loop: ClosedLoop, runs: Sequence[LoopRun], *, next_steps: s
             Section("Go on", Commands(next_steps)),
         ),
         lead=f"{len(runs)} virtual robots of the kind {loop.robot.title or loop.robot.name}.",
+    )
+
+
+def _unkind(runs: Sequence[LoopRun], unkind: Mapping[str, Sequence[LoopRun]]) -> Section:
+    """What was stated and what was true, beside truths that keep less to what is assumed."""
+    held = {name: StatedAndTrue.of(some).held for name, some in unkind.items()}
+    return Section(
+        "Unkind truths",
+        "The same robots and the same loop, with two other truths. Axis wobble: besides, each axis tilts across itself, with "
+        f"{1e6 * AxisWobble.tolerance:.0f} µrad (1σ) in the cosine and the sine of one and of two periods per turn, and of the sum "
+        "of its angle and the next joint's; no effect of the fit tilts an axis. Twice as large: geometric errors, compliance, gear "
+        "errors, lost motion and thermal expansion are all doubled; the fit's prior is not.",
+        tabulate_unkind({ASSUMED: runs, **unkind}),
+        *(f"{name.capitalize()}: what was stated {'held' if held[name] else 'did not hold'}." for name in unkind),
     )
 
 
@@ -170,12 +221,15 @@ def closed_loop_files(folder: Path) -> dict[str, Path]:
     return {label: folder / name for label, name in NAMES.items()}
 
 
-def closed_loop_contents(loop: ClosedLoop, runs: Sequence[LoopRun], *, next_steps: str) -> dict[str, str | bytes]:
+def closed_loop_contents(
+    loop: ClosedLoop, runs: Sequence[LoopRun], *, unkind: Mapping[str, Sequence[LoopRun]] | None = None, next_steps: str
+) -> dict[str, str | bytes]:
     """Content of each file to be written, by what it holds.
 
     Args:
         loop: what the robots have in common.
         runs: one for each robot.
+        unkind: as of `closed_loop_page`.
         next_steps: commands to go on with, for the page.
     """
     first = runs[0]
@@ -185,5 +239,5 @@ def closed_loop_contents(loop: ClosedLoop, runs: Sequence[LoopRun], *, next_step
         "corrected program": first.correction.sources[0].encode(),
         "calibration for milling": first.calibration.to_text(),
         "cell": cell_text(first.cell),
-        "page of the closed loop": closed_loop_page(loop, runs, next_steps=next_steps).html(),
+        "page of the closed loop": closed_loop_page(loop, runs, unkind=unkind, next_steps=next_steps).html(),
     }

@@ -14,10 +14,13 @@ Nobody has published these of one machine. They are assumptions, as far as possi
   ten times as much, which a machine that repeats to 0.1 mm from all sides cannot have.
 - Thermal expansion: iron, 10⁻⁵ per kelvin, that warms by 8 K (1σ) at work, each link in its own time.
 - Tracker: as `TrackerNoise` states it.
+
+Two unkind truths lie outside of this: axes that wobble besides (`AxisWobble`), and everything twice as large.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -41,6 +44,9 @@ from taskcal.virtual.cell import draw_defects
 
 AXES = 6
 """Ways in which a link's end yields: along x, y, z and about them."""
+
+TILTS = (3, 4)
+"""Those of them that tilt an axis along z."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,15 +81,7 @@ class ElasticLinks(Effect, abstract=True):
 
     def extend(self, robot: Robot, steps: Sequence[Step]) -> tuple[Step, ...]:
         """Three slides and three turns before each of the first axes."""
-        out: list[Step] = []
-        link = 0
-        for step in steps:
-            if isinstance(step, Joint):
-                if link < len(self.turns):
-                    out += _yielding(len(robot.joints) + AXES * link)
-                link += 1
-            out.append(step)
-        return tuple(out)
+        return _before_axes(robot, steps, len(self.turns), range(AXES))
 
 
 def carried(robot: Robot, count: int, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n columns"]:
@@ -118,14 +116,26 @@ def carried(robot: Robot, count: int, q: Float[np.ndarray, "n joints"]) -> Float
     return np.concatenate(out, axis=1)
 
 
-def _yielding(first: int) -> list[Step]:
-    """Slides along x, y and z, then turns about them, each in the frame where it stands."""
+def _before_axes(robot: Robot, steps: Sequence[Step], count: int, ways: Sequence[int]) -> tuple[Step, ...]:
+    """The chain with joints before each of the first axes, one for each of `ways` in which the axis yields there."""
+    out: list[Step] = []
+    link = 0
+    for step in steps:
+        if isinstance(step, Joint):
+            if link < count:
+                out += _yielding(len(robot.joints) + len(ways) * link, ways)
+            link += 1
+        out.append(step)
+    return tuple(out)
+
+
+def _yielding(first: int, ways: Sequence[int]) -> list[Step]:
+    """Slides along x, y and z, then turns about them, each in the frame where it stands; those of `ways` alone."""
     turned_to_z = (se3.rotation("y", np.pi / 2), se3.rotation("x", -np.pi / 2), np.eye(4))
     steps: list[Step] = []
-    for c in range(AXES):
+    for number, c in enumerate(ways, first):
         R = turned_to_z[c % 3]
-        kind = "prismatic" if c < 3 else "revolute"
-        steps += [Fixed(R), Joint(kind, first + c), Fixed(se3.inverse(R))]
+        steps += [Fixed(R), Joint("prismatic" if c < 3 else "revolute", number), Fixed(se3.inverse(R))]
     return steps
 
 
@@ -250,6 +260,47 @@ class GearErrors(Effect, abstract=True):
         )
 
 
+# Axes that wobble: what no effect of a fit can express, for none tilts an axis with the position of its joint.
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisWobble(Effect, abstract=True):
+    """Each axis tilts, about two directions across it, once and twice per turn and with the sum of its angle and the next joint's.
+
+    Of the part once per turn, geometry expresses the half that turns with the link beyond; of the rest no effect of a fit
+    does, all of which turn joints about their axes. For virtual robots only: it is not registered, so that no fit ever tries it.
+    """
+
+    tolerance: float = 5e-5
+    """Cosine and sine of each tilt (1σ), radians: as the gears' eccentricity, 10 µm over a bearing's diameter of 0.2 m."""
+
+    def term(self, robot: Robot) -> LinearTerm:
+        """Parameters ``J1.tilt_x_cos_J1``, ``J1.tilt_y_sin_2J1``, ``J1.tilt_x_cos_J1J2`` …, radians."""
+        joints, own = len(robot.joints), np.eye(len(robot.joints))
+        angles = np.concatenate([own, 2.0 * own, own[:-1] + own[1:]])
+        axis = np.array([*range(joints), *range(joints), *range(joints - 1)])
+        names = robot.joint_names
+        labels = [*names, *(f"2{n}" for n in names), *(f"{a}{b}" for a, b in pairwise(names))]
+        shapes = [(k, across, part) for k in range(len(angles)) for across in (0, 1) for part in (0, 1)]
+        of, across, part = np.array(shapes).T
+
+        def basis(q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n pairs"]:
+            return np.cos((q @ angles.T)[:, of] - 0.5 * np.pi * part)
+
+        return LinearTerm(
+            names=tuple(f"{names[axis[k]]}.tilt_{'xy'[a]}_{('cos', 'sin')[p]}_{labels[k]}" for k, a, p in shapes),
+            units=("rad",) * len(shapes),
+            tolerances=(self.tolerance,) * len(shapes),
+            pairs=np.stack([joints + len(TILTS) * axis[of] + across, np.arange(len(shapes))], axis=1),
+            coordinates=joints + len(TILTS) * joints,
+            basis=basis,
+        )
+
+    def extend(self, robot: Robot, steps: Sequence[Step]) -> tuple[Step, ...]:
+        """Two turns across each axis before it."""
+        return _before_axes(robot, steps, len(robot.joints), TILTS)
+
+
 # Lost motion as gears have it: after a reversal the joint falls behind little by little, not at once.
 
 WIDTHS, SHARES = (2e-4, 1e-3, 5e-3), (0.5, 0.3, 0.2)
@@ -348,6 +399,9 @@ class Sizes:
     gears: float = 1.0
     lost_motion: float = 1.0
     expansion: float = 1.0
+    geometry: float = 1.0
+    wobble: float = 0.0
+    """Of the axes: left out of what is assumed."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -408,7 +462,17 @@ def draw_true_robot(robot: Robot, rng: np.random.Generator, sizes: Sizes | None 
         replace(gears, eccentricity=s.gears * gears.eccentricity, ripple=s.gears * gears.ripple): s.gears,
         Backlash(joints=large, tolerance=s.lost_motion * LOST): s.lost_motion,
         Backlash(joints=wrist, tolerance=s.lost_motion * LOST_IN_WRIST): s.lost_motion,
+        AxisWobble(tolerance=s.wobble * AxisWobble.tolerance): s.wobble,
     }
     heavy = elastic_robot(robot, STIFFNESS / s.drives if s.drives else STIFFNESS)
     model = ErrorModel(heavy, effects=[effect for effect, size in effects.items() if size])
-    return TrueRobot(model=model, x=draw_defects(model, rng))
+    x = draw_defects(model, rng)
+    x[: len(ErrorModel(robot))] *= s.geometry
+    return TrueRobot(model=model, x=x)
+
+
+UNKIND: Mapping[str, Sizes] = {
+    "axis wobble": Sizes(wobble=1.0),
+    "twice as large": Sizes(links=2.0, drives=2.0, gears=2.0, lost_motion=2.0, expansion=2.0, geometry=2.0),
+}
+"""Truths that keep less to what is assumed: with an error of a form that no effect has, and with everything twice as large."""

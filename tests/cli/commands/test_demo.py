@@ -92,6 +92,13 @@ def test_too_few_poses_are_wrong_usage(run: Run, folder: Path) -> None:
     assert not folder.exists()
 
 
+def test_unkind_truths_without_the_closed_loop_are_wrong_usage(run: Run, folder: Path) -> None:
+    ended = run("demo", "--unkind", "-o", str(folder))
+    assert ended.status == 2
+    assert "--full" in ended.err
+    assert not folder.exists()
+
+
 @pytest.mark.long
 def test_demo_closed_loop_program_can_be_reproduced(run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With named effects and a short program, for the search and the planning take minutes."""
@@ -102,8 +109,11 @@ def test_demo_closed_loop_program_can_be_reproduced(run: Run, folder: Path, monk
     small = partial(prepare_closed_loop, poses=40, rows=2, candidates=50)
     monkeypatch.setattr("taskcal.demo.closed_loop.prepare_closed_loop", small)
     monkeypatch.setattr("taskcal.demo.closed_loop.find_effects", named_effects)
-    ended = run("demo", "--full", "--robots", "1", "--count", "10", "--json", "-o", str(folder))
+    ended = run("demo", "--full", "--unkind", "--robots", "1", "--count", "10", "--json", "-o", str(folder))
     assert ended.status == 0
+    unkind = ended.json["closed_loop_unkind"]
+    assert list(unkind) == ["axis_wobble", "twice_as_large"]
+    assert [list(some[0]) for some in unkind.values()] == [list(ended.json["closed_loop"][0])] * 2
     (robot,) = ended.json["closed_loop"]
     assert robot["before_max_mm"] > 1.0 > 0.5 > robot["touched_off_max_mm"] > 2.0 * robot["after_max_mm"]
     assert robot["effects"] == ["compliance (expected σ 3 mrad)", GEARS.name, "warming up in 60 min"]

@@ -4,6 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.common import OutputOptions, SeedOption
@@ -32,6 +34,10 @@ def command(
         help="Continue to a corrected milling program: measure, identify and correct simulated robots (half a minute each).",
     ),
     robots: int = option(20, "N", "Virtual robots of the closed loop, with --full.", min=1),
+    unkind: bool = option(
+        False,
+        help="With --full, repeat the closed loop with two truths that keep less to what is assumed; takes three times as long.",
+    ),
     out: OutputOptions,
 ) -> None:
     """Run the published procedure on a simulated robot.
@@ -42,11 +48,15 @@ def command(
     With --full, the loop is closed on simulated robots that no model of the fit describes: planned measurements, significant
     effects, a corrected milling program, and the path of the true cutter as programmed, with the parts touched off, and
     corrected. The calibrations are kept in the folder robots: after an interruption the same command with --force goes on.
+    With --unkind the same robots run twice more, with axes that wobble as no effect describes, and with everything twice as
+    large; the page compares what was stated of each with what was true.
     """
     from taskcal.demo.closed_loop_report import closed_loop_files
     from taskcal.demo.procedure_report import procedure_contents, procedure_files, procedure_json, procedure_page
     from taskcal.errors import FileError
 
+    if unkind and not full:
+        raise typer.BadParameter("repeats the closed loop; add --full", param_hint="--unkind")
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -71,8 +81,8 @@ def command(
         print(f"\nContinue with:\n{commands}")
     closed: dict[str, Any] = {}
     if full:
-        more, closed["closed_loop"] = _close_the_loop(
-            model.robot, range(seed, seed + robots), output, outputs, quiet=out.as_json
+        more, closed = _close_the_loop(
+            model.robot, range(seed, seed + robots), output, outputs, quiet=out.as_json, unkind=unkind
         )
         files |= more
     if out.as_json:
@@ -80,27 +90,39 @@ def command(
 
 
 def _close_the_loop(
-    robot: "taskcal.Robot", seeds: range, folder: Path, outputs: Outputs, *, quiet: bool
-) -> tuple[dict[str, Path], Any]:
+    robot: "taskcal.Robot", seeds: range, folder: Path, outputs: Outputs, *, quiet: bool, unkind: bool
+) -> tuple[dict[str, Path], dict[str, Any]]:
     """Run simulated robots, write the results, and print them unless they are printed as JSON."""
-    from taskcal.demo.closed_loop_report import closed_loop_contents, closed_loop_files
+    from taskcal.demo.closed_loop_report import ASSUMED, closed_loop_contents, closed_loop_files, tabulate_unkind
+    from taskcal.demo.true_robot import UNKIND
 
     files = closed_loop_files(folder)
     command = (
         f"  {started_as()} correct --calibration {files['calibration for milling']} --cell {files['cell']} "
         f"{files['touched-off program']} --dry-run"
     )
-    with bar_over(["the closed loop"], 7 + len(seeds)) as begin:
+    truths = {ASSUMED: None, **(UNKIND if unkind else {})}
+    with bar_over(["the closed loop"], 6 + len(truths) * (1 + len(seeds))) as begin:
         loop = taskcal.demo.prepare_closed_loop(robot, seed=seeds[0], progress=begin)
-        runs = taskcal.demo.run_closed_loops(loop, seeds, begin, fits=folder / ROBOTS)
-        contents = closed_loop_contents(loop, runs, next_steps=command)
+        cases = {
+            name: taskcal.demo.run_closed_loops(loop, seeds, begin, sizes=sizes, fits=folder / ROBOTS)
+            for name, sizes in truths.items()
+        }
+        runs = cases.pop(ASSUMED)
+        contents = closed_loop_contents(loop, runs, unkind=cases, next_steps=command)
         outputs.write({files[name]: content for name, content in contents.items()})
     if not quiet:
         tell()
         show(replace(taskcal.demo.tabulate_closed_loop(runs), note=""))
+        if cases:
+            show(tabulate_unkind({ASSUMED: runs, **cases}), note=True)
         tell(f"The page of the closed loop: {files['page of the closed loop']}")
         print(f"\nContinue with:\n{command}")
-    return files, taskcal.demo.summarise_runs(runs)
+    told = {name.replace(" ", "_"): taskcal.demo.summarise_runs(some) for name, some in cases.items()}
+    return files, {
+        "closed_loop": taskcal.demo.summarise_runs(runs),
+        **({"closed_loop_unkind": told} if told else {}),
+    }
 
 
 def _next_steps(folder: Path, files: dict[str, Path]) -> str:
