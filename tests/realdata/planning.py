@@ -11,19 +11,19 @@ splits, and how many splits were better.
 import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache
+from itertools import product
 
 import numpy as np
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.estimation.experiment_design import choose
-from taskcal.identification.calibration import Calibration
 from taskcal.identification.effects import EffectSearch, competing_effects, explain
 from taskcal.identification.identify import identify
 from taskcal.observations.instrument import Measurable
 from taskcal.observations.point import Tracker
 from taskcal.planning.expected_error import PlanPrior, assumed_hyperparameters
-from taskcal.planning.experiment import Experiment, calibrated_experiments, make_experiment
+from taskcal.planning.experiment import calibrated_experiments, make_experiment
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import TaskPoses
 from tests.conftest import DATA
@@ -40,7 +40,7 @@ MANY = 100
 GOAL_ROWS = 200
 """Held-out rows, at most, that stand for the task."""
 
-DRAWS = 3
+DRAWS = 2
 """Random choices of each split, of which the mean counts."""
 
 
@@ -101,6 +101,7 @@ def _chosen(split: Split, count: int, model: ErrorModel) -> np.ndarray:
     return choose(weighing.candidates(every), count).chosen
 
 
+@cache
 def in_stages(split: Split, count: int) -> np.ndarray:
     """The first stage for the geometry, the others on the calibration of the rows before."""
     before = [c for c in COUNTS if c < count]
@@ -112,3 +113,44 @@ def in_stages(split: Split, count: int) -> np.ndarray:
     _, weighing = calibrated_experiments(calibration, split.goal, left, Tracker(station=None), None)
     more = choose(weighing.candidates(left), count - len(known)).chosen
     return np.concatenate([known, left.rows[more]])
+
+
+def at_random(split: Split, count: int, draw: int) -> np.ndarray:
+    """Any rows, the same for every number of them."""
+    return np.random.default_rng(draw).permutation(len(split.pool))[:count]
+
+
+PLANS: dict[str, Plan] = {"for geometry": for_geometry, "for effects": for_effects, "in stages": in_stages}
+
+
+def compared(robot: str, splits: int, counts: Sequence[int] = COUNTS) -> dict[tuple[str, int], np.ndarray]:
+    """Errors of each choice and number of rows (splits, 2), by geometry alone and by all effects, mm."""
+    found: dict[tuple[str, int], list[np.ndarray]] = {}
+    for seed in range(splits):
+        split = Split.of(robot, seed)
+        for count in (*counts, MANY):
+            draws = [split.errors(at_random(split, count, draw)) for draw in range(DRAWS)]
+            found.setdefault(("random", count), []).append(np.mean(draws, axis=0))
+        for count, (name, plan) in product(counts, PLANS.items()):
+            found.setdefault((name, count), []).append(split.errors(plan(split, count)))
+    return {key: np.array(errors) for key, errors in found.items()}
+
+
+def main() -> None:
+    """Print a table for each robot."""
+    asked = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    asked.add_argument("robots", nargs="*", metavar="ROBOT", help=f"of {', '.join(ROBOTS)}; all by default")
+    asked.add_argument("--splits", type=int, default=3)
+    chosen = asked.parse_args()
+    for robot in chosen.robots or ROBOTS:
+        found = compared(robot, chosen.splits)
+        print(f"{robot}, {chosen.splits} splits: mm by geometry, by all effects (of random, splits better)")
+        for (name, count), errors in found.items():
+            random = found["random", count]
+            share, better = errors[:, 1].mean() / random[:, 1].mean(), int((errors[:, 1] < random[:, 1]).sum())
+            words = "" if name == "random" else f"  ({share:.2f}, {better} of {len(errors)})"
+            print(f"{count:4d} {name:12} {errors[:, 0].mean():8.4f} {errors[:, 1].mean():8.4f}{words}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
