@@ -1,6 +1,5 @@
 """Start-up, help and the outermost errors, in processes of their own."""
 
-import json
 import os
 import subprocess
 import sys
@@ -216,10 +215,8 @@ def test_compilation_is_announced_on_stderr_only_if_needed(tmp_path: Path, cell:
     assert (first.returncode, second.returncode) == (0, 0)
     assert first.stderr == "compiling kernels, once: some seconds\n"
     assert second.stderr == ""
-    # numbers may differ in their last digits: sums of BLAS are rounded by where arrays lie in memory
-    printed = [json.loads(run.stdout) for run in (first, second)]
-    assert printed[0].keys() == printed[1].keys()
-    assert printed[0]["told_apart"]["rank"] == printed[1]["told_apart"]["rank"]
+    assert first.stdout == second.stdout
+    assert first.stdout.startswith("{")
 
 
 def test_every_command_is_listed_with_the_first_line_of_its_help() -> None:

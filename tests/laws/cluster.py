@@ -25,10 +25,19 @@ class Cluster:
 
     @contextmanager
     def workers(
-        self, count: int = 1, *options: str, python: Sequence[str] = DASK
+        self, count: int = 1, *options: str, threads: int = 1, python: Sequence[str] = DASK
     ) -> Generator[subprocess.Popen, None, None]:
-        """So many worker processes of one thread each, below a parent that starts those anew that die."""
-        arguments = [*python, "worker", self.address, "--nworkers", str(count), "--nthreads", "1", "--no-dashboard"]
+        """So many worker processes of so many threads each, below a parent that starts those anew that die."""
+        arguments = [
+            *python,
+            "worker",
+            self.address,
+            "--nworkers",
+            str(count),
+            "--nthreads",
+            str(threads),
+            "--no-dashboard",
+        ]
         with _running([*arguments, "--local-directory", str(self.folder), *options], self.folder) as process:
             yield process
 
@@ -48,11 +57,15 @@ def scheduler(folder: Path, *, python: Sequence[str] = DASK) -> Generator[Cluste
 
 
 @contextmanager
-def cluster(folder: Path, workers: int = 2) -> Generator[Cluster, None, None]:
-    """A scheduler and its workers."""
+def cluster(folder: Path, workers: int = 2, threads: int = 1) -> Generator[Cluster, None, None]:
+    """A scheduler and its workers, which all take part."""
+    from dask.distributed import Client
+
     with ExitStack() as stack:
         made = stack.enter_context(scheduler(folder))
-        stack.enter_context(made.workers(workers))
+        stack.enter_context(made.workers(workers, threads=threads))
+        with Client(made.address, set_as_default=False) as client:
+            client.wait_for_workers(workers, timeout=60)
         yield made
 
 

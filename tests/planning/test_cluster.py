@@ -19,7 +19,8 @@ OTHER = "import taskcal.planning.workers as w; w.version = lambda name: '0.0.1';
 
 @pytest.fixture(scope="module")
 def engine(tmp_path_factory):
-    with cluster(tmp_path_factory.mktemp("dask")) as started:
+    # two threads each: of two items neither waits for the other, wherever they go
+    with cluster(tmp_path_factory.mktemp("dask"), threads=2) as started:
         yield f"dask:{started.address}"
 
 
@@ -44,7 +45,7 @@ def test_results_come_as_they_are_done(engine, tmp_path):
     assert list(results) == ["last"]
 
 
-@pytest.mark.parametrize(("workers", "most"), [(-1, module.ITEMS_PER_THREAD * 2), (3, 3)])
+@pytest.mark.parametrize(("workers", "most"), [(-1, module.ITEMS_PER_THREAD * 4), (3, 3)])
 def test_of_items_without_end_only_few_are_under_way(engine, workers, most):
     taken = count()
     results = side_by_side(abs, taken, engine, workers)
@@ -116,7 +117,7 @@ def test_cluster_names_absent_and_mismatched_workers(monkeypatch, tmp_path):
 def test_a_cluster_that_loses_all_its_workers_is_not_waited_for(monkeypatch, tmp_path):
     monkeypatch.setattr(module, "NO_WORKERS_S", 1.0)
     with scheduler(tmp_path) as started, started.workers(1, "--no-nanny") as worker:
-        results = side_by_side(time.sleep, [0.0, 60.0], f"dask:{started.address}", -1)
+        results = side_by_side(time.sleep, [0.0, 60.0], f"dask:{started.address}", 1)
         next(results)
         worker.kill()
         with pytest.raises(TaskcalError, match="has had no workers for 1 s"):
@@ -126,7 +127,7 @@ def test_a_cluster_that_loses_all_its_workers_is_not_waited_for(monkeypatch, tmp
 @pytest.mark.long  # starts a cluster of its own
 def test_a_scheduler_that_ends_is_an_error(tmp_path):
     with scheduler(tmp_path) as started, started.workers(1, "--no-nanny"):
-        results = side_by_side(time.sleep, [0.0, 60.0], f"dask:{started.address}", -1)
+        results = side_by_side(time.sleep, [0.0, 60.0], f"dask:{started.address}", 1)
         next(results)
         os.kill(started.process, signal.SIGKILL)
         with pytest.raises(TaskcalError, match="no longer answers"):
@@ -139,7 +140,7 @@ def test_an_interrupt_ends_it_soon(engine):
         "import signal, sys, time; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "from taskcal.planning.workers import side_by_side\n"
         "def say(item): time.sleep(item); return item\n"
-        f"for item in side_by_side(say, [0.0, 60.0], {engine!r}, -1): print('begun', flush=True)"
+        f"for item in side_by_side(say, [0.0, 60.0], {engine!r}, 1): print('begun', flush=True)"
     )
     with subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

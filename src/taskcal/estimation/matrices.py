@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from functools import cache, wraps
 from importlib import import_module
+from threading import Lock
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -166,12 +167,38 @@ def _controller() -> ThreadpoolController:
     return ThreadpoolController()
 
 
+class _OneBlasThread:
+    """BLAS at one thread while any thread of the process wants it.
+
+    The setting is the process's: the first thread that is done would give it back while others still compute. OpenBLAS takes it
+    from the main thread alone where that has set it before (seen in 0.3.31), so that who starts threads holds it there.
+    """
+
+    def __init__(self) -> None:
+        self._lock, self._within, self._limit = Lock(), 0, None
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if self._within == 0:
+                self._limit = _controller().limit(limits=1, user_api="blas")
+            self._within += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._within -= 1
+            if self._within == 0 and self._limit is not None:
+                self._limit.restore_original_limits()
+
+
+ONE_BLAS_THREAD = _OneBlasThread()
+
+
 def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
     """Run a function with BLAS held at one thread, and give the caller's setting back."""
 
     @wraps(function)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
-        with _controller().limit(limits=1, user_api="blas"):
+        with ONE_BLAS_THREAD:
             return function(*args, **kwargs)
 
     return wrapped

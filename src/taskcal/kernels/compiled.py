@@ -6,16 +6,17 @@ from typing import Any, TypeVar, cast
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-FUSED = {"contract"}
-"""A product and a sum may be rounded once, as the processor's fused instructions do."""
-
 
 class Kernel:
-    """A function that is compiled, without the interpreter lock, when it is first called or wanted by another kernel."""
+    """A function that is compiled, without the interpreter lock, when it is first called or wanted by another kernel.
+
+    No product is fused with a sum: where that pays is decided anew for every copy of a function, and a process that compiles would
+    round otherwise than one that loads what it kept.
+    """
 
     def __init__(self, function: Callable[..., Any], *, kept: bool = False, **options: Any):
         update_wrapper(self, function)
-        self._function, self._kept, self._options = function, kept, {"fastmath": FUSED, **options}
+        self._function, self._kept, self._options = function, kept, options
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the compiled function."""

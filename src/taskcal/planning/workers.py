@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from taskcal.errors import TaskcalError, UnknownName
+from taskcal.estimation.matrices import ONE_BLAS_THREAD
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -48,9 +49,10 @@ def side_by_side(
     elif engine in ("loky", "threading"):
         begin: dict[str, Any] = {"initializer": _end_with, "initargs": (os.getpid(),)} if engine == "loky" else {}
         parallel = Parallel(n_jobs=workers, backend=engine, return_as="generator_unordered", **begin)
-        with _interrupts_blocked():
-            results = cast(Iterable[Result], parallel(delayed(function)(item) for item in items))
-        yield from results
+        with ONE_BLAS_THREAD:  # as each of the processes has, for the same last digits
+            with _interrupts_blocked():
+                results = cast(Iterable[Result], parallel(delayed(function)(item) for item in items))
+            yield from results
     elif engine.startswith("dask:"):
         yield from on_cluster(function, items, engine.removeprefix("dask:"), workers)
     else:
@@ -142,7 +144,10 @@ def on_cluster(
             )
             left, under_way, seen = iter(items), set[Any](), time.monotonic()
             while True:
-                threads = sum(client.nthreads().values())
+                try:
+                    threads = sum(client.nthreads().values())
+                except (OSError, TimeoutError) as error:
+                    raise CommClosedError(str(error)) from error
                 seen = time.monotonic() if threads else seen
                 if time.monotonic() - seen > NO_WORKERS_S:
                     raise TaskcalError(
