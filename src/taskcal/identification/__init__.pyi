@@ -9,6 +9,7 @@ from taskcal.identification.holdout import Holdout as Holdout
 from taskcal.identification.holdout import hold_out as hold_out
 from taskcal.identification.hyperparameters import Hyperparameters as Hyperparameters
 from taskcal.identification.identify import fit_nominal as fit_nominal
+from taskcal.identification.measured_range import MeasuredRange as MeasuredRange
 from taskcal.identification.options import FitOptions as FitOptions
 from taskcal.identification.residual_analysis import ResidualAnalysis as ResidualAnalysis
 from taskcal.identification.residual_analysis import analyse_residuals as analyse_residuals

@@ -21,6 +21,7 @@ from taskcal.geometry.se3 import array_of, of_shape, rigid
 from taskcal.identification.calibration_format import FORMAT, FORMAT_VERSION, read_envelope
 from taskcal.identification.held_out import HeldOut, LeftOut, Outlier, shared_with_neighbours
 from taskcal.identification.layout import Layout
+from taskcal.identification.measured_range import MeasuredRange
 from taskcal.identification.problem import Rows, Seen, joint_columns
 from taskcal.identification.provenance import Provenance
 from taskcal.io.files import write_whole
@@ -607,6 +608,15 @@ class Calibration:
         if len(self.q) != len(self.residuals):
             return (False,) * len(self.outliers)
         return shared_with_neighbours(self.outliers, self.residuals, self.studentised, self.q)
+
+    @cached_property
+    def measured_range(self) -> MeasuredRange:
+        """Where each joint was in the rows that were fitted, and how far poses lie outside of it.
+
+        Raises:
+            CampaignError: the calibration has no rows.
+        """
+        return MeasuredRange.of_rows(self.model.robot, self.q, self.tool_jacobian)
 
     @cached_property
     def estimate(self) -> Float[np.ndarray, " p"]:
