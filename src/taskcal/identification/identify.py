@@ -381,6 +381,11 @@ def _identify(model: ErrorModel, campaign: Campaign, chosen: FitOptions) -> Cali
     expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
     kept = np.arange(len(model)) if chosen.keep is None else model.indices(chosen.keep)
     check_rows(campaign)
+    if chosen.frames == "fixed" and campaign.stations is not None and len(campaign.stations.names) > 1:
+        raise CampaignError(
+            f"{named_file(campaign)}frames of several stations ({', '.join(campaign.stations.names)}) are fitted, and cannot be "
+            "held: leave out frames='fixed' (--frames fixed), or fit one station"
+        )
     chosen = hold_scale(model, campaign, chosen)
     for effect in model.effects:
         campaign.check_told(effect.needs, effect.key)

@@ -5,7 +5,7 @@ of the tool comes from the compiled walk. A tracker's points need no more than t
 well; those of other kinds are made of dense columns, some poses at a time.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -303,11 +303,24 @@ class Problem:
     """Covariance of the measurements, m² and rad²."""
     conditions: Conditions | None = None
     """How the poses were reached."""
+    of: Int[np.ndarray, " n"] | None = None
+    """Station of each row, of a tracker that was moved."""
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Problem":
         """The problem of some of the rows."""
         conditions = None if self.conditions is None else self.conditions.take(rows)
-        return replace(self, q=self.q[rows], seen=self.seen.take(rows), noise=self.noise[rows], conditions=conditions)
+        of = None if self.of is None else self.of[rows]
+        return replace(
+            self, q=self.q[rows], seen=self.seen.take(rows), noise=self.noise[rows], conditions=conditions, of=of
+        )
+
+    @cached_property
+    def _parts(self) -> "list[tuple[Int[np.ndarray, ' k'] | slice, Problem]]":
+        """Rows of each station, and their problem: the chain before them begins with the frame of that station."""
+        if self.of is None:
+            return [(slice(None), self)]
+        rows = [(k, np.flatnonzero(self.of == k)) for k in np.unique(self.of).tolist()]
+        return [(some, replace(self.take(some), of=None, layout=replace(self.layout, station=k))) for k, some in rows]
 
     @cached_property
     def _prepared(self) -> Prepared:
@@ -347,7 +360,8 @@ class Problem:
 
         def evaluate(z: np.ndarray) -> Equations:
             try:
-                cost, g, H = self.rows(z).equations(whitener, loss, threshold)
+                parts = [part.rows(z).equations(whitener[rows], loss, threshold) for rows, part in self._parts]
+                cost, g, H = (sum(values[1:], values[0]) for values in zip(*parts, strict=True))
             except ClosureError:
                 return np.inf, np.zeros(len(z)), np.zeros((len(z), len(z)))
             r, A = stated_rows(self.layout, z, self.seen.kinds)
@@ -365,11 +379,24 @@ class Problem:
         Raises:
             ClosureError: a closed loop cannot be assembled at some pose.
         """
-        return self.rows(z).linearise(joints=joints)
+        parts = [part.rows(z).linearise(joints=joints) for _, part in self._parts]
+        if len(parts) == 1:
+            return parts[0]
+        arrays = {f.name: np.concatenate([getattr(one, f.name) for one in parts]) for f in fields(Linearisation)}
+        return Linearisation(**arrays).take(self._in_order)
 
     def propagate(self, z: Float[np.ndarray, " z"], covariance: Float[np.ndarray, "z z"]) -> Propagated:
         """Residuals at an estimate, and the covariance of what is predicted for one of the estimate."""
-        return self.rows(z).propagate(covariance)
+        parts = [part.rows(z).propagate(covariance) for _, part in self._parts]
+        if len(parts) == 1:
+            return parts[0]
+        residual, propagated = (np.concatenate(values)[self._in_order] for values in zip(*parts, strict=True))
+        return residual, propagated
+
+    @property
+    def _in_order(self) -> Int[np.ndarray, " n"]:
+        """Of the rows of all stations, one station after another, those of the campaign in its order."""
+        return np.argsort(np.concatenate([rows for rows, _ in self._parts]))
 
     def information(
         self, z: Float[np.ndarray, " z"], whitener: Float[np.ndarray, "n targets b b"]
@@ -386,6 +413,7 @@ def problem_of(layout: Layout, campaign: Campaign, noise: TrackerNoise | None) -
         seen=Seen.of(campaign, layout),
         noise=campaign.covariances(noise),
         conditions=campaign.conditions,
+        of=None if campaign.stations is None else campaign.stations.of,
     )
 
 

@@ -13,7 +13,14 @@ from taskcal.errors import CampaignError, FitError
 from taskcal.estimation.least_squares import Stopping, fit
 from taskcal.estimation.matrices import invert_positive
 from taskcal.geometry import se3
-from taskcal.identification.calibration import Calibration, residuals_on, spread_of, unknowns_of
+from taskcal.identification.calibration import (
+    Calibration,
+    covariance_on,
+    in_its_frames,
+    residuals_on,
+    spread_of,
+    unknowns_of,
+)
 from taskcal.identification.group_model import MIN_VARIANCE, PoseNoise, of_targets
 from taskcal.identification.held_out import Outlier, Validation, shared_with_neighbours, studentise
 from taskcal.identification.hyperparameters import SLOW
@@ -46,12 +53,14 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
     expect_kinds({"calibration": Calibration, "campaign": Campaign}, calibration=calibration, campaign=campaign)
     if reregister:
         calibration = reregister_frames(calibration, campaign)
+    _, others = in_its_frames(calibration, campaign)
     residual = errors_on(calibration, campaign)
     if not campaign.valid.any():
         raise CampaignError("the campaign has no measured point to compare with: every beam was lost")
     validation = replace(
         Validation.of_residuals(residual, calibration.T_tracker_base[:3, :3], campaign.kinds),
         compared=_compared(calibration, campaign),
+        remarks=_station_remarks(calibration, campaign, others),
     )
     off = float(np.median(validation.errors))
     if off <= PLAUSIBLE_SHARE * calibration.model.robot.reach:
@@ -61,7 +70,25 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
         "rerun with --reregister; otherwise units, joint columns or robot model differ: "
         "run 'taskcal doctor' (in Python: reregister=True, diagnose)"
     )
-    return replace(validation, remarks=(remark,))
+    return replace(validation, remarks=(*validation.remarks, remark))
+
+
+def _station_remarks(calibration: Calibration, campaign: Campaign, others: tuple[str, ...]) -> tuple[str, ...]:
+    """Say of which station rows are taken to be that name none, and of which the frame was found from the rows that are judged."""
+    if campaign.stations is None and len(calibration.stations) > 1:
+        first, *more = calibration.stations
+        return (
+            f"the rows name no station, and are taken for those of '{first}'; the calibration knows {', '.join(more)} too: name "
+            "theirs in a column station, or refit the frames (--reregister)",
+        )
+    if not others or campaign.stations is None:
+        return ()
+    rows = dict(zip(campaign.stations.names, campaign.stations.rows, strict=True))
+    named = ", ".join(f"{name} ({rows[name]} rows)" for name in others)
+    return (
+        f"the calibration does not know {'stations' if len(others) > 1 else 'station'} {named}: each frame was found from these "
+        "rows themselves, which makes their errors a little smaller than those of predicted rows",
+    )
 
 
 def _compared(calibration: Calibration, campaign: Campaign) -> tuple[Compared, ...]:
@@ -268,9 +295,9 @@ def examine(
     studentised = inside = rotation_inside = None
     outliers: tuple[Outlier, ...] = ()
     shared: tuple[bool, ...] = ()
-    if not (reregister or campaign.observations):
+    if not (reregister or campaign.observations or in_its_frames(calibration, campaign)[1]):
         known = [calibration.targets.index(name) for name in campaign.targets]
-        stated = calibration.predict_covariance(campaign.q, campaign.conditions)[:, known, :width, :width] + covariance
+        stated = covariance_on(calibration, campaign)[:, known, :width, :width] + covariance
         lengths, outliers = studentise(residual, stated, stated, campaign, level)
         shared = shared_with_neighbours(outliers, residual, lengths, campaign.q)
         studentised = lengths[rows, targets]
@@ -454,4 +481,5 @@ def _as_measured(
         targets=calibration.targets,
         points=ends[..., :3, 3] + residual[..., :3],
         rotations=rotations,
+        stations=calibration.layout.stations,
     )

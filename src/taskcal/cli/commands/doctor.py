@@ -78,8 +78,8 @@ def _show(diagnosis: "taskcal.diagnosis.Diagnosis", campaign: Path) -> None:
         tell(f"{finding.id}: {finding.fix}")
 
 
-def diagnose_file(path: Path, robot: "taskcal.Robot") -> "taskcal.diagnosis.Diagnosis":
-    """The diagnosis of a file, which may be outside the robot's limits, with progress on a terminal.
+def diagnose_file(path: Path | Sequence[Path], robot: "taskcal.Robot") -> "taskcal.diagnosis.Diagnosis":
+    """The diagnosis of a file or of several stations' files, which may be outside the robot's limits, with progress on a terminal.
 
     Raises:
         FileError: it cannot be read as a campaign of so many joints.
@@ -91,7 +91,7 @@ def diagnose_file(path: Path, robot: "taskcal.Robot") -> "taskcal.diagnosis.Diag
         return taskcal.diagnose(campaign, robot, progress=progress)
 
 
-def with_first_finding(refusal: TaskcalError, path: Path, robot: "taskcal.Robot") -> str:
+def with_first_finding(refusal: TaskcalError, path: Sequence[Path], robot: "taskcal.Robot") -> str:
     """A refusal's message, with the doctor's first finding if it reduces the error."""
     message = str(refusal)
     if isinstance(refusal, UnitError):  # it has to be fixed before anything else can be tested
