@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 
 import taskcal as tc
+from taskcal.campaigns.campaign import join
+from taskcal.campaigns.performance import pose_repeatability
+from taskcal.diagnosis.diagnose import diagnose
 from taskcal.geometry import se3
 from taskcal.identification.calibration import covariance_on, list_stations
 from taskcal.identification.validation import examine
 from taskcal.reading.writer import write_campaign
 from taskcal.registration.stations import join_stations
+from taskcal.report.calibration import tabulate_stations
 from tests.laws.cells import STRUCTURES, cell, unseen
 
 MOVED = se3.pose(se3.exp(np.array([0.02, -0.01, 1.2])), np.array([2.0, -3.0, 0.1]))
@@ -176,6 +180,45 @@ def test_a_calibration_file_has_its_stations(tmp_path):
     (tmp_path / "cal.json").write_text(json.dumps(content))
     with pytest.raises(tc.TaskcalError, match="stations"):
         tc.load_calibration(tmp_path / "cal.json")
+
+
+def test_a_virtual_tracker_goes_around_the_robot():
+    model = tc.ErrorModel(tc.load_robot("ur10"))
+    rng = np.random.default_rng(5)
+    campaign, truth = tc.simulate(model, rng.uniform(-1.5, 1.5, (45, 6)), rng=rng, stations=3, lost=0.05)
+    assert campaign.stations.rows == (15, 15, 15)
+    assert campaign.ids == tuple(map(str, range(45)))
+    found = tc.identify(model, campaign)
+    for k, T in enumerate(found.stations.values()):
+        np.testing.assert_allclose(T, truth.T_tracker_base @ se3.rotation("z", 2 * np.pi * k / 3), atol=5e-3)
+    assert normalised_square(found, truth.T_tracker_base @ se3.rotation("z", 2 * np.pi / 3), 1) < 30.0
+    assert len(tabulate_stations(found)) == 3
+    with pytest.raises(tc.TaskcalError, match="a tracker alone"):
+        tc.simulate(model, campaign.q, rng=rng, stations=2, observe="socket")
+
+
+def test_poses_that_recur_at_another_station_are_not_repeated():
+    some = cell("six axes", rows=30)
+    parts = [("A", some.campaign), ("B", seen_from(some.campaign, MOVED))]
+    with pytest.raises(tc.TaskcalError, match="recur"):
+        pose_repeatability(join_stations(some.model, parts))
+    again = pose_repeatability(join_stations(some.model, [*parts, ("A", some.campaign)]))
+    assert len(again) == 30
+    with pytest.raises(tc.TaskcalError, match="join_stations"):
+        join([join_stations(some.model, parts), some.campaign])
+
+
+def test_the_doctor_examines_every_station():
+    some = cell("six axes", rows=60)
+    joined = two_stations(some, 35)
+    sound = diagnose(joined, some.model.robot)
+    assert sound.findings == ()
+    assert "A, B" in sound.scope
+    q = joined.q.copy()
+    q[35:, 2] *= -1.0
+    found = diagnose(replace(joined, q=q), some.model.robot)
+    assert found.findings[0].id == "joint-sign"
+    assert "station 'B'" in found.scope
 
 
 # Files.

@@ -416,6 +416,11 @@ def join(campaigns: Sequence[Campaign], *, alike: bool = False) -> Campaign:
         if not campaigns:
             raise CampaignError("there is no campaign to join")
         return campaigns[0]
+    for one in campaigns:
+        if one.stations is not None:
+            raise CampaignError(
+                f"{named_file(one)}names stations, whose rows are joined by registration.join_stations alone"
+            )
     names = [name for one in campaigns for name in one.targets]
     turned = {one.rotations is not None for one in campaigns}
     if alike:

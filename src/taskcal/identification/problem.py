@@ -396,7 +396,7 @@ class Problem:
     @property
     def _in_order(self) -> Int[np.ndarray, " n"]:
         """Of the rows of all stations, one station after another, those of the campaign in its order."""
-        return np.argsort(np.concatenate([rows for rows, _ in self._parts]))
+        return np.argsort(np.concatenate([rows for rows, _ in self._parts if not isinstance(rows, slice)]))
 
     def information(
         self, z: Float[np.ndarray, " z"], whitener: Float[np.ndarray, "n targets b b"]

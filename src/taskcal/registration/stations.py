@@ -103,6 +103,7 @@ def frame_of_points(
             "not on one line"
         )
     near: Bool[np.ndarray, " k"] = np.ones(len(base), dtype=bool)
+    off = np.zeros(len(base))
     for _ in range(MAX_STEPS):
         T = se3.fit_points(base[near], measured[near])
         off = np.linalg.norm(measured - se3.apply(T, base), axis=1)

@@ -11,7 +11,7 @@ from plotly.subplots import make_subplots
 from taskcal.analysis.identifiability import Identifiability, describe_combination, identifiability
 from taskcal.analysis.sensitivity import sensitivity
 from taskcal.geometry import se3
-from taskcal.identification.calibration import Calibration, informed_parameters, largest_correlations
+from taskcal.identification.calibration import Calibration, informed_parameters, largest_correlations, list_stations
 from taskcal.identification.held_out import HeldOut, Outlier, Validation
 from taskcal.identification.residual_analysis import (
     MAX_P_VALUE,
@@ -880,6 +880,22 @@ def tabulate_left_out(calibration: Calibration) -> Table:
     return Table.of(title, columns, calibration.left_out, note=COUNTED)
 
 
+def tabulate_stations(calibration: Calibration) -> Table:
+    """Tabulate where a tracker stood that was moved; empty where no station is named."""
+    columns = (
+        Column("station", "name"),
+        Column("rows", "rows", "d"),
+        *(Column(f"{axis} mm", lambda one, k=k: one["position_mm"][k], ".3f") for k, axis in enumerate("xyz")),
+        *(Column(f"1σ {axis} mm", lambda one, k=k: one["standard_error_mm"][k], ".3f") for k, axis in enumerate("xyz")),
+        *(
+            Column(f"1σ r{axis} mrad", lambda one, k=k: one["standard_error_mrad"][k], ".4f")
+            for k, axis in enumerate("xyz")
+        ),
+    )
+    note = "Origin of the robot's base in the tracker frame of each station; 1σ along and about its axes, geometry unknown."
+    return Table.of("Stations of the tracker", columns, list_stations(calibration), note=note)
+
+
 # Target offsets that the poses do not determine.
 
 MAX_UNDETERMINED = 1e-6
@@ -955,6 +971,7 @@ def summary_section(calibration: Calibration, errors: MeasuredErrors | None, ove
             else (f"{over.target * 1e3:.3f}", "mm", f"standard uncertainty of the target over {over.task} (3D, rms)"),
         ),
         Points(*_remarks(calibration)),
+        tabulate_stations(calibration) if calibration.stations else None,
     )
 
 

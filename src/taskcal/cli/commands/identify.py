@@ -277,7 +277,11 @@ def show_report(
     steps = next_steps(calibration, result, tracker_mm)
     show_facts([("next" if number == 0 else "", step) for number, step in enumerate(steps)])
     tell()
-    for table in (tables.tabulate_left_out(calibration), tables.tabulate_outliers(calibration)):
+    for table in (
+        tables.tabulate_stations(calibration),
+        tables.tabulate_left_out(calibration),
+        tables.tabulate_outliers(calibration),
+    ):
         if len(table):
             show(table)
     if parameters:
@@ -388,13 +392,6 @@ def _facts(result: Mapping[str, Any], *, parameters: bool) -> list[tuple[str, st
         *([("largest correlations", "; ".join(pairs))] if parameters else []),
         ("tracker frame", _measuring_frame(result)),
     ]
-    for station in result["stations"]:
-        sure = " ".join(f"{value:.3f}" for value in station["standard_error_mm"])
-        turned = " ".join(f"{value:.4f}" for value in station["standard_error_mrad"])
-        facts.append((
-            f"station {station['name']}",
-            f"{station['rows']} rows, base at {_point(station)}, 1σ {sure} mm, {turned} mrad",
-        ))  # fmt: skip
     for name, target in result["targets"].items():
         unsure = f"; {target['unlocated']}" if target["unlocated"] else ""
         facts.append((f"target {name}", f"at {_point(target)} of the tool frame{unsure}"))
