@@ -8,10 +8,12 @@ import pytest
 
 import taskcal as tc
 from taskcal.campaigns.campaign import join
+from taskcal.campaigns.drift import compensate_drift
 from taskcal.campaigns.performance import pose_repeatability
 from taskcal.diagnosis.diagnose import diagnose
 from taskcal.geometry import se3
 from taskcal.identification.calibration import covariance_on, list_stations
+from taskcal.identification.problem import problem_of
 from taskcal.identification.validation import examine
 from taskcal.reading.writer import write_campaign
 from taskcal.registration.stations import join_stations
@@ -219,6 +221,75 @@ def test_the_doctor_examines_every_station():
     found = diagnose(replace(joined, q=q), some.model.robot)
     assert found.findings[0].id == "joint-sign"
     assert "station 'B'" in found.scope
+
+
+def with_nests(some, first, rng, count=3, sigma=8e-6):
+    """Two stations that see the same reference points beside each pose."""
+    base = some.truth.T_tracker_base
+    places = se3.apply(base, rng.uniform(-1.5, 1.5, (count, 3)))
+    n = len(some.campaign)
+    nests = {f"base{p + 1}": at + sigma * rng.normal(size=(n, 3)) for p, at in enumerate(places)}
+    return two_stations(replace(some, campaign=replace(some.campaign, reference_points=nests)), first)
+
+
+def test_reference_points_tie_stations():
+    some, rng = cell("six axes", rows=40, noise=2e-4), np.random.default_rng(0)
+    plain, tied = two_stations(some, 34), with_nests(some, 34, rng)
+    spread = {}
+    for name, campaign in (("plain", plain), ("tied", tied)):
+        found = tc.identify(some.model, campaign)
+        columns = [found.layout.frame_columns(k) for k in (0, 1)]
+        A = np.zeros((6, len(found.z)))
+        A[range(6), columns[1]], A[range(6), columns[0]] = 1.0, -1.0
+        spread[name] = np.sqrt(np.diag(A @ found.z_covariance @ A.T))
+        squares = [
+            normalised_square(found, T, k)
+            for k, T in enumerate((some.truth.T_tracker_base, MOVED @ some.truth.T_tracker_base))
+        ]
+        assert max(squares) < 25.0
+    assert (spread["tied"] < 0.5 * spread["plain"]).all()
+    # three points of 8 µm or so each over a metre leave some 10 µm and 10 µrad of a relative frame
+    assert (spread["tied"] < 40e-6).all()
+
+
+def test_ties_are_differentiated_rightly():
+    some = cell("six axes", rows=30)
+    campaign = with_nests(some, 15, np.random.default_rng(1), count=2)
+    layout = tc.identify(some.model, campaign).layout
+    problem = problem_of(layout, campaign, None)
+    z = problem.layout.start()
+    at = problem.ties.rows(layout, z)
+    assert at.by_entry.shape == (12, len(z))
+    for i in [*layout.frame_columns(0), *layout.frame_columns(1)]:
+        step = np.zeros(len(z))
+        step[i] = 1e-6
+        up, down = (problem.ties.rows(layout, z + sign * step).residual for sign in (1.0, -1.0))
+        np.testing.assert_allclose(at.by_entry[:, i], (down - up) / 2e-6, rtol=1e-4, atol=1e-3)
+
+
+def test_a_reference_point_that_was_moved_is_named():
+    some = cell("six axes", rows=30)
+    rng = np.random.default_rng(2)
+    nests = {f"base{p}": np.tile(rng.uniform(-2, 2, 3), (30, 1)) for p in range(3)}
+    nests["base1"][15:] += 1e-3
+    moved = replace(some, campaign=replace(some.campaign, reference_points=nests))
+    with pytest.raises(tc.TaskcalError, match=r"base1.* one of them was moved"):
+        two_stations(moved, 15)
+
+
+def test_drift_is_followed_station_by_station():
+    some, rng = cell("six axes", rows=60), np.random.default_rng(3)
+    joined = with_nests(some, 30, rng)
+    drift = np.linspace(0.0, 5e-4, 60)[:, None] * np.array([1.0, 0.0, 0.0])
+    nests = {name: seen + drift for name, seen in joined.reference_points.items()}
+    followed = compensate_drift(replace(joined, points=joined.points + drift[:, None], reference_points=nests))
+    assert followed.followed
+    assert all(remark.startswith("station ") for remark in followed.remarks)
+    found = tc.identify(some.model, followed.campaign)
+    q = unseen(some, 60)
+    true, predicted = some.true_points(q).reshape(-1, 3), found.predict(q).reshape(-1, 3)
+    off = np.linalg.norm(true - se3.apply(se3.fit_points(predicted, true), predicted), axis=1)
+    assert 1e3 * off.mean() < 0.03
 
 
 # Files.

@@ -19,7 +19,7 @@ from taskcal.estimation.matrices import inverse_factors
 from taskcal.estimation.prior import Squared
 from taskcal.identification.layout import FRAME_SIZE, PriorOfEstimate, frame_precision
 from taskcal.identification.options import FitOptions
-from taskcal.identification.problem import Linearisation, Problem, stated_rows
+from taskcal.identification.problem import Linearisation, Problem
 from taskcal.kernels.chunks import in_chunks
 
 # What no parameter explains at a single pose: the tracker's noise, a white error of the target, and one of every
@@ -498,7 +498,7 @@ def _fit_once(
     in_chunks(whiten, len(A), POSES_AT_ONCE)
     x = one.units_of(z)
     y = np.einsum("nij,nj->ni", W, at.residual) + A @ x
-    known = stated_rows(one.problem.layout, z, one.problem.seen.kinds)
+    known = one.problem.stated(z)
     stated = one.scaled(known.by_entry)
     told = known.residual + stated @ x
     rows = np.concatenate([A.reshape(y.size, len(z)), stated]), np.concatenate([y.reshape(-1), told])

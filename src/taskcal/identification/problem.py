@@ -292,6 +292,53 @@ def stated_rows(layout: Layout, z: Float[np.ndarray, " z"], kinds: tuple[Observa
     return StatedRows(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
+class StationTies(NamedTuple):
+    """Reference points that stand beside the robot and were measured from several stations, whose frames they tie."""
+
+    seen: Float[np.ndarray, "points stations 3"]
+    """Mean of each in the campaign's frame, metres; NaN where a station did not see it."""
+    variance: Float[np.ndarray, "points stations"]
+    """Of each coordinate, m²: that of one reading, since readings from one station share most of a tracker's errors."""
+
+    def rows(self, layout: Layout, z: Float[np.ndarray, " z"]) -> StatedRows:
+        """Whitened rows: a point is at one place in the base, which is unknown and eliminated.
+
+        The stations' predictions of that place, less their mean weighted by 1/variance, are the residuals of the best place.
+        """
+        there = ~np.isnan(self.seen[..., 0])
+        weight = np.where(there, 1.0 / self.variance, 0.0)
+        share = weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
+        place = np.zeros(self.seen.shape)
+        by_entry = np.zeros((*self.seen.shape, len(z)))
+        for k in range(self.seen.shape[1]):
+            columns = layout.frame_columns(k)
+            T = se3.inverse(layout.registration.T_tracker_base @ se3.error_transform(z[columns]))
+            place[:, k] = np.where(there[:, k, None], se3.apply(T, np.nan_to_num(self.seen[:, k])), 0.0)
+            by_entry[:, k, :, columns] = -np.moveaxis(se3.by_twist(place[:, k]), 2, 0)
+        root = np.sqrt(weight)[..., None]
+        residual = root * (place - np.einsum("pk,pki->pi", share, place)[:, None])
+        by_entry = root[..., None] * (by_entry - np.einsum("pk,pkiz->piz", share, by_entry)[:, None])
+        return StatedRows(-residual[there].ravel(), by_entry[there].reshape(-1, len(z)))
+
+    @classmethod
+    def of(cls, campaign: Campaign, noise: TrackerNoise) -> "StationTies | None":
+        """Those of a campaign; None where no reference point was measured from two stations."""
+        stations = campaign.stations
+        if stations is None or not campaign.reference_points:
+            return None
+        count, every = len(stations.names), np.stack([*campaign.reference_points.values()])
+        local = se3.apply(se3.inverse(stations.T_first_station)[stations.of], every)
+        variance = np.trace(noise.covariance(local), axis1=2, axis2=3) / 3.0
+        there = ~np.isnan(every[..., 0])
+        mean, each = np.full((len(every), count, 3), np.nan), np.ones((len(every), count))
+        for p, k in np.ndindex(len(every), count):
+            rows = there[p] & (stations.of == k)
+            if rows.any():
+                mean[p, k], each[p, k] = every[p, rows].mean(axis=0), variance[p, rows].mean()
+        several = (~np.isnan(mean[..., 0])).sum(axis=1) > 1
+        return cls(mean[several], each[several]) if several.any() else None
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Problem:
     """A campaign to be fitted."""
@@ -305,6 +352,8 @@ class Problem:
     """How the poses were reached."""
     of: Int[np.ndarray, " n"] | None = None
     """Station of each row, of a tracker that was moved."""
+    ties: StationTies | None = None
+    """Of its stations."""
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Problem":
         """The problem of some of the rows."""
@@ -348,6 +397,13 @@ class Problem:
         """
         return Rows(self.layout, z, self.walked(z), self.seen)
 
+    def stated(self, z: Float[np.ndarray, " z"]) -> StatedRows:
+        """Rows of what is known of the estimate beside the measurements of the targets."""
+        known = stated_rows(self.layout, z, self.seen.kinds)
+        if self.ties is None or self.layout.fixed_frames:
+            return known
+        return StatedRows(*map(np.concatenate, zip(known, self.ties.rows(self.layout, z), strict=True)))
+
     def covariance(self, variances: Float[np.ndarray, " groups"]) -> Float[np.ndarray, "n targets b b"]:
         """Measurement noise and model error together: variance of position and, for poses, of rotation."""
         return self.noise + np.diag(np.repeat(variances, 3))
@@ -364,7 +420,7 @@ class Problem:
                 cost, g, H = (sum(values[1:], values[0]) for values in zip(*parts, strict=True))
             except ClosureError:
                 return np.inf, np.zeros(len(z)), np.zeros((len(z), len(z)))
-            r, A = stated_rows(self.layout, z, self.seen.kinds)
+            r, A = self.stated(z)
             return cost + 0.5 * float(r @ r), g + A.T @ r, H + A.T @ A
 
         return evaluate
@@ -414,6 +470,7 @@ def problem_of(layout: Layout, campaign: Campaign, noise: TrackerNoise | None) -
         noise=campaign.covariances(noise),
         conditions=campaign.conditions,
         of=None if campaign.stations is None else campaign.stations.of,
+        ties=StationTies.of(campaign, noise or TrackerNoise()),
     )
 
 

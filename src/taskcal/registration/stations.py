@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -10,9 +11,14 @@ from taskcal.arguments import expect_kinds
 from taskcal.campaigns.campaign import Campaign, Stations, join, named_file
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
+from taskcal.observations.base import TrackerNoise
 from taskcal.registration.consensus import FAR_SIGMAS, MAX_STEPS, TRACKER_NOISE, TRUSTED_SHARE, find_consensus
 from taskcal.registration.registration import STRAIGHT_SHARE, nominal_poses
 from taskcal.robot.error_model import ErrorModel
+
+MOVED_SIGMAS = 10.0
+"""Standard deviations of a change of two reference points' distance, from which on one was moved. A convention, as for a gross
+error of a row."""
 
 
 def join_stations(model: ErrorModel, parts: Sequence[tuple[str, Campaign]]) -> Campaign:
@@ -27,8 +33,8 @@ def join_stations(model: ErrorModel, parts: Sequence[tuple[str, Campaign]]) -> C
             one station.
 
     Raises:
-        CampaignError: a part has no name, was not measured by a tracker alone, or does not determine where its station is; or
-            some parts state uncertainties or rotations and others do not.
+        CampaignError: a part has no name, was not measured by a tracker alone, or does not determine where its station is;
+            reference points keep no distance; or some parts state uncertainties or rotations and others do not.
     """
     expect_kinds({"model": ErrorModel}, model=model)
     for name, part in parts:
@@ -49,8 +55,35 @@ def join_stations(model: ErrorModel, parts: Sequence[tuple[str, Campaign]]) -> C
     whole = replace(whole, ids=ids, stations=stations)
     if len(names) == 1:
         return whole
+    _refuse_moved_references(whole, stations)
     frames = _frames(model, whole, of, len(names))
     return whole.carried(frames[0] @ se3.inverse(frames))
+
+
+def _refuse_moved_references(campaign: Campaign, stations: Stations) -> None:
+    """See that reference points are as far from each other at every station.
+
+    Raises:
+        CampaignError: two are not, since one of them was moved.
+    """
+    names, noise = list(campaign.reference_points), TrackerNoise()
+    place, variance = np.full((2, len(stations.names), len(names), 3), np.nan)
+    for k, p in np.ndindex(len(stations.names), len(names)):
+        seen = campaign.reference_points[names[p]][stations.of == k]
+        seen = seen[~np.isnan(seen[:, 0])]
+        if len(seen):
+            place[k, p] = seen.mean(axis=0)
+            variance[k, p] = seen.var(axis=0).mean() + np.trace(noise.covariance(place[k, p])) / 3.0
+    for p, other in combinations(range(len(names)), 2):
+        apart = np.linalg.norm(place[:, p] - place[:, other], axis=1)
+        sigma = np.sqrt(variance[:, p, 0] + variance[:, other, 0])
+        for k, m in combinations(np.flatnonzero(~np.isnan(apart)).tolist(), 2):
+            if abs(apart[k] - apart[m]) > MOVED_SIGMAS * np.hypot(sigma[k], sigma[m]):
+                raise CampaignError(
+                    f"{named_file(campaign)}reference points {names[p]} and {names[other]} are {apart[k] * 1e3:.3f} mm apart from "
+                    f"station '{stations.names[k]}' and {apart[m] * 1e3:.3f} mm from '{stations.names[m]}': one of them was moved; "
+                    "leave it out (--reference-points)"
+                )
 
 
 def _frames(
