@@ -271,6 +271,7 @@ def summarise_calibration(calibration: "Calibration") -> dict[str, Any]:
         "model_error_mm": calibration.model_error[0] * 1e3,
         **({"model_error_mrad": rotation[0] * 1e3} if rotation else {}),
         "prior_scale": calibration.prior_scale,
+        "measured_range": calibration.measured_range.summary(),
         "parameters": list_parameters(calibration),
         "correlations": [
             {"a": a, "b": b, "correlation": value} for a, b, value in largest_correlations(calibration, CORRELATIONS)

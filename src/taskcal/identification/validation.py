@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -26,6 +27,7 @@ from taskcal.identification.held_out import Outlier, Validation, shared_with_nei
 from taskcal.identification.hyperparameters import SLOW
 from taskcal.identification.identify import fit_nominal
 from taskcal.identification.layout import frame_precision, layout_of
+from taskcal.identification.measured_range import MeasuredRange, name_rows
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, problem_of, whitener
 from taskcal.kernels.points import SQUARED
@@ -62,15 +64,18 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
         compared=_compared(calibration, campaign),
         remarks=_station_remarks(calibration, campaign, others),
     )
+    remarks: list[str] = []
     off = float(np.median(validation.errors))
-    if off <= PLAUSIBLE_SHARE * calibration.model.robot.reach:
-        return validation
-    remark = (
-        f"the campaign is {off * 1e3:.0f} mm away from what the calibration predicts: if the tracker or the target was moved, "
-        "rerun with --reregister; otherwise units, joint columns or robot model differ: "
-        "run 'taskcal doctor' (in Python: reregister=True, diagnose)"
+    if off > PLAUSIBLE_SHARE * calibration.model.robot.reach:
+        remarks.append(
+            f"the campaign is {off * 1e3:.0f} mm away from what the calibration predicts: if the tracker or the target was moved, "
+            "rerun with --reregister; otherwise units, joint columns or robot model differ: "
+            "run 'taskcal doctor' (in Python: reregister=True, diagnose)"
+        )
+    outside = calibration.measured_range.warning(
+        campaign.q, name_rows([campaign.row_of(row) for row in range(len(campaign))], campaign.ids)
     )
-    return replace(validation, remarks=(*validation.remarks, remark))
+    return replace(validation, remarks=(*validation.remarks, *remarks, *([outside] if outside else [])))
 
 
 def _station_remarks(calibration: Calibration, campaign: Campaign, others: tuple[str, ...]) -> tuple[str, ...]:
@@ -212,6 +217,32 @@ class Examination:
     """Points too far off for chance, the worst first."""
     shared: tuple[bool, ...] = ()
     """Whether neighbouring rows or poses have much the same error as each outlier, as those do that a model leaves."""
+    measured_range: MeasuredRange
+    """Where the calibration was measured."""
+
+    @cached_property
+    def outside(self) -> Bool[np.ndarray, " points"]:
+        """Whether each point was measured at a pose outside of what the calibration was fitted to."""
+        return self.measured_range.outside(self.campaign.q)[list(self.validation.rows)]
+
+    def by_range(self) -> dict[str, tuple[Validation, float | None]]:
+        """The errors inside and outside of the measured range, each with the share that lies in its stated region.
+
+        Empty where all points are on one side.
+        """
+        if self.outside.all() or not self.outside.any():
+            return {}
+        return {
+            name: (
+                self.validation.of_points(points),
+                None if self.inside is None else float(self.inside[points].mean()),
+            )
+            for name, points in (("inside_range", ~self.outside), ("outside_range", self.outside))
+        }
+
+    @cached_property
+    def _farthest(self) -> list[dict[str, Any]]:
+        return self.measured_range.farthest(self.campaign.q)
 
     @property
     def worst_first(self) -> Int[np.ndarray, " points"]:
@@ -233,6 +264,7 @@ class Examination:
             "id": self.campaign.ids[row],
             "target": self.campaign.targets[self.targets[k]],
             "error_mm": float(validation.errors[k]) * 1e3,
+            **self._farthest[row],
         }
         if np.isfinite(self.signed[k]):
             out["signed_mm"] = float(self.signed[k]) * 1e3
@@ -247,7 +279,10 @@ class Examination:
         return out
 
     def summary(self) -> dict[str, Any]:
-        """Summary: that of `Validation.summary`, the coverage of the stated regions, the outliers, and every point."""
+        """Summary: that of `Validation.summary`, coverage of the stated regions, outliers, and every point.
+
+        Where some points lie outside of the measured range, and others inside, the errors of both.
+        """
         compared = [
             {"name": one.name, "stated_mm": one.stated * 1e3, "found_mm": one.found * 1e3}
             for one in self.validation.compared
@@ -256,6 +291,9 @@ class Examination:
             **self.validation.summary(),
             "inside_share": None if self.inside is None else float(self.inside.mean()),
             "rotation_inside_share": None if self.rotation_inside is None else float(self.rotation_inside.mean()),
+            "outside_points": int(self.outside.sum()),
+            **{name: {**part.summary(), "inside_share": share} for name, (part, share) in self.by_range().items()},
+            "measured_range": self.measured_range.summary(),
             "outliers": [outlier.summary() for outlier in self.outliers],
             **({"distances": compared} if compared else {}),
             "rows": self.points(),
@@ -318,6 +356,7 @@ def examine(
         rotation_inside=rotation_inside,
         outliers=outliers,
         shared=shared,
+        measured_range=calibration.measured_range,
     )
 
 

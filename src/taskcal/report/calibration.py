@@ -571,6 +571,34 @@ def _along(
     return 1e3 * along, square >= MIN_LEVERAGE**2 * square.max(axis=0), unit
 
 
+# Where the fitted rows were measured.
+
+
+def range_section(calibration: Calibration) -> Section:
+    """Make the section of the joint range that was measured."""
+    return Section(
+        "Measured range",
+        "Predictions and corrections inside this range interpolate between measured poses. Outside of it they extrapolate, and "
+        "their uncertainty grows: measure there before you rely on them.",
+        tabulate_range(calibration),
+    )
+
+
+def tabulate_range(calibration: Calibration) -> Table:
+    """Tabulate the measured range of every joint, beside its limits."""
+    robot, measured = calibration.model.robot, calibration.measured_range
+
+    def limits(j: int) -> str:
+        return measured.interval(j, *robot.limits[j]) if np.isfinite(robot.limits[j]).all() else "none"
+
+    columns = (
+        Column("joint", lambda j: robot.joint_names[j]),
+        Column("measured", measured.describe, "s"),
+        Column("limits", limits, "s"),
+    )
+    return Table.of("Joint range of the fitted rows", columns, range(len(robot.joints)))
+
+
 # Residuals of the fitted rows.
 
 PANELS = 3
@@ -1122,7 +1150,7 @@ def calibration_page(
     sections = [summary_section(calibration, errors, over)]
     if errors is not None:
         sections.append(Section("The robot", robot_scene(calibration, errors, space)))
-    sections += [held_out_section(calibration), residuals_section(calibration, errors)]
+    sections += [held_out_section(calibration), range_section(calibration), residuals_section(calibration, errors)]
     if remainder is not None:
         sections.append(residual_analysis_section(remainder, f"{len(remainder.residual)} poses"))
     if errors is not None:

@@ -79,7 +79,8 @@ def _show(
     from taskcal.report import comparison as tables
     from taskcal.report.calibration import are_most, describe_outliers, tabulate_errors
 
-    show(tabulate_errors({"predicted": examination.validation.summary()}, title))
+    parts = {label.replace("_", " measured "): part.summary() for label, (part, _) in examination.by_range().items()}
+    show(tabulate_errors({"predicted": examination.validation.summary(), **parts}, title))
     show(tables.tabulate_points(examination, worst))
     if examination.outliers:
         show(tables.tabulate_examined_outliers(examination, worst))
