@@ -21,6 +21,8 @@ from taskcal.identification.group_model import (
     fit_group_model,
     log_weights,
     of_targets,
+    pose_freedom,
+    region_factor,
     sampled_poses,
     spread_to_all,
     weigh,
@@ -527,7 +529,8 @@ def find_group_model(
     progress(LEAVING_OUT)
     names = [effect.name for effect in (*base.model.effects, *effects)]
     errors = validate_groups(fitted, parts, names, np.random.default_rng(seed))
-    calibration = calibrate(fitted, campaign, options, errors.stretch, np.random.default_rng(seed))
+    stretch = errors.stretch * region_factor(pose_freedom(fitted))
+    calibration = calibrate(fitted, campaign, options, stretch, np.random.default_rng(seed))
     return GroupModelFound(fitted=fitted, calibration=calibration, errors=errors, effects=effects)
 
 

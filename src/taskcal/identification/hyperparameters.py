@@ -12,7 +12,7 @@ from taskcal.estimation.group_variances import expected_variance
 from taskcal.estimation.least_squares import Ended, Solution, Stopping, fit
 from taskcal.estimation.matrices import factor_positive, invert_positive, pseudo_invert_scaled
 from taskcal.estimation.prior import Loss, Squared
-from taskcal.identification.group_model import TYPICAL, PoseNoise, geometry_alone, search_about
+from taskcal.identification.group_model import TYPICAL, PoseNoise, geometry_alone, region_factor, search_about
 from taskcal.identification.layout import Layout, PriorOfEstimate
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, whitener
@@ -34,6 +34,8 @@ class Hyperparameters:
     """Prior standard deviation of every parameter, where each effect of each joint has a size of its own."""
     joint_error: tuple[float, ...] = ()
     """Standard deviation of the pose-to-pose error of each joint, radians (metres where it slides)."""
+    freedom: float = np.inf
+    """Degrees of freedom from which the variance of a pose is known; infinite where it was given, or is the instrument's alone."""
 
     def __repr__(self) -> str:
         error = self.model_error
@@ -63,6 +65,11 @@ class Hyperparameters:
     def prior_scale(self) -> float:
         """Factor of the prior's standard deviations."""
         return float(np.sqrt(self.prior_factor))
+
+    @property
+    def widening(self) -> float:
+        """Factor of the variance of a pose, for regions that allow for how well it is known."""
+        return region_factor(self.freedom)
 
     def deviations(self, model: ErrorModel) -> Float[np.ndarray, " p"]:
         """Prior standard deviation of every parameter of a model, metres and radians.
@@ -242,7 +249,7 @@ def fit_with_hyperparameters(problem: Problem, prior: PriorOfEstimate, options: 
     one = geometry_alone(part, prior, options)
     errors, sizes = _first_errors(part, options), one.groups.location
     hyper, rounds, known = _hyper(errors, sizes), 0, None
-    deviations = np.zeros(len(errors.variances))
+    deviations, freedom = np.zeros(len(errors.variances)), np.inf
     scaled = bool(len(one.groups.searched))
     while (errors.searched or scaled) and rounds <= MAX_ROUNDS:
         if rounds or not linear:
@@ -251,7 +258,8 @@ def fit_with_hyperparameters(problem: Problem, prior: PriorOfEstimate, options: 
             if rounds and np.array_equal(z, before):
                 known = solution if part is problem else None
                 break
-        found, errors, deviations = search_about(one, z, errors, options, sizes)
+        found, step = search_about(one, z, errors, options, sizes)
+        errors, deviations, freedom = step.errors, step.deviations, step.freedom
         rounds, sizes = rounds + 1, found.found.log_variances
         hyper = _hyper(errors, sizes)
         # where rows are linear, the fit under the new hyperparameters has its end where theirs have it
@@ -262,6 +270,7 @@ def fit_with_hyperparameters(problem: Problem, prior: PriorOfEstimate, options: 
         without = replace(hyper, variances=np.where(insignificant, 0.0, hyper.variances))
         if prior.parameters is None or _is_as_probable(part, prior, loss, without, hyper, z, loose):
             hyper, known = without, None
+    hyper = replace(hyper, freedom=freedom if hyper.variances.any() else np.inf)
     fitted = fit_weighed(problem, prior, loss, hyper, z, loose if scaled else final, known)
     fitted = replace(fitted, log_evidence=fitted.evidence(), rounds=rounds + 1)
     if not scaled:
@@ -334,6 +343,7 @@ def _first_errors(problem: Problem, options: FitOptions) -> PoseNoise:
 #
 #     C = A·Σ_K·Aᵀ + G·Σ_D·Gᵀ + F·B·F,   A = F·P_K,   G = (−F·J_KᵀWJ_D; 1),   B = J_KᵀW·R·W·J_K
 #
+# of which F·B·F, what the measurements' errors make of the estimate, counts for as much more as R is uncertain (`region_factor`),
 # and the residual y − J·θ̂ of one block R − S·W·R − R·W·S + J·C·Jᵀ, S = J_K·F·J_Kᵀ. R, Σ and the rest of the
 # hyperparameters are those of the largest marginal likelihood of the whole model.
 
@@ -361,11 +371,13 @@ class Outcome:
 
 def fitted_alone(fit: Fitted, problem: Problem, whole: Layout) -> Outcome:
     """The outcome of a fit of all parameters, or of some where the others are taken for zero."""
+    F = fit.posterior
+    from_errors = F @ fit.solution.information @ F
     return Outcome(
         layout=whole,
         estimated=problem.layout.estimated,
         z=spread_out(fit.solution.z, problem.layout, whole),
-        covariance=spread_out(fit.posterior, problem.layout, whole),
+        covariance=spread_out(F + (fit.hyper.widening - 1.0) * from_errors, problem.layout, whole),
         residual_covariance=fit.covariance - fit.prediction_covariance,
         hyper=fit.hyper,
     )
@@ -396,7 +408,7 @@ def consider(fit: Fitted, problem: Problem, whole: Problem, prior: PriorOfEstima
     # each part as a square, so that rounding leaves no variance under zero
     spread = np.zeros((len(z), 2 * len(k)))
     spread[k, : len(k)] = A @ _factor(Sigma[np.ix_(k, k)])
-    spread[k, len(k) :] = F @ _factor(B[np.ix_(k, k)])
+    spread[k, len(k) :] = np.sqrt(hyper.widening) * F @ _factor(B[np.ix_(k, k)])
     spread = np.concatenate([spread, G @ _factor(Sigma[np.ix_(d, d)])], axis=1)
     C = spread @ spread.T
     followed = fit.prediction_covariance @ W @ R

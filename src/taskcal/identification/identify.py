@@ -490,7 +490,7 @@ def conclude(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOpti
         left_out=(),
         ids=campaign.ids,
         q=campaign.q,
-        model_error=outcome.hyper.model_error,
+        model_error=tuple(float(np.sqrt(outcome.hyper.widening)) * error for error in outcome.hyper.model_error),
         prior_scale=outcome.hyper.prior_scale if has_prior else None,
         log_evidence=fit.log_evidence if has_prior else None,
         iterations=fit.solution.iterations,
