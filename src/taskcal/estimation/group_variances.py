@@ -36,6 +36,9 @@ SCALE_RANGE = 1e-4, 1e4
 STATED_WITHIN = 3.0
 """Factor (1σ) within which stated deviations are expected where the data say nothing of their scale."""
 
+STATED_VARIANCE = float((2.0 * np.log(STATED_WITHIN)) ** 2)
+"""The same as the variance of a log variance."""
+
 GRID_POINTS = 201
 """Variances, evenly in their logarithm, over which their posterior is integrated."""
 
@@ -288,6 +291,7 @@ def expected_variance(equations: GroupEquations) -> float:
     v = np.exp(logarithm)
     spread = 1.0 + v[:, None] * values
     likelihood = 0.5 * (v[:, None] * along**2 / spread - np.log(spread)).sum(axis=1)
-    expected = likelihood - 0.5 * (logarithm / (2.0 * np.log(STATED_WITHIN))) ** 2
+    off = logarithm - equations.groups.location[0]
+    expected = likelihood - 0.5 * off**2 / min(float(equations.groups.spread[0, 0]), STATED_VARIANCE)
     weight = np.exp(expected - expected.max())
     return float(weight @ v / weight.sum())

@@ -262,7 +262,7 @@ CORRELATIONS = 6
 
 def summarise_calibration(calibration: "Calibration") -> dict[str, Any]:
     """The report of a calibration, in millimetres and milliradians."""
-    rotation = calibration.model_error[1:]
+    rotation, like = calibration.model_error[1:], calibration.provenance.options.get("like")
     return {
         "robot": calibration.model.robot.name,
         "effects": [effect.to_json() for effect in calibration.model.effects],
@@ -271,6 +271,7 @@ def summarise_calibration(calibration: "Calibration") -> dict[str, Any]:
         "model_error_mm": calibration.model_error[0] * 1e3,
         **({"model_error_mrad": rotation[0] * 1e3} if rotation else {}),
         "prior_scale": calibration.prior_scale,
+        **({"like": like} if like else {}),
         "measured_range": calibration.measured_range.summary(),
         "parameters": list_parameters(calibration),
         "correlations": [
@@ -652,6 +653,8 @@ class Calibration:
     """Joint positions of the rows that were fitted, radians."""
     held_out: HeldOut | None = None
     """What the fit predicted of rows that it had not seen, if any were held out."""
+    source: str = ""
+    """File that it was read from."""
 
     def __repr__(self) -> str:
         scale = "" if self.prior_scale is None else f", prior × {self.prior_scale:.2g}"
@@ -1178,7 +1181,7 @@ def load_calibration(path: str | Path) -> Calibration:
     path = Path(path)
     data = read_envelope(path)
     try:
-        return calibration_from(data)
+        return replace(calibration_from(data), source=path.name)
     except TaskcalError as error:
         raise FileError(path, str(error)) from error
 

@@ -79,8 +79,10 @@ class PoseNoise:
     """Of every joint, rad² (m² where it slides)."""
     searched: bool = True
     """Whether they are estimated."""
-    width: float = WIDTH
-    """Expected standard deviation of the variances' logarithms about that of `TYPICAL`; infinite where nothing is expected."""
+    expected: float | Float[np.ndarray, " k"] = TYPICAL**2
+    """Variances that are expected."""
+    width: float | Float[np.ndarray, " k"] = WIDTH
+    """Standard deviation of the variances' logarithms about those; infinite where nothing is expected."""
 
     @property
     def variances(self) -> Float[np.ndarray, " k"]:
@@ -152,7 +154,8 @@ def score_noise(
     by_rows = information.copy()
     # in whitened units the share of each in the variance of a pose is a mean over all numbers
     share = variances * np.array([np.trace(part, axis1=1, axis2=2).sum() for part in white]) / at.seen.sum()
-    told = information + np.eye(len(variances)) * max(errors.width**-2, 1.0 / FLAT)
+    expected = np.eye(len(variances)) / np.square(errors.width)
+    told = information + np.maximum(expected, np.eye(len(variances)) / FLAT)
     freedom = 2.0 / float(share @ np.linalg.solve(told, share))
     if not len(errors.joints):
         # correlations of all poses included it is (tr)² over the numbers that are left to judge by, or more: of few poses, what
@@ -161,8 +164,8 @@ def score_noise(
         taken = float(np.trace(explained, axis1=1, axis2=2).sum()) if len(variances) == 1 else 0.0
         least = 0.5 * (traces * variances) ** 2 / max(numbers - taken, 1.0)
         np.fill_diagonal(information, np.maximum(np.diag(information), least))
-    information += np.eye(len(variances)) / errors.width**2
-    gradient = gradient * variances - np.log(variances / TYPICAL**2) / errors.width**2
+    information += expected
+    gradient = gradient * variances - np.log(variances / errors.expected) / np.square(errors.width)
     step = np.linalg.solve(information, gradient)
     changed = np.maximum(variances * np.clip(1.0 + step, *CHANGE), MIN_VARIANCE)
     return NoiseStep(
@@ -464,7 +467,7 @@ def fit_group_model(
             raise FitError(
                 "the fit of geometry and effects ran away; check the campaign with a robust loss (loss=Cauchy())"
             )
-        step, weights = _score(fitted)
+        step, weights = score(fitted)
         scored = step.errors
         grouped = one.groups.grouped
         moved = np.abs(following - z)[grouped].max() / one.scale[grouped].max()
@@ -495,7 +498,7 @@ def search_about(
     weights = np.ones(len(one.problem.q))
     fitted, moved = _fit_once(one, z, at, errors, weights, options, sizes, steps=1), np.inf
     last = np.zeros(len(errors.variances))
-    step, weights = _score(fitted)
+    step, weights = score(fitted)
     for _ in range(MAX_SEARCH_STEPS):
         if errors.searched:
             errors, last = _without_cycles(fitted.errors, step.errors, last)
@@ -504,13 +507,8 @@ def search_about(
         sizes = fitted.found.log_variances
         fitted = _fit_once(one, z, at, errors, weights, options, sizes, steps=1)
         moved = float(np.abs(fitted.found.log_variances - sizes).max(initial=0.0))
-        step, weights = _score(fitted)
+        step, weights = score(fitted)
     return fitted, replace(step, errors=errors)
-
-
-def pose_freedom(fitted: GroupFit) -> float:
-    """Degrees of freedom from which the variance of a pose is known; infinite where what single poses add was given."""
-    return _score(fitted)[0].freedom
 
 
 def _without_cycles(
@@ -591,7 +589,7 @@ def spread_to_all(values: Float[np.ndarray, " k"], n: int) -> Float[np.ndarray, 
     return out
 
 
-def _score(fitted: GroupFit) -> tuple[NoiseStep, Float[np.ndarray, " n"]]:
+def score(fitted: GroupFit) -> tuple[NoiseStep, Float[np.ndarray, " n"]]:
     """Errors of single poses and weights of these, one step on."""
     one, A, errors, weights = fitted.group_model, fitted.A, fitted.errors, fitted.weights
     if not errors.searched:
@@ -612,3 +610,10 @@ def _score(fitted: GroupFit) -> tuple[NoiseStep, Float[np.ndarray, " n"]]:
         spread = np.trace(explained, axis1=1, axis2=2) / weights[judged]
         weights = weigh(square + spread_to_all(spread, n), fitted.at.seen.sum(axis=1))
     return step, weights
+
+
+def log_evidence(fitted: GroupFit) -> float:
+    """Log marginal likelihood of the fit, but for a constant of the campaign, as of an `identify`; sizes integrated out."""
+    whitened = np.log(np.abs(np.diagonal(fitted.whitener, axis1=1, axis2=2))).sum()
+    weighed = log_weights(fitted.weights[fitted.at.seen.any(axis=1)])
+    return float(whitened + weighed + fitted.found.log_integrated())

@@ -19,11 +19,11 @@ from taskcal.identification.group_model import (
     PoseNoise,
     assemble,
     fit_group_model,
-    log_weights,
+    log_evidence,
     of_targets,
-    pose_freedom,
     region_factor,
     sampled_poses,
+    score,
     spread_to_all,
     weigh,
 )
@@ -32,6 +32,16 @@ from taskcal.identification.layout import layout_of
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, problem_of
 from taskcal.identification.provenance import Provenance
+from taskcal.identification.sibling import (
+    Help,
+    described_with,
+    evidence_under,
+    expecting,
+    expecting_errors,
+    has_own_sizes,
+    remark_on,
+    untold_effects,
+)
 from taskcal.robot.effects import SPECTRUM, Effect
 from taskcal.robot.effects.gears import Harmonics
 from taskcal.robot.error_model import ErrorModel
@@ -44,7 +54,12 @@ DRAWS = 12
 
 
 def calibrate(
-    fitted: GroupFit, campaign: Campaign, options: FitOptions, stretch: float, rng: np.random.Generator
+    fitted: GroupFit,
+    campaign: Campaign,
+    options: FitOptions,
+    stretch: float,
+    rng: np.random.Generator,
+    help: Help | None = None,
 ) -> Calibration:
     """The calibration of a fit.
 
@@ -54,6 +69,7 @@ def calibrate(
         options: how.
         stretch: factor of all covariances but the instrument's.
         rng: for the draws of the sizes.
+        help: what came of a sibling, if there is one.
     """
     one, errors = fitted.group_model, fitted.errors
     layout, model = one.problem.layout, one.problem.layout.model
@@ -99,16 +115,9 @@ def calibrate(
         reason="geometry, effects and their sizes stand still"
         if fitted.rounds < MAX_ROUNDS
         else "geometry, effects and their sizes hardly move",
-        remarks=_remarks(fitted, z, S),
-        provenance=Provenance.of(model, campaign, options.described(model, campaign)),
+        remarks=(*_remarks(fitted, z, S), *remark_on(help)),
+        provenance=Provenance.of(model, campaign, described_with(help, options.described(model, campaign))),
     )
-
-
-def log_evidence(fitted: GroupFit) -> float:
-    """Log marginal likelihood of the fit, but for a constant of the campaign, as of an `identify`; sizes integrated out."""
-    whitened = np.log(np.abs(np.diagonal(fitted.whitener, axis1=1, axis2=2))).sum()
-    weighed = log_weights(fitted.weights[fitted.at.seen.any(axis=1)])
-    return float(whitened + weighed + fitted.found.log_integrated())
 
 
 def _group_deviations(fitted: GroupFit) -> Float[np.ndarray, " p"]:
@@ -505,10 +514,18 @@ def find_group_model(
     progress(TOGETHER)
     effects = tuple(competing)
     fitted = _fit(base, campaign, effects, options, None)
+    help, like = None, options.like
+    if like is not None and has_own_sizes(like):
+        groups, errors = fitted.group_model.groups, fitted.errors
+        tried = _fit(base, campaign, effects, options, None, like=like)
+        gain = evidence_under(tried, tried.group_model.groups, tried.errors) - evidence_under(fitted, groups, errors)
+        help = Help(like=like, gain=gain, untold=untold_effects(fitted.group_model, like))
+        fitted = tried if help.taken else fitted
+    like = help.like if help is not None and help.taken else None
     for other in instead:
         progress(other.name)
         replaced = (*(effect for effect in effects if not _share(effect, other, base.model)), other)
-        tried = _fit(base, campaign, replaced, options, None)
+        tried = _fit(base, campaign, replaced, options, None, like=like)
         if log_evidence(tried) > log_evidence(fitted):
             effects, fitted = replaced, tried
     competing = effects
@@ -523,14 +540,14 @@ def find_group_model(
                 break
             sharp, clear = sharp + new, clear | clearer
             effects = (*competing, *as_effects(sharp))
-            fitted = _fit(base, campaign, effects, options, fitted, SHARPENING_ROUNDS, clear)
+            fitted = _fit(base, campaign, effects, options, fitted, SHARPENING_ROUNDS, clear, like)
         if sharp or clear:
-            fitted = _fit(base, campaign, effects, options, fitted, apart=clear)
+            fitted = _fit(base, campaign, effects, options, fitted, apart=clear, like=like)
     progress(LEAVING_OUT)
     names = [effect.name for effect in (*base.model.effects, *effects)]
     errors = validate_groups(fitted, parts, names, np.random.default_rng(seed))
-    stretch = errors.stretch * region_factor(pose_freedom(fitted))
-    calibration = calibrate(fitted, campaign, options, stretch, np.random.default_rng(seed))
+    stretch = errors.stretch * region_factor(score(fitted)[0].freedom)
+    calibration = calibrate(fitted, campaign, options, stretch, np.random.default_rng(seed), help)
     return GroupModelFound(fitted=fitted, calibration=calibration, errors=errors, effects=effects)
 
 
@@ -542,6 +559,7 @@ def _fit(
     before: GroupFit | None,
     most_rounds: int = MAX_ROUNDS,
     apart: Mapping[str, tuple[str, float]] = EMPTY,
+    like: Calibration | None = None,
 ) -> GroupFit:
     model = base.model
     for effect in effects:
@@ -555,6 +573,9 @@ def _fit(
     for i, name in enumerate(names):
         start[i] = held.get(name, start[i])
     errors = _first_errors(base, options, len(model.robot.joints)) if before is None else before.errors
+    if like is not None:
+        one = expecting(one, like)
+        errors = expecting_errors(errors, like, problem.linearise(start), problem) if before is None else errors
     weights = None if before is None else before.weights
     return fit_group_model(one, start, errors, options, _first_sizes(one, before), weights, most_rounds)
 

@@ -25,6 +25,7 @@ from taskcal.identification.layout import layout_of, prior_of
 from taskcal.identification.options import FitChoices, FitOptions
 from taskcal.identification.problem import problem_of
 from taskcal.identification.provenance import Provenance
+from taskcal.identification.sibling import check_sibling, described_with, remark_on
 from taskcal.observations.base import TrackerNoise
 from taskcal.registration.consensus import check_plausible, check_targets, find_consensus, is_in_base, most_wrong_rows
 from taskcal.registration.registration import Registration, nominal_poses, register
@@ -314,6 +315,9 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
 
             ``target_within``: how far from the TCP a target may be found, metres.
 
+            ``like``: a calibration of a robot of the same make. Its prior scale and model error are expected of this robot, where
+            its rows are more probable so; a remark says what came of it.
+
     Returns:
         the calibration: estimate, covariance, residuals, and predictions with their uncertainty. Where no parameter explains the
         rows, or their fit does not converge under its prior, it is that of tracker frame and targets alone, and a remark says so.
@@ -326,6 +330,7 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
         UnknownName: a name in `keep` that the model does not have.
         FitError: the fit did not converge.
         NothingLearntError: it took everything that was measured for error, and more than the robot's tolerances allow.
+        TaskcalError: ``like`` is of a robot with other joints or parameters, or its sizes are of another kind of fit.
         ValueError: an option that would silently mean something else.
     """
     return attempt(model, campaign, FitOptions.of(**options)).checked()
@@ -362,7 +367,7 @@ def attempt(model: ErrorModel, campaign: Campaign, options: FitOptions) -> Attem
     except FitError as refusal:
         if options.prior is None:
             raise
-        alone = replace(options, keep=(), prior=None, prior_scale="estimate")
+        alone = replace(options, keep=(), prior=None, prior_scale="estimate", like=None)
         try:
             calibration = _identify(model, campaign, alone)
         except (CampaignError, FitError):
@@ -387,6 +392,8 @@ def _identify(model: ErrorModel, campaign: Campaign, chosen: FitOptions) -> Cali
             "held: leave out frames='fixed' (--frames fixed), or fit one station"
         )
     chosen = hold_scale(model, campaign, chosen)
+    if chosen.like is not None:
+        check_sibling(model, chosen.like, effects=False)
     for effect in model.effects:
         campaign.check_told(effect.needs, effect.key)
     poses = nominal_poses(model, campaign)
@@ -407,7 +414,8 @@ def _identify(model: ErrorModel, campaign: Campaign, chosen: FitOptions) -> Cali
         fitted = fit_right_rows(fit_rows, campaign, rows, chosen.noise)
     _check_worth(fitted)
     calibration = fitted.calibration
-    return replace(calibration, provenance=Provenance.of(model, campaign, chosen.described(model, campaign)))
+    like = {name: value for name, value in calibration.provenance.options.items() if name == "like"}
+    return replace(calibration, provenance=Provenance.of(model, campaign, chosen.described(model, campaign) | like))
 
 
 def _fit(
@@ -425,12 +433,16 @@ def _fit(
     layout = layout_of(model, np.arange(len(model)), registration, campaign, fixed=chosen.frames == "fixed")
     whole = problem_of(layout, campaign, chosen.noise)
     problem = replace(whole, layout=replace(whole.layout, estimated=kept))
-    fit = fit_with_hyperparameters(problem, prior_of(problem.layout, chosen.prior), chosen)
-    if len(kept) == len(model) or chosen.prior != "tolerances":
+    alone = len(kept) == len(model) or chosen.prior != "tolerances"
+    # what a sibling left as error beside all parameters is not what some of them leave
+    own = chosen if alone else replace(chosen, like=None)
+    fit = fit_with_hyperparameters(problem, prior_of(problem.layout, chosen.prior), own)
+    if alone:
         outcome = fitted_alone(fit, problem, whole.layout)
     else:
         prior = prior_of(whole.layout, chosen.prior)
-        outcome = consider(fit, problem, whole, prior, fit_with_hyperparameters(whole, prior, chosen).hyper)
+        all_fitted = fit_with_hyperparameters(whole, prior, chosen)
+        outcome = replace(consider(fit, problem, whole, prior, all_fitted.hyper), help=all_fitted.help)
     return FittedRows(calibration=conclude(fit, outcome, campaign, chosen), unlearnt=_unlearnt(fit, chosen))
 
 
@@ -496,8 +508,10 @@ def conclude(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOpti
         iterations=fit.solution.iterations,
         rounds=fit.rounds,
         reason=fit.solution.reason,
-        remarks=_remarks(fit, outcome, campaign, has_prior),
-        provenance=Provenance.of(layout.model, campaign, options.described(layout.model, campaign)),
+        remarks=(*_remarks(fit, outcome, campaign, has_prior), *remark_on(outcome.help)),
+        provenance=Provenance.of(
+            layout.model, campaign, described_with(outcome.help, options.described(layout.model, campaign))
+        ),
     )
 
 
@@ -560,5 +574,5 @@ def fit_nominal(model: ErrorModel, campaign: Campaign, options: FitOptions) -> C
         FitError: the fit did not converge.
     """
     nominal = ErrorModel(model.robot, lengths_only=model.lengths_only)
-    frames_only = replace(options, keep=(), prior=None, prior_scale="estimate", gross_errors="keep")
+    frames_only = replace(options, keep=(), prior=None, prior_scale="estimate", gross_errors="keep", like=None)
     return identify(nominal, campaign, options=frames_only)

@@ -74,7 +74,7 @@ def command(
             param_hint="--effects / --prior",
         )
     effects = read_effects(search.effects) if search.searching else []
-    inputs = [*campaign, robot, reading.points, reading.rows, fitting.registration_file]
+    inputs = [*campaign, robot, reading.points, reading.rows, fitting.registration_file, fitting.like]
     outputs = out.begin("identify", [("--output", output)], inputs)
     if any(map(has_too_many_rows, campaign)):
         if len(campaign) > 1:
