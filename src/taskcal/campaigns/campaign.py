@@ -41,6 +41,11 @@ class Stations:
         return tuple(np.bincount(self.of, minlength=len(self.names)).tolist())
 
 
+def in_blocks(rows: int, stations: int) -> Int[np.ndarray, " rows"]:
+    """Station of each of so many rows, where as many one after another are measured from each: the fewest moves."""
+    return np.arange(rows) * stations // max(rows, 1)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Campaign:
     """Measurements, one row per robot pose."""

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.arguments import expect_kinds, options_of
-from taskcal.campaigns.campaign import Campaign, join
+from taskcal.campaigns.campaign import Campaign, in_blocks, join
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import Reached, solve_near
@@ -520,7 +520,9 @@ def _track_from_stations(
     if conditions is None and robot.model.conditioned:
         conditions = conditions_in_order(robot.model.robot, q)
     parts: list[tuple[str, Campaign]] = []
-    for k, rows in enumerate(np.array_split(np.arange(len(q)), options.stations)):
+    station = in_blocks(len(q), options.stations)
+    for k in range(options.stations):
+        rows = np.flatnonzero(station == k)
         around = se3.rotation("z", 2.0 * np.pi * k / options.stations)
         there = replace(robot, T_tracker_base=robot.T_tracker_base @ around)
         told = None if conditions is None else conditions.take(rows)
