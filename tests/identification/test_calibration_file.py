@@ -343,3 +343,18 @@ def test_a_calibration_of_nominal_lengths_saves_and_loads(tmp_path):
     q = irb6660_positions(rng, 10)
     assert again.names == found.names
     np.testing.assert_array_equal(again.predict(q), found.predict(q))
+
+
+def test_effective_parameters_follow_from_prior_and_covariance(saved, tmp_path):
+    """γ = Σ(1 − σ²/prior σ²) of the estimated parameters; a file keeps it, and a fit without a prior has none."""
+    found, text = saved
+    prior = found.prior_scale * found.model.tolerances
+    expected = np.sum(1.0 - found.standard_errors**2 / prior**2)
+    np.testing.assert_allclose(found.effective_parameters, expected, rtol=1e-6)
+    assert 10.0 < found.effective_parameters < len(found.kept)
+    assert json.loads(text)["effective_parameters"] == found.effective_parameters
+    (tmp_path / "cal.json").write_text(text, encoding="utf-8")
+    again = load_calibration(tmp_path / "cal.json")
+    assert (again.effective_parameters, again.parameter_groups) == (found.effective_parameters, 1)
+    without = calibration(prior=None)
+    assert (without.effective_parameters, without.parameter_groups) == (None, None)

@@ -166,6 +166,12 @@ class Evidence:
         """Posterior covariance."""
         return self.root[:, None] * self.K * self.root
 
+    @property
+    def effective_parameters(self) -> float:
+        """How many parameters with a group the data determine: γ = Σ(1 − K_ii), each between 0 and 1 (MacKay 1992, eq. 4.9)."""
+        k = self.equations.groups.grouped
+        return float(len(k) - self.K[k, k].sum())
+
     @cached_property
     def information(self) -> Float[np.ndarray, "groups groups"]:
         """Fisher information of the log variances, without their prior."""

@@ -151,6 +151,7 @@ def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
         "joint_error": list(calibration.joint_error),
         "prior_scale": calibration.prior_scale,
         "group_deviations": None if calibration.group_deviations is None else calibration.group_deviations.tolist(),
+        **count_parameters(calibration),
         "log_evidence": calibration.log_evidence,
         "ids": list(calibration.ids),
         "q": calibration.q.tolist(),
@@ -172,6 +173,15 @@ def _describe_stations(stations: Stations | None) -> dict[str, Any]:
         return {}
     T = stations.T_first_station.tolist()
     return {"stations": {"names": list(stations.names), "of": stations.of.tolist(), "T_first_station": T}}
+
+
+def count_parameters(calibration: "Calibration") -> dict[str, float | int]:
+    """Groups with a size, and effective parameters; nothing that is not known."""
+    counts = {
+        "effective_parameters": calibration.effective_parameters,
+        "parameter_groups": calibration.parameter_groups,
+    }
+    return {key: value for key, value in counts.items() if value is not None}
 
 
 def _describe_held_out(held_out: "HeldOut") -> dict[str, Any]:
@@ -272,6 +282,8 @@ def summarise_calibration(calibration: "Calibration") -> dict[str, Any]:
         **({"model_error_mrad": rotation[0] * 1e3} if rotation else {}),
         "prior_scale": calibration.prior_scale,
         **({"like": like} if like else {}),
+        "effective_parameters": calibration.effective_parameters,
+        "parameter_groups": calibration.parameter_groups,
         "measured_range": calibration.measured_range.summary(),
         "parameters": list_parameters(calibration),
         "correlations": [
@@ -638,6 +650,11 @@ class Calibration:
     group_deviations: Float[np.ndarray, " p"] | None = None
     """Prior standard deviation of every parameter, metres and radians, where each effect of each joint has a size of its own;
     None where all are the tolerances times `prior_scale`."""
+    effective_parameters: float | None = None
+    """How many of the estimated parameters the rows determine, each counted by the share of its prior variance that they took away;
+    None where there was no prior, or the file does not state it."""
+    parameter_groups: int | None = None
+    """Groups of parameters whose size was estimated from the rows; None where no size was, or the file does not state it."""
     log_evidence: float | None
     """Logarithm of the marginal likelihood, but for a constant of the campaign; None where there was no prior."""
     iterations: int
@@ -1068,6 +1085,8 @@ class CalibrationFile(Section):
     joint_error: list[NotNegative]
     prior_scale: AboveZero | None
     group_deviations: list[AboveZero] | None
+    effective_parameters: Ratio | None = None
+    parameter_groups: Count | None = None
     log_evidence: Real | None
     ids: Texts
     q: Matrix
@@ -1128,6 +1147,8 @@ class CalibrationFile(Section):
             joint_error=tuple(self.joint_error),
             prior_scale=self.prior_scale,
             group_deviations=self._group_deviations(len(model)),
+            effective_parameters=self.effective_parameters,
+            parameter_groups=self.parameter_groups,
             log_evidence=self.log_evidence,
             iterations=self.iterations,
             rounds=self.rounds,

@@ -109,6 +109,8 @@ def calibrate(
         joint_error=tuple(float(d) for d in np.sqrt(stretch * errors.joints)),
         prior_scale=float(np.exp(0.5 * np.mean(scales))) if scales else 1.0,
         group_deviations=_group_deviations(fitted),
+        effective_parameters=fitted.found.effective_parameters,
+        parameter_groups=len(fitted.group_model.labels),
         log_evidence=log_evidence(fitted),
         iterations=fitted.rounds,
         rounds=fitted.rounds,

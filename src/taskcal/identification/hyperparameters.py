@@ -128,6 +128,18 @@ class Fitted:
         """Covariance of the estimate."""
         return _invert(self.solution.information + self.prior.precision(self.hyper.prior_factor))
 
+    @property
+    def effective_parameters(self) -> float | None:
+        """How many parameters the rows determine: k − tr(P·S), P the prior's precision, S the posterior covariance (MacKay 1992).
+
+        None without a prior, where every parameter counts.
+        """
+        if self.prior.parameters is None:
+            return None
+        k = len(self.prior.sizes)
+        P = self.prior.precision(self.hyper.prior_factor)[:k, :k]
+        return float(k - np.sum(P * self.posterior[:k, :k]))
+
     @cached_property
     def _propagated(self) -> tuple[np.ndarray, np.ndarray]:
         return self.problem.propagate(self.solution.z, self.posterior)

@@ -504,6 +504,8 @@ def conclude(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOpti
         q=campaign.q,
         model_error=tuple(float(np.sqrt(outcome.hyper.widening)) * error for error in outcome.hyper.model_error),
         prior_scale=outcome.hyper.prior_scale if has_prior else None,
+        effective_parameters=fit.effective_parameters,
+        parameter_groups=1 if has_prior and options.prior_scale == "estimate" else None,
         log_evidence=fit.log_evidence if has_prior else None,
         iterations=fit.solution.iterations,
         rounds=fit.rounds,

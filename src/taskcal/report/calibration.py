@@ -37,6 +37,7 @@ from taskcal.report.content import (
     Section,
     Table,
     decimals_of,
+    describe_effective,
     millimetres,
     model_error_origin,
     prior_scale_origin,
@@ -1164,7 +1165,7 @@ def calibration_page(
     return Page(
         title=f"Calibration of the {model.robot.title or model.robot.name}",
         sections=sections,
-        lead=f"{len(calibration.kept)} of {len(model)} parameters from {source.rows} rows of {source.campaign or 'a campaign'}. "
-        "All lengths are in millimetres.",
+        lead=f"{len(calibration.kept)} of {len(model)} parameters from {source.rows} rows of {source.campaign or 'a campaign'}"
+        f"{describe_effective(calibration.effective_parameters, calibration.parameter_groups)}. All lengths are in millimetres.",
         source=f"calibration by Taskcal {source.version}, {source.created}",
     )

@@ -19,7 +19,7 @@ from taskcal.cli.options.fit import FitCommandOptions, HoldoutOptions
 from taskcal.cli.output import info, placement, say, show, show_facts, started_as, tell
 from taskcal.cli.progress import bar_by_parts, bar_over
 from taskcal.errors import CampaignError, FileError, FitError, TaskcalError
-from taskcal.report.content import Column, Table, millimetres
+from taskcal.report.content import Column, Table, describe_effective, millimetres
 
 if TYPE_CHECKING:
     from taskcal.identification.chunked_fit import ChunkedFit, ErrorsOfMany
@@ -399,7 +399,8 @@ def _facts(result: Mapping[str, Any], *, parameters: bool) -> list[tuple[str, st
         ended = f"{result['reason']}; {result['iterations']} iterations in the last of {result['rounds']} rounds"
         facts.append(("convergence", ended))
     else:
-        facts.append(("parameters", f"{len(result['parameters'])} identified: --parameters lists them"))
+        effective = describe_effective(result["effective_parameters"], result["parameter_groups"])
+        facts.append(("parameters", f"{len(result['parameters'])} identified{effective}; --parameters lists them"))
     facts.append(("calibration", f"wrote {result['calibration']}"))
     return facts
 
