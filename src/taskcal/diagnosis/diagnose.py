@@ -35,7 +35,7 @@ from taskcal.diagnosis.search import (
 )
 from taskcal.errors import CampaignError, UnitError
 from taskcal.estimation.matrices import single_threaded
-from taskcal.registration.consensus import refuse_calculated
+from taskcal.registration.plausibility import refuse_calculated
 from taskcal.registration.registration import PLAUSIBLE_SHARE, register_observations
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr

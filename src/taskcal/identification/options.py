@@ -10,7 +10,7 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.estimation.prior import GaussianPrior, Loss, Squared
 from taskcal.identification.calibration import Calibration
 from taskcal.observations.base import TrackerNoise
-from taskcal.registration.consensus import TARGET_WITHIN
+from taskcal.registration.plausibility import TARGET_WITHIN
 from taskcal.registration.registration import Registration
 from taskcal.robot.error_model import ErrorModel
 

@@ -33,7 +33,7 @@ from taskcal.identification.problem import Problem, problem_of, whitener
 from taskcal.kernels.points import SQUARED
 from taskcal.observations import Compared
 from taskcal.observations.base import TrackerNoise
-from taskcal.registration.consensus import check_plausible
+from taskcal.registration.plausibility import check_plausible
 from taskcal.registration.registration import PLAUSIBLE_SHARE, register
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr

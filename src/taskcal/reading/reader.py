@@ -301,7 +301,7 @@ def _refuse_controllers(readings: Readings, robot: Robot, campaign: Campaign) ->
     ]
     if not other or not tracked:
         return
-    from taskcal.registration.consensus import fits_in_base  # fits, and so imports the compiler
+    from taskcal.registration.plausibility import fits_in_base  # fits, and so imports the compiler
 
     for name in tracked:
         if fits_in_base(robot, campaign, name):

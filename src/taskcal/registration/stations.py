@@ -12,13 +12,20 @@ from taskcal.campaigns.campaign import Campaign, Stations, join, named_file
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.observations.base import TrackerNoise
-from taskcal.registration.consensus import FAR_SIGMAS, MAX_STEPS, TRACKER_NOISE, TRUSTED_SHARE, find_consensus
-from taskcal.registration.registration import STRAIGHT_SHARE, nominal_poses
+from taskcal.registration.registration import MAX_STEPS, STRAIGHT_SHARE, TRUSTED_SHARE, nominal_poses, register_trimmed
 from taskcal.robot.error_model import ErrorModel
 
 MOVED_SIGMAS = 10.0
 """Standard deviations of a change of two reference points' distance, from which on one was moved. A convention, as for a gross
 error of a row."""
+
+FAR_MEDIANS = 10.0
+"""Times the median distance, beyond which a point does not count for a frame: on measured robots the nominal geometry leaves at
+most 8.4 times the median."""
+
+TRACKER_NOISE_M = 1e-4
+"""Distance, metres, below which no point is far, however well the others agree. A convention: several times the uncertainty of a
+laser tracker."""
 
 
 def join_stations(model: ErrorModel, parts: Sequence[tuple[str, Campaign]]) -> Campaign:
@@ -100,7 +107,7 @@ def _frames(
     rows = of == largest
     shared = np.flatnonzero(campaign.valid[rows].any(axis=0))
     part = replace(campaign, stations=None).of_targets([campaign.targets[t] for t in shared]).take(rows)
-    registration = find_consensus(model, part, poses[rows]).registration
+    registration, _ = register_trimmed(poses[rows], part, model)
     base = (poses[:, None] @ registration.T_tool_target)[..., :3, 3]
     out = np.tile(registration.T_tracker_base, (count, 1, 1))
     for k in range(count):
@@ -117,7 +124,7 @@ def frame_of_points(
 ) -> Float[np.ndarray, "4 4"]:
     """Pose of the base in a tracker's frame, from points that are known in both, in spite of a few that are wrong.
 
-    Least trimmed squares by concentration steps, as in `find_consensus`.
+    Least trimmed squares by concentration steps, as in `register_trimmed`.
 
     Args:
         base: the points in the base, metres.
@@ -143,5 +150,5 @@ def frame_of_points(
         before, near = near, off <= np.quantile(off, TRUSTED_SHARE, method="higher")
         if near.sum() < 3 or np.array_equal(before, near):
             break
-    right = off <= max(FAR_SIGMAS * float(np.median(off)), TRACKER_NOISE)
+    right = off <= max(FAR_MEDIANS * float(np.median(off)), TRACKER_NOISE_M)
     return se3.fit_points(base[right], measured[right])

@@ -27,7 +27,7 @@ def register_by(
     Raises:
         CampaignError: the campaign does not determine it, or is not of this robot.
     """
-    from taskcal.registration.consensus import check_plausible
+    from taskcal.registration.plausibility import check_plausible
 
     registered = (
         taskcal.registration.register_from_circles(model, campaign)
