@@ -463,12 +463,12 @@ class Outcome:
 def fitted_alone(fit: Fitted, problem: Problem, whole: Layout) -> Outcome:
     """The outcome of a fit of all parameters, or of some where the others are taken for zero."""
     F = fit.posterior
-    from_errors = F @ fit.solution.information @ F
+    from_errors = F @ _factor(fit.solution.information)  # a square, so that rounding leaves no variance under zero
     return Outcome(
         layout=whole,
         estimated=problem.layout.estimated,
         z=spread_out(fit.solution.z, problem.layout, whole),
-        covariance=spread_out(F + (fit.hyper.widening - 1.0) * from_errors, problem.layout, whole),
+        covariance=spread_out(F + (fit.hyper.widening - 1.0) * from_errors @ from_errors.T, problem.layout, whole),
         residual_covariance=fit.covariance - fit.prediction_covariance,
         hyper=fit.hyper,
         help=fit.help,
