@@ -120,3 +120,12 @@ def test_what_came_of_a_sibling_is_in_the_file(sibling, tmp_path):
     assert told["taken"]
     assert load_calibration(tmp_path / "cal.json").summary()["like"] == told
     assert "expected as those of other.json" in found.remarks[-1]
+
+
+def test_a_sibling_of_another_kind_of_fit_is_said_not_to_be_used(sibling):
+    """Effects that are not there are not taken, so that a calibration with sizes of effects tells nothing of the geometry's."""
+    effects = replace(sibling, group_deviations=MODEL.tolerances)
+    found = explain(MODEL, robot(6, 15)[0], candidates=(EncoderGain(),), folds=3, like=effects).calibration
+    told = found.provenance.options["like"]
+    assert "taken" in told
+    assert ("was not used" in found.remarks[-1]) == (not found.model.effects)

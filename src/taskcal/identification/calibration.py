@@ -681,6 +681,12 @@ class Calibration:
         )
 
     @property
+    def origin(self) -> dict[str, Any]:
+        """File that it was read from, robot and campaign, as another calibration names it."""
+        named = "robot", "robot_digest", "campaign", "campaign_digest", "rows"
+        return {"file": self.source, **{name: getattr(self.provenance, name) for name in named}}
+
+    @property
     def targets(self) -> tuple[str, ...]:
         """Names of the targets."""
         return self.layout.targets

@@ -32,7 +32,7 @@ from taskcal.identification.held_out import group_neighbours
 from taskcal.identification.holdout import mean_over_rows, predict_left_out, split_postures
 from taskcal.identification.identify import Attempt, attempt, hold_scale
 from taskcal.identification.options import FitChoices, FitOptions
-from taskcal.identification.sibling import check_sibling, has_own_sizes
+from taskcal.identification.sibling import check_sibling, has_own_sizes, with_unused_sibling
 from taskcal.observations.base import UNMEASURED, TrackerNoise
 from taskcal.robot.effects import SPECTRUM, Effect, JointField, kinds
 from taskcal.robot.effects import candidates as default_candidates
@@ -324,6 +324,8 @@ def select_effects(
         calibration = replace(first.checked(), remarks=(*best.remarks, *selection.remarks))
     else:
         calibration = replace(calibration, left_out=left_out, remarks=(*said, *calibration.remarks, *selection.remarks))
+    if like is not None:
+        calibration = with_unused_sibling(calibration, like)
     return Explanation(
         calibration=calibration,
         effects=selection.effects,

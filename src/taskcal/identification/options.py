@@ -160,15 +160,7 @@ class FitOptions:
             "target_within": self.target_within,
         }
         if self.like is not None:
-            made = self.like.provenance
-            description["like"] = {
-                "file": self.like.source,
-                "robot": made.robot,
-                "robot_digest": made.robot_digest,
-                "campaign": made.campaign,
-                "campaign_digest": made.campaign_digest,
-                "rows": made.rows,
-            }
+            description["like"] = self.like.origin
         return json.loads(json.dumps(description))  # lists for tuples
 
 

@@ -7,8 +7,8 @@ The log variances θ of this robot have the prior N(μ, Ω) of `group_model`. Th
 with F_g the Fisher information that the sibling's own rows had of θ̂_g: a group that they did not determine tells nothing. Prior and
 measurement together are the prior with the sibling, N(m, C) with C⁻¹ = Ω⁻¹ + Λ⁻¹ and m = C·(Ω⁻¹μ + Λ⁻¹θ̂).
 
-A robot may be called a sibling and be none. Both priors are therefore integrated over, and the one is taken under which this
-robot's rows are more probable.
+A robot may be called a sibling and be none. Both priors are therefore integrated over, and the sibling's is taken where
+this robot's rows are more probable under it, beyond doubt (`MIN_GAIN`).
 """
 
 from dataclasses import dataclass, replace
@@ -40,6 +40,10 @@ make differ as two joints of one robot do."""
 
 MIN_INFORMATION = 1e-6
 """Information of a log variance under which there is none."""
+
+MIN_GAIN = 1.0
+"""Gain of log evidence from which on a sibling's sizes are taken. Kass and Raftery (1995), Journal of the American Statistical
+Association 90, find less not worth more than a bare mention; what is ambiguous stays as without."""
 
 MAX_NAMES_LENGTH = 60
 """Characters of parameters' names in a message."""
@@ -210,15 +214,15 @@ class Help:
     @property
     def taken(self) -> bool:
         """Whether its sizes are expected of this robot."""
-        return self.gain > 0.0
+        return self.gain > MIN_GAIN
 
     def remark(self) -> str:
         """What came of it, in words."""
         named = described_sibling(self.like)
         if not self.taken:
             return (
-                f"the sizes of {named} were not taken: this robot's rows are less probable under them (Δ log evidence "
-                f"{self.gain:.1f}), as where the two are no siblings; all is as without"
+                f"the sizes of {named} were not taken: this robot's rows are not more probable under them (Δ log evidence "
+                f"{self.gain:.1f}, threshold {MIN_GAIN:g}), as where the two are no siblings; all is as without"
             )
         others = f"; it says nothing of {', '.join(self.untold)}, which are as without" if self.untold else ""
         return f"sizes and model error are expected as those of {named} (Δ log evidence {self.gain:+.1f}){others}"
@@ -234,3 +238,15 @@ def described_with(help: Help | None, options: dict[str, Any]) -> dict[str, Any]
     if help is None:
         return options
     return {**options, "like": {**options["like"], "taken": help.taken, "log_evidence_gain": help.gain}}
+
+
+def with_unused_sibling(calibration: Calibration, like: Calibration) -> Calibration:
+    """The calibration, with a remark where its sizes are of another kind than the sibling's, which so tells nothing of them."""
+    made = calibration.provenance
+    if "taken" in made.options.get("like", {}):
+        return calibration
+    have, lacks = ("effects", "none") if has_own_sizes(calibration) else ("no effects", "some")
+    remark = f"{described_sibling(like)} was not used: this calibration has {have} of their own sizes, and that one has {lacks}"
+    told = {**like.origin, "taken": False, "log_evidence_gain": 0.0}
+    options = {**made.options, "like": told}
+    return replace(calibration, remarks=(*calibration.remarks, remark), provenance=replace(made, options=options))

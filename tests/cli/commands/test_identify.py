@@ -9,6 +9,7 @@ import pytest
 from taskcal.cli.commands import doctor
 from taskcal.errors import TaskcalError
 from taskcal.identification.calibration import load_calibration
+from taskcal.identification.sibling import MIN_GAIN
 from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import write_campaign
 from taskcal.robot.catalogue import load_robot
@@ -233,7 +234,7 @@ def test_a_sibling_is_read_named_and_not_overwritten(run: Run, cell: Path, tmp_p
     ended = identify(run, cell / "one.csv", tmp_path / "a.json", "--rows", "0:20", "--like", other, "--json")
     like = ended.json["like"]
     assert (ended.status, like["file"], like["rows"]) == (0, "other.json", 60)
-    assert like["taken"] == (like["log_evidence_gain"] > 0.0)
+    assert like["taken"] == (like["log_evidence_gain"] > MIN_GAIN)
     assert "other.json" in ended.json["remarks"][-1]
     before = other.read_bytes()
     assert identify(run, cell / "one.csv", other, "--like", other).status != 0
