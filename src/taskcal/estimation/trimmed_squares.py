@@ -36,6 +36,10 @@ time."""
 NEARLY_SETTLED, SETTLED = 0.1, 0.02
 """Change of the logarithm of a variance at which the sizes have settled: 5 % in size for the trimmed rows, and 1 %."""
 
+MIN_FREEDOM = 10.0
+"""Numbers that the unknowns leave to judge by, at least: a variance of ten is known to within 45 % (1σ), a length to 22 %. A
+convention."""
+
 UNDETERMINED = 1e-6
 """Share of its variance that a residual at least has, where a row alone decides a direction."""
 
@@ -174,7 +178,12 @@ class Agreement:
         A, moved = (of.reshape(n, targets, b, -1) for of in (self.weighed.by_entry, self._moved))
         left, sign = self.left.reshape(n, targets, b), np.where(self.rows, -1.0, 1.0)[:, None, None, None]
         own = (1.0 + UNDETERMINED) * np.eye(b) + sign * (moved @ np.swapaxes(A, 2, 3))
-        return np.asarray((scaled_lengths(left, own) <= self.weighed.linear.limits).all(axis=1))
+        limits, told = self.weighed.linear.limits, self.weighed.linear.measured[self.rows]
+        explained = np.sum(self._moved * self.weighed.by_entry, axis=2).reshape(n, targets, b)[self.rows]
+        freedom = float((1.0 - explained)[told].sum())
+        if freedom < MIN_FREEDOM:  # of so few numbers none can be told from an error
+            return np.ones(n, dtype=bool)
+        return np.asarray((scaled_lengths(left, own) <= limits).all(axis=1))
 
     def resized(self, *, trimmed: bool) -> Sizes:
         """Sizes by these rows: a step of the evidence's fixed point (MacKay 1992, Neural Computation 4).
@@ -246,3 +255,10 @@ def scaled_lengths(
     """Length of each residual in standard deviations."""
     square = np.einsum("nti,nti->nt", residual, np.linalg.solve(covariance, residual[..., None])[..., 0])
     return np.sqrt(np.maximum(square, 0.0))
+
+
+def student_limits(width: Int[np.ndarray, " k"], freedom: float, chance: float) -> Float[np.ndarray, " k"]:
+    """Length that a vector of so many numbers, t-distributed, exceeds by a chance."""
+    from scipy.special import fdtri
+
+    return np.sqrt(width * fdtri(width, freedom, 1.0 - chance))

@@ -11,7 +11,7 @@ from taskcal.arguments import expect_kinds
 from taskcal.campaigns.campaign import Campaign, check_rows, named_file
 from taskcal.errors import CampaignError, FitError, NothingLearntError
 from taskcal.estimation.matrices import single_threaded
-from taskcal.estimation.trimmed_squares import LinearRows, Sizes, find_agreeing, scaled_lengths
+from taskcal.estimation.trimmed_squares import LinearRows, Sizes, find_agreeing, scaled_lengths, student_limits
 from taskcal.identification.calibration import Calibration, covariance_on, spread_of, tells_nothing
 from taskcal.identification.group_model import FREEDOM, MIN_VARIANCE, TYPICAL
 from taskcal.identification.held_out import LeftOut, studentise
@@ -54,6 +54,10 @@ GROSS_SIGMAS = 10.0
 """Standard deviations from which on a row is wrong however many there are. A convention: of five thousand sound rows some are
 farther off by such tails, and a row like that is worth a look."""
 
+FAR_MEDIANS = 10.0
+"""Times the median distance from where the registered nominal robot has the rows, from which on one is far: on measured robots its
+geometry leaves at most 8.4 times the median."""
+
 SAMPLE = 300
 """Rows, at most, evenly among all, that are searched; the others are judged by what these say. A convention, as for pose noise."""
 
@@ -79,8 +83,8 @@ Fit = Callable[[Campaign], FittedRows]
 
 def _find_right_rows(
     model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 4 4"], options: FitOptions
-) -> Bool[np.ndarray, " n"]:
-    """The rows that agree, and those in which nothing was seen.
+) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """The rows that agree, and those in which nothing was seen; and rows that are far off for the nominal robot already.
 
     They are those of the whole model and its tolerances, whichever parameters are to be estimated.
 
@@ -94,11 +98,12 @@ def _find_right_rows(
         CampaignError: rows that do not determine tracker frame and targets.
     """
     right, seen = np.ones(len(campaign), dtype=bool), np.flatnonzero(campaign.seen)
-    registration = options.registration
+    registration, far = options.registration, np.zeros(len(campaign), dtype=bool)
     if registration is None:
         registration, distance = register_trimmed(poses, campaign, model)
+        far = np.asarray(distance > FAR_MEDIANS * float(np.median(distance[seen])))
         if trusted_distance(distance[seen]) > PLAUSIBLE_SHARE * model.robot.reach:
-            return right  # joints and points do not belong together, as the fit says
+            return right, far  # joints and points do not belong together, as the fit says
     layout = layout_of(model, np.arange(len(model)), registration, campaign, fixed=options.frames == "fixed")
     whole, prior = problem_of(layout, campaign, options.noise), prior_of(layout, "tolerances")
     some = seen[np.unique(np.linspace(0, len(seen) - 1, min(len(seen), SAMPLE)).astype(int))]
@@ -112,7 +117,7 @@ def _find_right_rows(
         left, own = rest.propagate(layout.start() + scale * found.d, found.covariance * np.outer(scale, scale))
         lengths = scaled_lengths(np.nan_to_num(left), np.nan_to_num(own) + rest.covariance(sizes.variances))
         right[others] = (lengths <= linear.limits).all(axis=1)
-    return right
+    return right, far
 
 
 def _linear_rows(
@@ -153,30 +158,40 @@ def _first_sizes(layout: Layout, groups: int, options: FitOptions) -> Sizes:
 
 def _limits(campaign: Campaign) -> Float[np.ndarray, " targets"]:
     """Standard deviations from which on each target is wrong."""
-    from scipy.special import fdtri
-
     widths = [kind.width for kind in campaign.observations] or [3 if campaign.rotations is None else 6] * len(
         campaign.targets
     )
-    width, chance = np.array(widths, dtype=float), INNOCENT_ROWS / max(int(campaign.valid.sum()), 1)
-    return np.minimum(np.sqrt(width * fdtri(width, FREEDOM, 1.0 - chance)), GROSS_SIGMAS)
+    chance = INNOCENT_ROWS / max(int(campaign.valid.sum()), 1)
+    return np.minimum(student_limits(np.array(widths), FREEDOM, chance), GROSS_SIGMAS)
 
 
 def _fit_right_rows(
-    fit: Fit, campaign: Campaign, right: Bool[np.ndarray, " n"], noise: TrackerNoise | None
+    fit: Fit,
+    campaign: Campaign,
+    right: Bool[np.ndarray, " n"],
+    far: Bool[np.ndarray, " n"],
+    noise: TrackerNoise | None,
 ) -> FittedRows:
     """Fit the rows that can be right, and say which were left out.
 
     Args:
         fit: identifies from all rows of a campaign that were seen.
         campaign: the measurements.
-        right: rows that agree; the fit of these takes back whom it finds right.
+        right: rows that agree; the fit of these takes back those that it finds right.
+        far: rows that alone are left out where more than a tenth would be: so many may also be of a robot that the model does not
+            describe, as one that gives under load.
         noise: the tracker's, where the campaign does not state uncertainties.
 
     Raises:
         CampaignError: more rows are wrong than can be told from right ones.
     """
-    fitted = fit(campaign.without(~right))
+    try:
+        fitted = fit(campaign.without(~right))
+    except CampaignError:  # without them something is not determined
+        if (right | far).all():
+            raise
+        right = np.asarray(right | ~far)
+        fitted = fit(campaign.without(~right))
     if right.all():
         return fitted
     limits, seen = _limits(campaign), campaign.seen
@@ -190,9 +205,12 @@ def _fit_right_rows(
         right[back] = True
         fitted = fit(campaign.without(~right))
     rest = np.flatnonzero(seen & ~right)
+    if len(rest) > most_wrong_rows(int(seen.sum())):
+        rest = np.flatnonzero(seen & ~right & far)
+        _check_few(rest, campaign)
+        fitted = fit(campaign.without(~right & far))
     if not len(rest):
         return fitted
-    _check_few(rest, campaign)
     distance, length = (of.max(axis=1) for of in _of_rest(fitted.calibration, campaign, rest, noise))
     left_out = tuple(
         LeftOut(
@@ -462,7 +480,7 @@ def _identify(model: ErrorModel, campaign: Campaign, chosen: FitOptions) -> Cali
     fitted = (
         fit_rows(campaign)
         if chosen.gross_errors == "keep"
-        else _fit_right_rows(fit_rows, campaign, _find_right_rows(model, campaign, poses, chosen), chosen.noise)
+        else _fit_right_rows(fit_rows, campaign, *_find_right_rows(model, campaign, poses, chosen), chosen.noise)
     )
     _check_worth(fitted)
     calibration = fitted.calibration
