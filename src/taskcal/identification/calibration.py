@@ -149,6 +149,7 @@ def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
         "T_tool_target": calibration.T_tool_target.tolist(),
         "model_error": list(calibration.model_error),
         "joint_error": list(calibration.joint_error),
+        "range_growth": calibration.range_growth,
         "prior_scale": calibration.prior_scale,
         "group_deviations": None if calibration.group_deviations is None else calibration.group_deviations.tolist(),
         **count_parameters(calibration),
@@ -525,6 +526,7 @@ def covariance_on(calibration: "Calibration", campaign: Campaign) -> Float[np.nd
     for t, kind in enumerate(kinds):
         block, error = kind.block(), np.repeat(np.square(calibration.model_error), 3)
         covariance[:, t, block, block] += error[block]
+    covariance *= calibration.growth_at(campaign.q)[:, None, None, None]
     return np.where(campaign.valid[..., None, None], covariance, np.eye(covariance.shape[2]))
 
 
@@ -645,6 +647,9 @@ class Calibration:
     joint_error: tuple[float, ...] = ()
     """Standard deviation of the pose-to-pose error of each joint, radians (metres where it slides); empty where it
     was not asked for."""
+    range_growth: float = 0.0
+    """Growth g of the covariance beyond the measured range: by the factor 1 + g·u², u how far a pose lies outside
+    (`MeasuredRange.extrapolation`)."""
     prior_scale: float | None
     """Factor of the prior's standard deviations; None where there was no prior."""
     group_deviations: Float[np.ndarray, " p"] | None = None
@@ -832,14 +837,15 @@ class Calibration:
         """
         q = np.asarray(q, dtype=float)
         targets = Rows.of_targets(self.layout, self.z, q, self.model.prepare(q, conditions))
-        _, covariance = targets.propagate(self.z_covariance)
+        growth = self.growth_at(q)[:, None, None, None]
+        covariance = growth * targets.propagate(self.z_covariance)[1]
         if self.model.conditioned:
             covariance = covariance + covariance_of_unknown_conditions(self, q, conditions)
         if not model_error:
             return covariance
         if any(self.joint_error):
-            covariance = covariance + targets.propagate_joints(np.square(self.joint_error))
-        return covariance + np.diag(np.repeat(np.square(self.model_error), 3)[: covariance.shape[2]])
+            covariance = covariance + growth * targets.propagate_joints(np.square(self.joint_error))
+        return covariance + growth * np.diag(np.repeat(np.square(self.model_error), 3)[: covariance.shape[2]])
 
     def predict_tool(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
@@ -874,7 +880,18 @@ class Calibration:
             metres² and radians².
         """
         J = self.tool_jacobian(q)
-        return J @ self.z_covariance @ np.swapaxes(J, 1, 2)
+        return self.growth_at(q)[:, None, None] * (J @ self.z_covariance @ np.swapaxes(J, 1, 2))
+
+    def growth_at(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
+        """Factor of the covariance of what is predicted at poses: 1 in the measured range, more beyond.
+
+        Args:
+            q: joint positions, radians.
+        """
+        q = np.asarray(q, dtype=float)
+        if not self.range_growth or not len(self.q):
+            return np.ones(len(q))
+        return 1.0 + self.range_growth * self.measured_range.extrapolation(q)
 
     def tool_jacobian(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
@@ -1089,6 +1106,7 @@ class CalibrationFile(Section):
     T_tool_target: list[Matrix]
     model_error: list[NotNegative]
     joint_error: list[NotNegative]
+    range_growth: Ratio
     prior_scale: AboveZero | None
     group_deviations: list[AboveZero] | None
     effective_parameters: Ratio | None = None
@@ -1151,6 +1169,7 @@ class CalibrationFile(Section):
             else self.held_out.held_out(len(self.targets), width, layout.observed),
             model_error=tuple(self.model_error),
             joint_error=tuple(self.joint_error),
+            range_growth=self.range_growth,
             prior_scale=self.prior_scale,
             group_deviations=self._group_deviations(len(model)),
             effective_parameters=self.effective_parameters,

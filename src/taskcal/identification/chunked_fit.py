@@ -136,6 +136,7 @@ def _fit_all(
     return replace(
         calibration,
         left_out=first.left_out,
+        range_growth=first.range_growth,
         rounds=first.rounds,
         log_evidence=None,
         remarks=first.remarks,

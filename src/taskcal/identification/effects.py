@@ -26,10 +26,9 @@ from taskcal.identification.group_search import (
     TOGETHER,
     GroupModelFound,
     find_group_model,
-    validate_groups,
 )
 from taskcal.identification.held_out import group_neighbours
-from taskcal.identification.holdout import mean_over_rows, predict_left_out, split_postures
+from taskcal.identification.holdout import mean_over_rows, predict_left_out, split_postures, validate_groups
 from taskcal.identification.identify import Attempt, attempt, hold_scale
 from taskcal.identification.options import FitChoices, FitOptions
 from taskcal.identification.sibling import check_sibling, has_own_sizes, with_unused_sibling

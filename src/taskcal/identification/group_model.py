@@ -365,7 +365,13 @@ def assemble(
     """
     layout = problem.layout
     model, names = layout.model, layout.names
-    owner_of = {name: (name.partition(".")[0], effect) for name, effect in _effects_of(problem)}
+    rows = problem.q[problem.seen.valid.any(axis=1)]
+    owner_of: dict[str, tuple[str, str]] = {}
+    share: dict[str, float] = {}
+    for effect in model.effects:
+        own = effect.term(model.robot).names
+        owner_of |= {name: (name.partition(".")[0], effect.name) for name in own}
+        share |= dict(zip(own, effect.participation(model.robot, rows).tolist(), strict=True))
     labels: list[Group] = []
     group = np.full(len(names), -1)
     scale = np.full(len(names), FRAME_SIZE)
@@ -379,7 +385,7 @@ def assemble(
         )
         if label not in labels:
             labels.append(label)
-        group[i], scale[i] = labels.index(label), tolerance
+        group[i], scale[i] = labels.index(label), tolerance * share.get(name, 1.0)
     estimated = np.ones(len(names), dtype=bool)
     if keep is not None:
         estimated[: len(model)] = [name in owner_of for name in model.names]
@@ -398,12 +404,6 @@ def assemble(
         origin=layout.start(),
         tails=True,
     )
-
-
-def _effects_of(problem: Problem) -> list[tuple[str, str]]:
-    """Every parameter of an effect, and the effect's name."""
-    model = problem.layout.model
-    return [(name, effect.name) for effect in model.effects for name in effect.term(model.robot).names]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -524,6 +524,22 @@ def _without_cycles(
     change, most = np.log(after.variances / before.variances), REVERSED_SHARE * np.abs(last)
     change = np.where(change * last < 0.0, np.clip(change, -most, most), change)
     return after.with_variances(before.variances * np.exp(change)), change
+
+
+def fit_about(
+    one: GroupModel, z: Float[np.ndarray, " z"], errors: PoseNoise, options: FitOptions, sizes: np.ndarray
+) -> GroupFit:
+    """The model on rows that are linear about an estimate, with errors of single poses as they are.
+
+    Args:
+        one: the model.
+        z: the estimate.
+        errors: of single poses.
+        options: of the fit; its loss weighs the poses.
+        sizes: log variances to start from.
+    """
+    at = one.problem.linearise(z, joints=bool(len(errors.joints)))
+    return _fit_once(one, z, at, errors, np.ones(len(one.problem.q)), options, sizes, steps=1)
 
 
 def _fit_once(

@@ -15,6 +15,7 @@ from taskcal.estimation.trimmed_squares import LinearRows, Sizes, find_agreeing,
 from taskcal.identification.calibration import Calibration, covariance_on, spread_of, tells_nothing
 from taskcal.identification.group_model import FREEDOM, MIN_VARIANCE, TYPICAL
 from taskcal.identification.held_out import LeftOut, studentise
+from taskcal.identification.holdout import growth_of
 from taskcal.identification.hyperparameters import (
     MAX_ROUNDS,
     Fitted,
@@ -484,8 +485,11 @@ def _identify(model: ErrorModel, campaign: Campaign, chosen: FitOptions) -> Cali
     )
     _check_worth(fitted)
     calibration = fitted.calibration
+    right = campaign.without(np.isin(campaign.ids, [row.id for row in calibration.left_out]))
+    growth = growth_of(calibration, problem_of(calibration.layout, right, chosen.noise), chosen)
     like = {name: value for name, value in calibration.provenance.options.items() if name == "like"}
-    return replace(calibration, provenance=Provenance.of(model, campaign, chosen.described(model, campaign) | like))
+    provenance = Provenance.of(model, campaign, chosen.described(model, campaign) | like)
+    return replace(calibration, range_growth=growth, provenance=provenance)
 
 
 def _fit(

@@ -22,6 +22,10 @@ TURN = 2.0 * np.pi
 ROUNDING = 1e-9
 """Share of the largest derivative by which two that are the same may differ; the walk is exact to 10⁻¹³."""
 
+LEAST_RANGE = 0.2
+"""Range, radians or metres, that a joint which moved less counts as having, where distances are counted in ranges. A convention:
+the 11° from which on gear orders are looked for, too."""
+
 PROBED_ROWS = 16
 """Rows, evenly among all, at which a whole turn is tried. A convention: derivatives that differ do so at almost every row."""
 
@@ -86,6 +90,14 @@ class MeasuredRange:
         middle = 0.5 * (self.low + self.high)
         q = np.where(self.same_after_turn, q - TURN * np.round((q - middle) / TURN), q)
         return np.minimum(q - self.low, 0.0) + np.maximum(q - self.high, 0.0)
+
+    def extrapolation(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
+        """Square of how far each pose lies outside, each joint in units of its range (`LEAST_RANGE` at least).
+
+        Args:
+            q: joint positions, radians (metres where a joint slides).
+        """
+        return np.sum((self.beyond(q) / np.maximum(self.high - self.low, LEAST_RANGE)) ** 2, axis=1)
 
     def outside(self, q: Float[np.ndarray, "n joints"]) -> Bool[np.ndarray, " n"]:
         """Whether each pose lies outside by more than what makes two rows one posture.
