@@ -32,6 +32,7 @@ from taskcal.identification.sibling import check_sibling, described_with, remark
 from taskcal.observations.base import TrackerNoise
 from taskcal.registration.plausibility import check_plausible, check_targets, is_in_base, most_wrong_rows
 from taskcal.registration.registration import (
+    FAR_MEDIANS,
     PLAUSIBLE_SHARE,
     Registration,
     nominal_poses,
@@ -54,10 +55,6 @@ of freedom, as those of measured robots are taken to be. A convention."""
 GROSS_SIGMAS = 10.0
 """Standard deviations from which on a row is wrong however many there are. A convention: of five thousand sound rows some are
 farther off by such tails, and a row like that is worth a look."""
-
-FAR_MEDIANS = 10.0
-"""Times the median distance from where the registered nominal robot has the rows, from which on one is far: on measured robots its
-geometry leaves at most 8.4 times the median."""
 
 SAMPLE = 300
 """Rows, at most, evenly among all, that are searched; the others are judged by what these say. A convention, as for pose noise."""

@@ -118,6 +118,10 @@ right ones."""
 MAX_STEPS = 10
 """Concentration steps, at most: each lowers the trimmed sum, and a few are enough as a rule."""
 
+FAR_MEDIANS = 10.0
+"""Times the median distance from where the registered nominal robot has the rows, from which on one is far: on measured robots its
+geometry leaves at most 8.4 times the median."""
+
 MIN_GAIN = 0.1
 """Share by which a step has to lower the trimmed distance for another one. A convention: it is a start, to be refined."""
 
@@ -356,7 +360,7 @@ def register_trimmed(
     if tracked:
         alone = replace(campaign.of_targets(tracked), observations=())
         distance = register_trimmed(T, alone, model)[1]
-        right = np.asarray(right & ((distance <= trusted_distance(distance[alone.seen])) | ~alone.seen))
+        right = np.asarray(right & ((distance <= FAR_MEDIANS * float(np.median(distance[alone.seen]))) | ~alone.seen))
     return register_observations(T, campaign.without(~right), model)
 
 
