@@ -67,6 +67,22 @@ def test_moderate_mistakes_are_left_out_and_sound_rows_are_not(kind, rows, count
     assert innocent <= 0.5
 
 
+@pytest.mark.parametrize(("turned", "least", "most"), [(0.0, 0.0, 10.0), (2.6, 15.0, 40.0)])
+def test_a_row_far_outside_the_others_has_to_be_farther_off(turned, least, most):
+    """What no model has grows there: sound rows of measured robots are farther off than one between others."""
+    rng = np.random.default_rng(5)
+    model, q = ErrorModel(load_robot("ur5")), rng.uniform(-1.5, 1.5, (60, 6))
+    q[7, 0] = turned
+    campaign, _ = simulate(model, q, rng=rng)
+    campaign = replace(campaign, points=campaign.points + ERROR_M * np.sqrt(0.75) * rng.standard_t(8.0, (60, 1, 3)))
+    lengths = [
+        row.studentised
+        for size in np.geomspace(0.4e-3, 20e-3, 12)
+        for row in identify(model, move(campaign, np.array([7]), np.array([size]), np.random.default_rng(0))).left_out
+    ]
+    assert least < min(lengths) < most
+
+
 def test_predictions_are_those_of_the_sound_rows():
     """Six of sixty, from 0.6 mm on: the fit follows none of them."""
     rng = np.random.default_rng(3)

@@ -229,7 +229,6 @@ def _spread(calibration: Calibration, q: np.ndarray, tips: np.ndarray, basis: np
     """B with B·Bᵀ the covariance of the TCPs, without what frames can do."""
     values, vectors = np.linalg.eigh(calibration.z_covariance)
     B = _jacobian(calibration, q, tips) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
-    B = B * np.repeat(np.sqrt(calibration.growth_at(q)), 3 * len(tips))[:, None]
     return B - basis @ (basis.T @ B)
 
 

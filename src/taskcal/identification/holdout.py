@@ -355,14 +355,18 @@ def _folds(
     known, told = fitted.stated
 
     def equations(A: np.ndarray, y: np.ndarray) -> GroupEquations:
-        rows = np.concatenate([A.reshape(-1, p), known])
+        rows = np.concatenate([A.reshape(A.shape[0] * m, p), known])
         return GroupEquations.of_rows(rows, np.concatenate([y.reshape(-1), told]), groups)
 
     whole, numbered = equations(A, y), fitted.at.seen.sum(axis=1)
     for part in parts:
         rest = np.ones(n, dtype=bool)
         rest[part] = False
-        fold = whole.less(A[part].reshape(-1, p), y[part].reshape(-1)) if n * m >= p else equations(A[rest], y[rest])
+        fold = (
+            whole.less(A[part].reshape(len(part) * m, p), y[part].reshape(-1))
+            if n * m >= p
+            else equations(A[rest], y[rest])
+        )
         at = find_sizes(fold, fitted.found.log_variances, FOLD_STEPS)
         if fitted.errors.searched:
             weighed = np.sqrt(weigh(_squares(A, y, at), numbered)[rest])[:, None]
