@@ -161,6 +161,6 @@ def test_page_says_what_is_kind_and_whether_the_statement_held_for_unkind_truths
         loop, runs, unkind={"twice as large": [unsure], "axis wobble": [sure]}, next_steps=""
     ).html()
     assert "no force of the process" in page
-    assert "Twice as large: what was stated did not hold." in page
-    assert "Axis wobble: what was stated held." in page
+    assert "Twice as large: what was stated did not hold; robot by robot on 0 of 1." in page
+    assert "Axis wobble: what was stated held; robot by robot on 1 of 1." in page
     assert "Unkind truths" not in closed_loop_page(loop, runs, next_steps="").html()

@@ -11,6 +11,8 @@ from taskcal.diagnosis.diagnose import MISTAKES, diagnose
 from taskcal.diagnosis.hypotheses import Case, Hypothesis, JointMap
 from taskcal.errors import CampaignError
 from taskcal.identification.identify import identify
+from taskcal.reading.reader import read_campaign
+from taskcal.reading.writer import write_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -90,7 +92,7 @@ def test_doctor_finds_two_mistakes_together():
 
 
 @pytest.mark.parametrize("said", ["4 mm", pytest.param("400 mm", marks=pytest.mark.long)])
-def test_doctor_names_the_row_and_the_parts_if_tracker_moved(said):
+def test_doctor_makes_two_stations_if_the_tracker_moved(said, tmp_path):
     robot, sound = load_robot("ur5"), virtual("ur5", targets=2, rows=60)
     part = sound.take(np.arange(10, 60))
     wrong = of_id("station-moved", part, robot, said)
@@ -98,9 +100,17 @@ def test_doctor_names_the_row_and_the_parts_if_tracker_moved(said):
     (first,) = found.findings
     assert (first.id, first.subject) == ("station-moved", wrong.subject)
     row = int(wrong.subject[0])
-    assert first.fix.endswith(f"--rows 10:{row} and --rows {row}:60")
+    assert "two stations in a column station" in first.fix
     assert first.error_after < 0.4 * first.error_before
-    assert found.unmended == ("station-moved",)
+    assert found.unmended == ()
+    write_campaign(tmp_path / "fixed.csv", found.campaign, robot)
+    fixed = read_campaign(tmp_path / "fixed.csv", robot)
+    assert fixed.stations.rows == (row - 10, 60 - row)
+    np.testing.assert_allclose(fixed.points[:, :, 0][: row - 10], wrong.campaign.points[: row - 10, :, 0], atol=1e-8)
+    model = ErrorModel(robot)
+    apart, sound = identify(model, fixed), identify(model, part)
+    assert apart.model_error[0] < 1.2 * sound.model_error[0]
+    assert diagnose(fixed, robot).findings == ()
     for rows in (slice(0, row - 10), slice(row - 10, 50)):
         assert diagnose(wrong.campaign.take(np.arange(50)[rows]), robot).findings == ()
 

@@ -178,3 +178,17 @@ def test_unobserved_parameter_coverage_is_nominal():
     most_probable, expected = inside / len(draws)
     assert most_probable < 0.91
     assert 0.93 < expected < 0.97
+
+
+def test_effective_parameters_are_the_share_of_prior_variance_that_rows_take_away():
+    """γ = tr(H·S): the sum of λ·v/(1 + λ·v) over the eigenvalues λ of the information, by a single group of variance v."""
+    rng = np.random.default_rng(8)
+    A = rng.normal(size=(5, 9)) * np.geomspace(1.0, 30.0, 9)
+    groups = Groups(group=np.zeros(9, dtype=int), held=np.zeros((0, 0)), location=np.zeros(1), spread=np.zeros((1, 1)))
+    equations = GroupEquations.of_rows(A, rng.normal(size=5), groups)
+    values = np.linalg.eigvalsh(A.T @ A)
+    for v in (1e-6, 1.0, 1e3):
+        at = equations.at(np.array([np.log(v)]))
+        np.testing.assert_allclose(at.effective_parameters, (values * v / (1.0 + values * v)).sum(), atol=1e-6)
+        np.testing.assert_allclose(at.effective_parameters, np.trace(equations.H @ at.covariance), atol=1e-6)
+    assert equations.at(np.array([-np.inf])).effective_parameters == 0.0

@@ -102,7 +102,7 @@ def test_calibration_file_is_json_with_format_version_and_units(saved):
     found, text = saved
     data = json.loads(text, parse_constant=lambda constant: pytest.fail(f"{constant} is not JSON"))
     assert data["format"] == "taskcal-calibration"
-    assert data["format_version"] == 8
+    assert data["format_version"] == 9
     assert data["units"] == "metres and radians"
     assert data["names"] == list(found.all_names)
     assert data["provenance"]["rows"] == 50
@@ -217,11 +217,11 @@ BROKEN = {
     "foreign": (lambda text: '{"format": "other"}', "is JSON, but not a calibration"),
     "later version": (
         lambda text: edit(text, "format_version", value=99),
-        "has format version 99, this Taskcal reads 8; identify again",
+        "has format version 99, this Taskcal reads 9; identify again",
     ),
     "earlier version": (
         lambda text: edit(text, "format_version", value=7),
-        "has format version 7, this Taskcal reads 8; identify again",
+        "has format version 7, this Taskcal reads 9; identify again",
     ),
     "no version": (lambda text: edit(text, "format_version", remove=True), "has format version None"),
     "no robot": (
@@ -343,3 +343,19 @@ def test_a_calibration_of_nominal_lengths_saves_and_loads(tmp_path):
     q = irb6660_positions(rng, 10)
     assert again.names == found.names
     np.testing.assert_array_equal(again.predict(q), found.predict(q))
+
+
+def test_effective_parameters_follow_from_prior_and_covariance(saved, tmp_path):
+    """γ = Σ(1 − σ²/prior σ²) of the estimated parameters; a file keeps it, and a fit without a prior has none."""
+    found, text = saved
+    prior = found.prior_scale * found.model.tolerances
+    expected = np.sum(1.0 - found.standard_errors**2 / prior**2)
+    # standard errors also allow for how well the variance of a pose is known
+    np.testing.assert_allclose(found.effective_parameters, expected, rtol=1e-3)
+    assert 10.0 < found.effective_parameters < len(found.kept)
+    assert json.loads(text)["effective_parameters"] == found.effective_parameters
+    (tmp_path / "cal.json").write_text(text, encoding="utf-8")
+    again = load_calibration(tmp_path / "cal.json")
+    assert (again.effective_parameters, again.parameter_groups) == (found.effective_parameters, 1)
+    without = calibration(prior=None)
+    assert (without.effective_parameters, without.parameter_groups) == (None, None)

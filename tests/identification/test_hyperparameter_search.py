@@ -1,13 +1,10 @@
 """Hyperparameters are those of the largest marginal likelihood; of very many rows, of some of them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import scipy.optimize
 
 from taskcal.identification import hyperparameters as hyperparameter_search
-from taskcal.identification import identify as gross_errors
 from taskcal.identification.hyperparameters import fit_with_hyperparameters
 from taskcal.identification.identify import identify
 from taskcal.identification.layout import layout_of, prior_of
@@ -86,20 +83,3 @@ def test_hyperparameters_of_many_rows_are_sought_on_some(monkeypatch: pytest.Mon
     np.testing.assert_allclose(found.model_error, expected.model_error, rtol=0.05)
     np.testing.assert_allclose(found.prior_scale, expected.prior_scale, rtol=0.1)
     assert len(found.residuals) == 400
-
-
-def test_sampling_of_large_campaign_rejects_same_gross_errors(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Judging discrepant rows of a large campaign against a sample of its rows rejects the same rows."""
-    model, campaign = measured("points", 400)
-    points = campaign.points.copy()
-    points[[5, 90, 333], 0] += [0.0, 0.4, 0.0]
-    spoilt = replace(campaign, points=points)
-    expected = identify(model, spoilt)
-    monkeypatch.setattr(gross_errors, "SAMPLED_FROM", 300)
-    monkeypatch.setattr(gross_errors, "SAMPLE", 100)
-    found = identify(model, spoilt)
-    assert [row.row for row in found.left_out] == [row.row for row in expected.left_out]
-    assert {row.row for row in found.left_out} == set(np.flatnonzero(spoilt.valid[:, 0])) & {5, 90, 333}
-    np.testing.assert_allclose(found.z, expected.z, rtol=1e-9, atol=1e-12)

@@ -1,13 +1,16 @@
 """Poses outside of what was measured: which joint, on which side, and by how much."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError
 from taskcal.identification.calibration import load_calibration
-from taskcal.identification.measured_range import MeasuredRange
+from taskcal.identification.measured_range import MeasuredRange, describe_outside, name_rows
+from taskcal.identification.validation import examine
 from taskcal.robot.effects import EncoderGain, Harmonics
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -72,11 +75,16 @@ def test_sentence_names_joint_amount_and_side() -> None:
     q = np.radians([[5, 0, 0, 0, 0, 0], [5, 4, 0, 0, 0, 0], [12, -23, 0, 0, 0, 0]])
     assert measured.sentence(q[2]) == "J2 lies 11.0° below what was measured (−12.0° to 3.5°)"
     assert measured.sentence(q[0]) == ""
-    said = measured.warning(q, ["row 0", "row 1", "row 2"], do="measure there")
-    assert said is not None
-    assert said.startswith("1 of 3 poses lies outside")
-    assert "row 2: J2 lies 11.0° below" in said
-    assert measured.warning(q[:2], ["row 0", "row 1"]) is None
+    said = measured.warning(q, name_rows(range(3), ["0", "1", "p30"]))
+    assert said.startswith(
+        "1 of 3 poses is outside the measured joint range, row 2 (p30) farthest: J2 lies 11.0° below"
+    )
+    assert measured.warning(q[:2], ["row 0", "row 1"]) == ""
+    assert [describe_outside(entry) for entry in measured.farthest(q)] == ["", "", "J2 −11.0°"]
+    assert measured.farthest(q)[2] == pytest.approx({"outside_joint": "J2", "outside_deg": -11.0})
+    unknown = np.vstack([q, np.full(6, np.nan)])
+    assert measured.outside_rows(unknown).tolist() == [2]
+    assert measured.warning(unknown, ["a", "b", "c", "d"]).startswith("1 of 4 poses")
     assert measured.summary()[1] == pytest.approx({"joint": "J2", "low_deg": -12.0, "high_deg": 3.5}, abs=1e-12)
 
 
@@ -87,3 +95,29 @@ def test_stored_calibration_knows_its_range_and_refuses_without_rows() -> None:
     np.testing.assert_array_equal(measured.low, calibration.q.min(axis=0))
     with pytest.raises(CampaignError, match="no fitted rows"):
         MeasuredRange.of_rows(calibration.model.robot, calibration.q[:0])
+
+
+def test_examination_divides_errors_by_the_measured_range() -> None:
+    """Figures of rows inside and outside make up those of all; a campaign inside alone has neither."""
+    calibration = load_calibration(STORED)
+    far = calibration.q + np.radians(40.0) * np.eye(6)[0] * (np.arange(len(calibration.q)) % 2)[:, None]
+    rng = np.random.default_rng(6)
+    points = calibration.predict(far) + 1e-4 * rng.normal(size=(len(far), len(calibration.targets), 3))
+    campaign = Campaign(ids=calibration.ids, q=far, targets=calibration.targets, points=points)
+    examination = examine(calibration, campaign)
+    outside = calibration.measured_range.outside(far)
+    assert 0 < outside.sum() < len(far)
+    summary = examination.summary()
+    inner, outer = summary["inside_range"], summary["outside_range"]
+    assert outer["n"] == summary["outside_points"] == int(outside.sum()) * len(calibration.targets)
+    assert inner["n"] + outer["n"] == summary["n"]
+    assert inner["n"] * inner["mean_mm"] + outer["n"] * outer["mean_mm"] == pytest.approx(
+        summary["n"] * summary["mean_mm"]
+    )
+    share = inner["n"] * inner["inside_share"] + outer["n"] * outer["inside_share"]
+    assert share == pytest.approx(summary["n"] * summary["inside_share"])
+    assert f"{outside.sum()} of {len(far)} poses" in " ".join(examination.validation.remarks)
+    assert {row["outside_joint"] for row in summary["rows"]} == {"", "J1"}
+    within = examine(calibration, replace(campaign, q=calibration.q, points=calibration.predict(calibration.q) + 1e-4))
+    assert within.by_range() == {}
+    assert within.validation.remarks == ()

@@ -40,7 +40,7 @@ def campaign():
 def calibration(campaign):
     found = explain(GEOMETRY, campaign, candidates=(EncoderGain(), RIPPLE), folds=3).calibration
     assert found.joint_error
-    return found
+    return replace(found, range_growth=0.0)  # of what no model has, so that no row can tell of it
 
 
 @pytest.fixture(scope="module")

@@ -46,7 +46,7 @@ ONE_IMPORTER = {
         "taskcal.report.selection",
         "taskcal.report.study",
     },
-    "arithmetic that knows no robot": {"taskcal.geometry.polyline"},
+    "arithmetic that knows no robot": {"taskcal.estimation.trimmed_squares", "taskcal.geometry.polyline"},
     "entered by name": {"taskcal.__main__", "taskcal.effects", "taskcal.performance"},
 }
 """Modules that fewer than two others import and that have no public name, by the reason for which they are there."""

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError
-from taskcal.registration.consensus import _few_wrong_rows, check_plausible
+from taskcal.registration.plausibility import _few_wrong_rows, check_plausible
 from taskcal.registration.registration import register
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.errors import CampaignError, FileError, UnknownName, shortened
+from taskcal.geometry import se3
 from taskcal.observations import Point, Pose, block_size
 from taskcal.observations.base import UNMEASURED, Measured, Observation, TrackerNoise, check_lengths
 from taskcal.robot.conditions import Conditions
@@ -22,6 +23,27 @@ _QUANTITIES = {
     "time": ("times", "a column time_s"),
 }
 """What an effect may need, in the plural, and the columns of a campaign's file that tell it."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Stations:
+    """Where a tracker stood that was moved during a campaign, whose rows are carried into the frame of the first station."""
+
+    names: tuple[str, ...]
+    of: Int[np.ndarray, " n"]
+    """Which of them each row was measured from."""
+    T_first_station: Float[np.ndarray, "stations 4 4"]
+    """Pose of each station's tracker in the frame of the first, by which its rows were carried there."""
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Rows of each station."""
+        return tuple(np.bincount(self.of, minlength=len(self.names)).tolist())
+
+
+def in_blocks(rows: int, stations: int) -> Int[np.ndarray, " rows"]:
+    """Station of each of so many rows, where as many one after another are measured from each: the fewest moves."""
+    return np.arange(rows) * stations // max(rows, 1)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,6 +66,9 @@ class Campaign:
     """Stated standard uncertainty of each point (per axis), metres; None where the tracker's noise model says it."""
     reference_points: Mapping[str, Float[np.ndarray, "n 3"]] = field(default_factory=dict[str, np.ndarray])
     """Fixed points measured beside each pose, in the tracker frame, metres."""
+    stations: Stations | None = None
+    """Where the tracker stood, of a campaign in which that is named: ``points``, ``rotations`` and ``reference_points`` are in the
+    frame of the first station. `join_stations` makes such a campaign."""
     conditions: Conditions = field(default_factory=Conditions)
     """How each row was reached, and how warm the robot was there."""
     source: str = ""
@@ -61,6 +86,7 @@ class Campaign:
             f"{len(self)} {self._kinds} of {shortened(', '.join(self.targets), 80)}",
             f"{int((~self.valid).sum())} beams lost" if not self.valid.all() else "",
             f"reference points {shortened(', '.join(self.reference_points), 80)}" if self.reference_points else "",
+            f"stations {shortened(', '.join(self.stations.names), 80)}" if self.stations else "",
             f"with {', '.join(quantities)}" if quantities else "",
         ]
         return f"Campaign({shortened(self.source, 80) or 'unnamed'}: {', '.join(part for part in parts if part)})"
@@ -78,6 +104,7 @@ class Campaign:
             "move": (self.move, self.q.shape),
             "rows": (self.rows, (n,)),
             "lines": (self.lines, (n,)),
+            "stations": (None if self.stations is None else self.stations.of, (n,)),
             **{f"reference point {name}": (points, (n, 3)) for name, points in self.reference_points.items()},
         }
         for name, (array, shape) in shapes.items():
@@ -109,7 +136,8 @@ class Campaign:
     def row(self, number: int) -> str:
         """A row in words, for messages: as the whole campaign counts it, and as its file does."""
         line = self.line_of(number)
-        at = "" if line is None else f", line {line}"
+        at = "" if self.stations is None else f", station {self.stations.names[self.stations.of[number]]}"
+        at += "" if line is None else f", line {line}"
         return f"row {self.row_of(number)} (id {self.ids[number]}{at})"
 
     def row_of(self, number: int) -> int:
@@ -198,6 +226,8 @@ class Campaign:
         for array in (*measured, self.approach, self.move, self.temperature, self.time):
             if array is not None:
                 out.update(np.ascontiguousarray(array).tobytes())
+        if self.stations is not None:
+            out.update(np.ascontiguousarray(self.stations.of).tobytes())
         for one in self.observations:
             out.update(json.dumps([one.key, one.describe(), [] if one.of is None else one.of.tolist()]).encode())
         return out.hexdigest()[:16]
@@ -207,10 +237,8 @@ class Campaign:
         noise = noise or TrackerNoise()
         if self.observations:
             return self._covariances_by_kind(noise)
-        if self.uncertainty is not None:
-            points = self.uncertainty[..., None, None] ** 2 * np.eye(3)
-        else:
-            points = noise.covariance(self.points)
+        stated = self.uncertainty
+        points = self._by_noise(noise) if stated is None else stated[..., None, None] ** 2 * np.eye(3)
         points = np.where(self.valid[..., None, None], points, np.eye(3))
         if self.rotations is None:
             return points
@@ -218,6 +246,27 @@ class Campaign:
         out[..., :3, :3] = points
         out[..., 3:, 3:] = noise.rotation**2 * np.eye(3)
         return out
+
+    def _by_noise(self, noise: TrackerNoise) -> Float[np.ndarray, "n targets 3 3"]:
+        """Covariance by the tracker's noise, which is seen from the station of each row."""
+        if self.stations is None:
+            return noise.covariance(self.points)
+        T = self.stations.T_first_station[self.stations.of][:, None]
+        R = T[..., :3, :3]
+        return R @ noise.covariance(se3.apply(se3.inverse(T), self.points)) @ np.swapaxes(R, -1, -2)
+
+    def carried(self, T_first_station: Float[np.ndarray, "stations 4 4"]) -> "Campaign":
+        """The measurements carried into the frame of the first station by other poses of the stations."""
+        stations = self.stations
+        assert stations is not None
+        T = (T_first_station @ se3.inverse(stations.T_first_station))[stations.of]
+        return replace(
+            self,
+            points=se3.apply(T[:, None], self.points),
+            rotations=None if self.rotations is None else T[:, :3, :3] @ self.rotations,
+            reference_points={name: se3.apply(T, points) for name, points in self.reference_points.items()},
+            stations=replace(stations, T_first_station=T_first_station),
+        )
 
     def _covariances_by_kind(self, noise: TrackerNoise) -> Float[np.ndarray, "n targets b b"]:
         b = block_size(self.observations)
@@ -257,8 +306,14 @@ class Campaign:
         changed["observations"] = tuple(one.take(chosen) for one in self.observations)
         reference_points = {name: points[chosen] for name, points in self.reference_points.items()}
         ids = tuple(self.ids[i] for i in chosen)
+        stations = None if self.stations is None else replace(self.stations, of=self.stations.of[chosen])
         return replace(
-            self, ids=ids, reference_points=reference_points, conditions=self.conditions.take(chosen), **changed
+            self,
+            ids=ids,
+            reference_points=reference_points,
+            stations=stations,
+            conditions=self.conditions.take(chosen),
+            **changed,
         )
 
     @cached_property
@@ -347,41 +402,68 @@ def with_unknown_scale(campaign: Campaign) -> Campaign:
     return replace(campaign, observations=kinds)
 
 
-# Campaigns of one robot, put together: what a tracker saw, and then what a ball in sockets said.
+# Campaigns of one robot, put together: what a tracker saw, and then what a ball in sockets said; or what it saw from several
+# stations.
 
 
-def join(campaigns: Sequence[Campaign]) -> Campaign:
-    """One campaign of the rows of several, one after another; in the rows of one, the targets of the others were not seen.
+def join(campaigns: Sequence[Campaign], *, alike: bool = False) -> Campaign:
+    """One campaign of the rows of several, one after another; in the rows of one, other targets of the others were not seen.
+
+    Args:
+        campaigns: of one robot.
+        alike: what was measured by one instrument, so that targets and reference points of one name are the same.
 
     Raises:
-        CampaignError: none is given, two have a target of one name, two measure rotations, or some state how sure they are
-            and others do not.
+        CampaignError: none is given, two have a target of one name or two measure rotations and are not alike, some that are
+            alike measure rotations and others do not, or some state how sure they are and others do not.
     """
     if len(campaigns) < 2:
         if not campaigns:
             raise CampaignError("there is no campaign to join")
         return campaigns[0]
+    for one in campaigns:
+        if one.stations is not None:
+            raise CampaignError(
+                f"{named_file(one)}names stations, whose rows are joined by registration.join_stations alone"
+            )
     names = [name for one in campaigns for name in one.targets]
+    turned = {one.rotations is not None for one in campaigns}
+    if alike:
+        if len(turned) > 1:
+            raise CampaignError(
+                "some of the campaigns measure rotations and others do not; measure them in all or in none"
+            )
+        names = list(dict.fromkeys(names))
     for name in names:
         if names.count(name) > 1:
             raise CampaignError(f"two of the campaigns have a target '{name}'; rename one of them")
-    if sum(one.rotations is not None for one in campaigns) > 1:
+    if not alike and sum(one.rotations is not None for one in campaigns) > 1:
         raise CampaignError("two of the campaigns measure rotations; one campaign can hold those of one")
     if len({one.uncertainty is None for one in campaigns}) > 1:
         raise CampaignError("some of the campaigns state uncertainties (u_mm) and others do not; state all or none")
     first = np.cumsum([0, *map(len, campaigns)])
+    fixed = dict.fromkeys(name for one in campaigns for name in one.reference_points) if alike else {}
+    kinds = tuple(
+        _among(kind, int(first[k]), int(first[-1])) for k, one in enumerate(campaigns) for kind in _kinds(one)
+    )
+    lines = [one.lines for one in campaigns if one.lines is not None]
     return Campaign(
         ids=tuple(str(number) for number in range(first[-1])),
         q=np.concatenate([one.q for one in campaigns]),
         targets=tuple(names),
-        points=_blocks([one.points for one in campaigns]),
+        points=_among_all(names, [(one.targets, one.points) for one in campaigns]),
         rotations=_rotations(campaigns),
-        observations=tuple(
-            _among(kind, int(first[k]), int(first[-1])) for k, one in enumerate(campaigns) for kind in _kinds(one)
-        ),
-        uncertainty=None if campaigns[0].uncertainty is None else _blocks([_stated(one) for one in campaigns]),
+        observations=() if alike else kinds,
+        uncertainty=None
+        if campaigns[0].uncertainty is None
+        else _among_all(names, [(one.targets, _stated(one)) for one in campaigns]),
+        reference_points={
+            name: np.concatenate([one.reference_points.get(name, np.full((len(one), 3), np.nan)) for one in campaigns])
+            for name in fixed
+        },
         conditions=_conditions(campaigns),
         source=" and ".join(dict.fromkeys(one.source for one in campaigns if one.source)),
+        lines=np.concatenate(lines) if alike and len(lines) == len(campaigns) else None,
         notes=tuple(dict.fromkeys(note for one in campaigns for note in one.notes)),
     )
 
@@ -401,14 +483,13 @@ def _among(kind: Observation, first: int, count: int) -> Observation:
     return replace(kind, of=of)
 
 
-def _blocks(parts: list[np.ndarray]) -> np.ndarray:
-    """Along the diagonal of rows and targets, NaN beside it."""
-    rows, targets = (sum(part.shape[axis] for part in parts) for axis in (0, 1))
-    out = np.full((rows, targets, *parts[0].shape[2:]), np.nan)
-    row = target = 0
-    for part in parts:
-        out[row : row + part.shape[0], target : target + part.shape[1]] = part
-        row, target = row + part.shape[0], target + part.shape[1]
+def _among_all(names: list[str], parts: list[tuple[tuple[str, ...], np.ndarray]]) -> np.ndarray:
+    """Rows of several campaigns, their targets among those of all; NaN where a campaign does not have one."""
+    out = np.full((sum(len(part) for _, part in parts), len(names), *parts[0][1].shape[2:]), np.nan)
+    row = 0
+    for targets, part in parts:
+        out[row : row + len(part), [names.index(name) for name in targets]] = part
+        row += len(part)
     return out
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from taskcal.campaigns.campaign import Campaign
+from taskcal.campaigns.campaign import Campaign, Stations
 from taskcal.geometry import se3
 from taskcal.observations.base import TrackerNoise
 from taskcal.short_repr import short_repr
@@ -299,6 +299,8 @@ def compensate_drift(campaign: Campaign, noise: TrackerNoise | None = None) -> D
     """
     if not campaign.reference_points:
         return Drift(campaign=campaign, followed=False, largest=0.0, noise=0.0, probability=1.0, remarks=())
+    if campaign.stations is not None and len(campaign.stations.names) > 1:
+        return _by_station(campaign, campaign.stations, noise)
     motion = observe_reference_points(campaign.reference_points)
     observed = ~np.isnan(motion.values[:, 0])
     if observed.sum() < MIN_DRIFT_ROWS:
@@ -340,6 +342,37 @@ def compensate_drift(campaign: Campaign, noise: TrackerNoise | None = None) -> D
     )
     return Drift(
         campaign=followed, followed=True, largest=largest, noise=deviation, probability=probability, remarks=remarks
+    )
+
+
+def _by_station(campaign: Campaign, stations: Stations, noise: TrackerNoise | None) -> Drift:
+    """Every station's rows in the frame of its own reference points; those that it never saw are none of its own."""
+    points, rotations = campaign.points.copy(), None if campaign.rotations is None else campaign.rotations.copy()
+    stated = np.sqrt(np.trace(campaign.covariances(noise)[..., :3, :3], axis1=2, axis2=3) / 3.0)
+    found: list[Drift] = []
+    remarks: list[str] = []
+    moved = {name: seen.copy() for name, seen in campaign.reference_points.items()}
+    for k, name in enumerate(stations.names):
+        rows = stations.of == k
+        part = replace(campaign.take(rows), stations=None)
+        own = {one: seen for one, seen in part.reference_points.items() if not np.isnan(seen).all()}
+        one = compensate_drift(replace(part, reference_points=own, uncertainty=stated[rows]), noise)
+        found.append(one)
+        remarks += [f"station {name}: {remark}" for remark in one.remarks]
+        points[rows], stated[rows] = one.campaign.points, np.asarray(one.campaign.uncertainty)
+        if rotations is not None:
+            rotations[rows] = np.asarray(one.campaign.rotations)
+        for reference, seen in one.campaign.reference_points.items():
+            moved[reference][rows] = seen
+    if not any(one.followed for one in found):
+        return replace(found[0], campaign=campaign, remarks=tuple(remarks))
+    return Drift(
+        campaign=replace(campaign, points=points, rotations=rotations, uncertainty=stated, reference_points=moved),
+        followed=True,
+        largest=max(one.largest for one in found),
+        noise=max(one.noise for one in found),
+        probability=min(one.probability for one in found),
+        remarks=tuple(remarks),
     )
 
 

@@ -827,6 +827,8 @@ def pose_repeatability(campaign: Campaign, *, same: float = SAME_POSE_RAD) -> Re
         CampaignError: no pose was measured twice.
     """
     label = group_postures(campaign.q, same)
+    if campaign.stations is not None:  # how stations lie to each other is known from the nominal robot alone
+        label = np.unique(np.stack([label, campaign.stations.of]), axis=1, return_inverse=True)[1].reshape(-1)
     rows: list[tuple[int, ...]] = []
     performances: list[tuple[PosePerformance, ...]] = []
     joint_ranges: list[float] = []

@@ -38,6 +38,7 @@ from taskcal.correction.subdivision import CorrectionProblem, Subdivision, subdi
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.measured_range import MeasuredRange
 from taskcal.kinematics.inverse import closes, conditioning
 from taskcal.kinematics.tracing import MIN_SINGULAR_RATIO
 from taskcal.robot.error_model import ErrorModel
@@ -327,6 +328,23 @@ def diagnose_new_corners(
     return [Diagnostic(place=program.moves[origin[rows[worst]][0]].place, text=text)]
 
 
+def diagnose_range(
+    program: Program, measured: MeasuredRange, farthest: Float[np.ndarray, "m joints"]
+) -> list[Diagnostic]:
+    """How many motions leave the joint range that was measured, at the one that leaves it farthest.
+
+    Args:
+        program: as it was given.
+        measured: the range.
+        farthest: joint positions of each motion where it is farthest outside.
+    """
+    names = [f"this one{f' ({move.end.name})' if move.end.name else ''}" for move in program.moves]
+    text = measured.warning(farthest, names, "motions")
+    if not text:
+        return []
+    return [Diagnostic(place=program.moves[int(measured.outside_rows(farthest)[0])].place, text=text)]
+
+
 def diagnose_unchanged_files(program: Program, rejected: Container[int]) -> list[Diagnostic]:
     """Files with motions, of several that are written together, in which none was corrected.
 
@@ -609,6 +627,7 @@ def correct(
     new_trajectory = simulate_controller(robot, written_moves, rewritten.refused, near)
     motion = joint_motion(robot, written_moves, new_trajectory)
     before, after = assess(placed, path, trajectory), assess(placed, path, new_trajectory, rewritten.origin)
+    farthest = after.farthest(calibration.measured_range, len(moves))
     return Correction(
         program=program,
         sources=rewritten.sources,
@@ -626,12 +645,15 @@ def correct(
         turn=np.where(written, changes.turn, 0.0),
         uncertainty=np.sqrt(variances.sum(axis=1)),
         joint_change=np.where(written, changes.joint, 0.0),
+        measured_range=calibration.measured_range,
+        farthest=farthest,
         rejected=rejected,
         diagnostics=(
             *ask_for_base(given, cell, trajectory.out_of_reach),
             *mounted.diagnostics,
             *diagnose_unused_frames(cell, program),
             *diagnose(program, trajectory, new_trajectory, rewritten.origin, written_moves, subdivision, motion),
+            *diagnose_range(program, calibration.measured_range, farthest),
             *([] if into is None else diagnose_new_corners(program, trajectory, new_trajectory, rewritten.origin)),
             *([] if into is not None else diagnose_unchanged_files(program, rejected)),
         ),

@@ -16,6 +16,7 @@ from taskcal.correction.frames import SOURCES
 from taskcal.correction.path import Placed, RoundedPath
 from taskcal.errors import FileError, shortened
 from taskcal.geometry import se3
+from taskcal.identification.measured_range import MeasuredRange
 from taskcal.identification.uncertainty_budget import UNEXPLAINED, Evaluation, UncertaintyBudget, budget_of_parts
 from taskcal.io.files import write_all
 from taskcal.short_repr import short_repr
@@ -51,6 +52,18 @@ class Deviations:
     def length(self) -> Float[np.ndarray, " k"]:
         """Lengths of the errors, metres."""
         return np.linalg.norm(self.error, axis=1)
+
+    def farthest(self, measured: MeasuredRange, moves: int) -> Float[np.ndarray, "m joints"]:
+        """Joint positions of each motion where it is farthest outside of what was measured; NaN where none are known.
+
+        Args:
+            measured: joint range of the calibration.
+            moves: how many motions the program has.
+        """
+        out = np.full((moves, self.q.shape[1]), np.nan)
+        order = np.argsort(np.abs(measured.beyond(self.q)).max(axis=1, initial=0.0), kind="stable")
+        out[self.move[order]] = self.q[order]  # of several rows of a motion the last one stays
+        return out
 
 
 def assess(
@@ -256,6 +269,11 @@ class Correction:
     """Root mean square of the error in space that the calibration must expect at each target, metres; NaN where rejected."""
     joint_change: Float[np.ndarray, " m"]
     """Largest change of a revolute joint at each target, radians."""
+    measured_range: MeasuredRange
+    """Where the calibration was measured."""
+    farthest: Float[np.ndarray, "m joints"]
+    """Joint positions of each motion of the corrected program where it is farthest outside of that range, radians; NaN where not
+    known."""
     rejected: Mapping[int, str]
     """Motions left as they were, and why."""
     diagnostics: tuple[Diagnostic, ...]
@@ -350,6 +368,8 @@ class Correction:
             "largest_shift_mm": _largest(self.shift) * 1e3,
             "largest_turn_deg": float(np.degrees(_largest(self.turn))),
             "largest_joint_change_deg": float(np.degrees(_largest(self.joint_change))),
+            "outside_moves": int(self.measured_range.outside(self.farthest).sum()),
+            "measured_range": self.measured_range.summary(),
             "relative_to": list(self.statements),
             **self.motion.summary(),
         }
@@ -361,6 +381,7 @@ class Correction:
             rows = np.flatnonzero(deviations.at_target)
             lengths = (deviations.length[rows] * 1e3).tolist()
             errors[label] = dict(zip(deviations.move[rows].tolist(), lengths, strict=True))
+        outside = self.measured_range.farthest(self.farthest)
         return [
             {
                 "file": str(move.place.path),
@@ -376,6 +397,7 @@ class Correction:
                 "turn_deg": float(np.degrees(self.turn[i])),
                 "joint_change_deg": float(np.degrees(self.joint_change[i])),
                 "written_as": int(self.pieces[i]),
+                **outside[i],
                 "refused": self.rejected.get(i, ""),
             }
             for i, move in enumerate(self.program.moves)

@@ -121,6 +121,11 @@ class PlacedPart:
     """How far the process force deflects the tool, in neither of the two; NaN without a force."""
     margin: float
     """Least distance of a joint to its limits, radians; infinite where there are none."""
+    outside: str = ""
+    """How many targets lie outside of what the calibration was measured at, and which one the farthest; empty where none does, or
+    without a calibration."""
+    outside_targets: int | None = None
+    """Their number; None without a calibration."""
     conditioning: float
     """Of the posture nearest to a singular one; see `taskcal.kinematics.inverse.conditioning`."""
 
@@ -149,7 +154,8 @@ class PlacedPart:
             "smallest_singular_ratio": self.conditioning,
         }
         finite = {k: v if np.isfinite(v) else None for k, v in values.items()}
-        return {**finite, "obstacle": self.obstacle, "possible": self.possible}
+        outside = {"outside_targets": self.outside_targets, "outside": self.outside}
+        return {**finite, "obstacle": self.obstacle, "possible": self.possible, **outside}
 
 
 @short_repr
@@ -315,6 +321,7 @@ class _View:
         nothing = np.nan, np.nan
         before, after = self._errors(moved, trajectory) if ends.any() else nothing
         refused = sorted(trajectory.rejected.items())
+        outside, outside_targets = self._outside(moved, trajectory.end)
         limits = self.robot.limits
         placed = PlacedPart(
             shift=np.asarray(shift, dtype=float),
@@ -325,9 +332,19 @@ class _View:
             after=after,
             compliance=self._deflection(trajectory.end[ends]) if ends.any() else np.nan,
             margin=float(np.minimum(q - limits[:, 0], limits[:, 1] - q).min()) if len(q) else np.nan,
+            outside=outside,
+            outside_targets=outside_targets,
             conditioning=float(conditioning(ErrorModel(self.robot), q).min()) if len(q) else 0.0,
         )
         return placed, trajectory.end
+
+    def _outside(self, moves: Sequence[Move], end: Float[np.ndarray, "m joints"]) -> tuple[str, int | None]:
+        """The warning of targets outside of what was measured, and their number."""
+        if self.calibration is None:
+            return "", None
+        measured = self.calibration.measured_range
+        names = [f"{move.place}{f' ({move.end.name})' if move.end.name else ''}" for move in moves]
+        return measured.warning(end, names, "targets"), int(measured.outside(end).sum())
 
     def _errors(self, moves: Sequence[Move], trajectory: ControllerTrajectory) -> tuple[float, float]:
         """Rms errors at the targets before and after a correction, metres."""

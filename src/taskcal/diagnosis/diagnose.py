@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.arguments import expect_kinds
-from taskcal.campaigns.campaign import Campaign, check_rows
+from taskcal.campaigns.campaign import Campaign, Stations, check_rows
 from taskcal.diagnosis.drift import find_drift_or_slip, find_large_move
 from taskcal.diagnosis.fits import LEVER_SHARE, MIN_ERROR_M, misfits
 from taskcal.diagnosis.hypotheses import MISTAKES as MISTAKES
@@ -35,7 +35,7 @@ from taskcal.diagnosis.search import (
 )
 from taskcal.errors import CampaignError, UnitError
 from taskcal.estimation.matrices import single_threaded
-from taskcal.registration.consensus import refuse_calculated
+from taskcal.registration.plausibility import refuse_calculated
 from taskcal.registration.registration import PLAUSIBLE_SHARE, register_observations
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
@@ -317,7 +317,7 @@ MAX_COURSE_SHARE = 0.2
 """Median distance of the campaign as given over the reach, at most, where a slip, move or drift alone may explain it. A
 convention: beyond, joints or frames are wrong."""
 
-NOT_MENDED_BY_A_FILE = ("drift", "station-moved")
+NOT_MENDED_BY_A_FILE = ("drift",)
 """Events during a campaign, which no change of the file can fix."""
 
 
@@ -358,12 +358,15 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -
         progress: told what is being tried, how many of it were, and how many there are.
 
     What was observed without a tracker (sockets, wires, landmarks, boards) is examined for mistakes of the joints, and where it
-    is sockets alone of the robot; beside a tracker's points it is not examined: `Diagnosis.scope` says so.
+    is sockets alone of the robot; beside a tracker's points it is not examined: `Diagnosis.scope` says so. Of several stations each
+    is examined by itself.
 
     Raises:
         CampaignError: a target of a file was calculated, not measured.
     """
     expect_kinds({"campaign": Campaign, "robot": Robot}, campaign=campaign, robot=robot)
+    if campaign.stations is not None and len(campaign.stations.names) > 1:
+        return _diagnose_stations(campaign, campaign.stations, robot, progress)
     case = Case.of(robot, campaign)
     refuse_calculated(case.model, campaign)
     part = _of_tracker(campaign)
@@ -409,6 +412,33 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -
         unmended += [finding.id for finding in lacking]
         findings += _alternatives(found, best, given, before)
     return Diagnosis(findings=tuple(findings), robot=best.case.robot, campaign=mended, unmended=tuple(unmended))
+
+
+def _diagnose_stations(campaign: Campaign, stations: Stations, robot: Robot, progress: Progress) -> Diagnosis:
+    """Diagnose the rows of each station by themselves, which share no frame; the longest that is not sound has the findings."""
+    examined, short, lacking = list[str](), list[str](), None
+    for k in np.argsort(-np.array(stations.rows), kind="stable"):
+        part = replace(campaign.take(stations.of == k), stations=None)
+        part = part.of_targets([name for name, seen in zip(part.targets, part.valid.T, strict=True) if seen.any()])
+        if refusal := _too_few(part):
+            lacking = lacking or refusal
+            short.append(stations.names[k])
+            continue
+        found = diagnose(part, robot, progress=progress)
+        if found.findings:
+            ids = tuple(finding.id for finding in found.findings)
+            scope = f"the findings are of station '{stations.names[k]}', examined by itself; no file without them is written"
+            return replace(found, campaign=campaign, unmended=ids, scope=scope)
+        examined.append(stations.names[k])
+    left = f"; too few rows to examine: {', '.join(short)}" if short else ""
+    findings = () if examined or lacking is None else (lacking,)
+    return Diagnosis(
+        findings=findings,
+        robot=robot,
+        campaign=campaign,
+        unmended=tuple(finding.id for finding in findings),
+        scope=f"each station is examined by itself: {', '.join(examined) or 'none'}{left}",
+    )
 
 
 def _of_tracker(campaign: Campaign) -> Campaign | None:
@@ -464,9 +494,7 @@ def _moved(found: list[Explanation], given: Explanation, before: float) -> Diagn
             assert finding.error_after is not None
             rest = replace(best, error=finding.error_after)
             findings = (*_written(found, rest, given, before), finding)
-            return Diagnosis(
-                findings=findings, robot=best.case.robot, campaign=best.case.campaign, unmended=(finding.id,)
-            )
+            return Diagnosis(findings=findings, robot=best.case.robot, campaign=local[1], unmended=())
     return None
 
 

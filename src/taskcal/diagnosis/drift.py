@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.campaigns.campaign import Campaign
+from taskcal.campaigns.campaign import Campaign, Stations
 from taskcal.campaigns.drift import compensate_drift
 from taskcal.diagnosis.fits import LinearFit, fit_linearly, frame_columns, registered, target_poses
 from taskcal.diagnosis.hypotheses import Case, Finding, looked_for
@@ -219,7 +219,7 @@ class StationMove(DriftOrSlip):
         )
 
     def without(self, campaign: Campaign, fit: LinearFit) -> tuple[tuple[str, ...], str, Campaign]:
-        """The measurements after the move are brought back."""
+        """The measurements after the move are those of another station."""
         turn = se3.exp(self.motion[3:]).T
         back = se3.pose(turn, fit.centre - turn @ (fit.centre + self.motion[:3]))
         mended = _brought_back(campaign, self.row, back)
@@ -458,18 +458,20 @@ def _registered_apart(
 
 
 def _brought_back(campaign: Campaign, row: int, back: np.ndarray) -> Campaign:
-    """The campaign with what was measured from a row on brought to the frame of the rows before."""
-    points, rotations = campaign.points.copy(), campaign.rotations
-    points[row:] = points[row:] @ back[:3, :3].T + back[:3, 3]
-    if rotations is not None:
-        rotations = np.concatenate([rotations[:row], back[:3, :3] @ rotations[row:]])
-    return replace(campaign, points=points, rotations=rotations)
+    """The campaign with what was measured from a row on as that of a second station, by its pose in the frame of the first."""
+    first = "1" if campaign.stations is None else campaign.stations.names[0]
+    stations = Stations(
+        names=(first, "2" if campaign.stations is None else f"{first} moved"),
+        of=(np.arange(len(campaign)) >= row).astype(int),
+        T_first_station=np.tile(np.eye(4), (2, 1, 1)),
+    )
+    return replace(campaign, stations=stations).carried(np.stack([np.eye(4), back]))
 
 
 def _moved_fix(campaign: Campaign, row: int, move: float) -> str:
     return (
-        f"tracker or base moved by about {move * 1e3:.1f} mm before {campaign.row(row)}: the rows before and after are two "
-        f"campaigns, to be identified by themselves: {_parts(campaign, row)}"
+        f"tracker or base moved by about {move * 1e3:.1f} mm before {campaign.row(row)}: name the rows before and those from there "
+        "on as two stations in a column station (--fix writes it), and each has a frame of its own in a fit"
     )
 
 

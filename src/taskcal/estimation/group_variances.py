@@ -36,6 +36,9 @@ SCALE_RANGE = 1e-4, 1e4
 STATED_WITHIN = 3.0
 """Factor (1σ) within which stated deviations are expected where the data say nothing of their scale."""
 
+STATED_VARIANCE = float((2.0 * np.log(STATED_WITHIN)) ** 2)
+"""The same as the variance of a log variance."""
+
 GRID_POINTS = 201
 """Variances, evenly in their logarithm, over which their posterior is integrated."""
 
@@ -163,6 +166,12 @@ class Evidence:
         """Posterior covariance."""
         return self.root[:, None] * self.K * self.root
 
+    @property
+    def effective_parameters(self) -> float:
+        """How many parameters with a group the data determine: γ = Σ(1 − K_ii), each between 0 and 1 (MacKay 1992, eq. 4.9)."""
+        k = self.equations.groups.grouped
+        return float(len(k) - self.K[k, k].sum())
+
     @cached_property
     def information(self) -> Float[np.ndarray, "groups groups"]:
         """Fisher information of the log variances, without their prior."""
@@ -288,6 +297,7 @@ def expected_variance(equations: GroupEquations) -> float:
     v = np.exp(logarithm)
     spread = 1.0 + v[:, None] * values
     likelihood = 0.5 * (v[:, None] * along**2 / spread - np.log(spread)).sum(axis=1)
-    expected = likelihood - 0.5 * (logarithm / (2.0 * np.log(STATED_WITHIN))) ** 2
+    off = logarithm - equations.groups.location[0]
+    expected = likelihood - 0.5 * off**2 / min(float(equations.groups.spread[0, 0]), STATED_VARIANCE)
     weight = np.exp(expected - expected.max())
     return float(weight @ v / weight.sum())

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from pydantic import Field, ValidationError
 
-from taskcal.campaigns.campaign import Campaign
+from taskcal.campaigns.campaign import Campaign, Stations, named_file
 from taskcal.errors import CampaignError, FileError, FitError, TaskcalError, shown
 from taskcal.estimation.matrices import factor_positive, single_threaded
 from taskcal.geometry import se3
@@ -29,6 +29,7 @@ from taskcal.io.toml_file import Finite, NotNegative, Section, explain
 from taskcal.kernels import walk
 from taskcal.observations import Observation, Point, Pose, block_size, kind_of
 from taskcal.registration.registration_file import RegistrationSection, describe_registration
+from taskcal.registration.stations import frame_of_points
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Effect, LinearTerm, effect_from
 from taskcal.robot.error_model import ErrorModel
@@ -144,11 +145,14 @@ def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
         "estimate": calibration.z.tolist(),
         "covariance_factor": describe_factor(calibration.z_spread),
         "T_tracker_base": calibration.T_tracker_base.tolist(),
+        **_describe_stations(calibration.layout.stations),
         "T_tool_target": calibration.T_tool_target.tolist(),
         "model_error": list(calibration.model_error),
         "joint_error": list(calibration.joint_error),
+        "range_growth": calibration.range_growth,
         "prior_scale": calibration.prior_scale,
         "group_deviations": None if calibration.group_deviations is None else calibration.group_deviations.tolist(),
+        **count_parameters(calibration),
         "log_evidence": calibration.log_evidence,
         "ids": list(calibration.ids),
         "q": calibration.q.tolist(),
@@ -162,6 +166,23 @@ def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
         "reason": calibration.reason,
         "remarks": list(calibration.remarks),
     }
+
+
+def _describe_stations(stations: Stations | None) -> dict[str, Any]:
+    """Describe where a tracker stood that was moved; nothing of one whose station is not named."""
+    if stations is None:
+        return {}
+    T = stations.T_first_station.tolist()
+    return {"stations": {"names": list(stations.names), "of": stations.of.tolist(), "T_first_station": T}}
+
+
+def count_parameters(calibration: "Calibration") -> dict[str, float | int]:
+    """Groups with a size, and effective parameters; nothing that is not known."""
+    counts = {
+        "effective_parameters": calibration.effective_parameters,
+        "parameter_groups": calibration.parameter_groups,
+    }
+    return {key: value for key, value in counts.items() if value is not None}
 
 
 def _describe_held_out(held_out: "HeldOut") -> dict[str, Any]:
@@ -252,14 +273,19 @@ CORRELATIONS = 6
 
 def summarise_calibration(calibration: "Calibration") -> dict[str, Any]:
     """The report of a calibration, in millimetres and milliradians."""
-    rotation = calibration.model_error[1:]
+    rotation, like = calibration.model_error[1:], calibration.provenance.options.get("like")
     return {
         "robot": calibration.model.robot.name,
         "effects": [effect.to_json() for effect in calibration.model.effects],
         "field": any(effect.key == "field" for effect in calibration.model.effects),
+        "stations": list_stations(calibration),
         "model_error_mm": calibration.model_error[0] * 1e3,
         **({"model_error_mrad": rotation[0] * 1e3} if rotation else {}),
         "prior_scale": calibration.prior_scale,
+        **({"like": like} if like else {}),
+        "effective_parameters": calibration.effective_parameters,
+        "parameter_groups": calibration.parameter_groups,
+        "measured_range": calibration.measured_range.summary(),
         "parameters": list_parameters(calibration),
         "correlations": [
             {"a": a, "b": b, "correlation": value} for a, b, value in largest_correlations(calibration, CORRELATIONS)
@@ -280,6 +306,27 @@ def summarise_calibration(calibration: "Calibration") -> dict[str, Any]:
         "iterations": calibration.iterations,
         "rounds": calibration.rounds,
     }
+
+
+def list_stations(calibration: "Calibration") -> list[dict[str, Any]]:
+    """Rows and frame of every named station, with standard errors: position in mm, rotation about the base's axes in mrad."""
+    stations, out = calibration.layout.stations, list[dict[str, Any]]()
+    if stations is None:
+        return out
+    deviation = np.sqrt(np.maximum(np.diag(calibration.z_covariance), 0.0))
+    for k, (name, T) in enumerate(calibration.stations.items()):
+        own = 1e3 * deviation[calibration.layout.frame_columns(k)]
+        out.append(
+            {
+                "name": name,
+                "rows": stations.rows[k],
+                "position_mm": (T[:3, 3] * 1e3).tolist(),
+                "quaternion": se3.to_quaternion(T[:3, :3]).tolist(),
+                "standard_error_mm": own[:3].tolist(),
+                "standard_error_mrad": own[3:].tolist(),
+            }
+        )
+    return out
 
 
 def list_unknowns(calibration: "Calibration") -> list[dict[str, Any]]:
@@ -347,6 +394,43 @@ def largest_correlations(calibration: "Calibration", count: int) -> list[tuple[s
 # What a calibration says of a campaign: its residuals, and how sure it is of what it predicts of it.
 
 
+MIN_STATION_ROWS = 3
+"""Fitted rows from which on a station's frame is known: three points determine it."""
+
+
+def in_its_frames(calibration: "Calibration", campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
+    """A campaign of several stations carried into the frame of the calibration's first one, and the stations unknown to it.
+
+    A station that the calibration knows has the frame that was fitted. That of another is found from its own rows: the calibrated
+    robot has the same targets there.
+
+    Raises:
+        CampaignError: the rows of a station that is not known do not determine its frame.
+    """
+    stations = campaign.stations
+    if stations is None:
+        return campaign, ()
+    known = calibration.layout.stations
+    fitted = {} if known is None else dict(zip(known.names, known.rows, strict=True))
+    own, base, out, others = calibration.stations, calibration.T_tracker_base, [], list[str]()
+    measured = campaign.carried(np.tile(np.eye(4), (len(stations.names), 1, 1)))
+    predicted: np.ndarray | None = None
+    for k, name in enumerate(stations.names):
+        rows = stations.of == k
+        if fitted.get(name, 0) >= MIN_STATION_ROWS or not rows.any():
+            out.append(base @ se3.inverse(own[name]) if name in own else np.eye(4))
+            continue
+        if predicted is None:
+            ends = calibration.target_poses(campaign.q, campaign.conditions)
+            predicted = ends[:, calibration.rows_of(campaign.targets)][..., :3, 3]
+        seen = rows[:, None] & campaign.valid
+        said = f"{named_file(campaign)}station '{name}'"
+        there = frame_of_points(predicted[seen], measured.points[seen], calibration.model.robot.reach, said)
+        out.append(se3.inverse(there))
+        others.append(name)
+    return campaign.carried(np.stack(out)), tuple(others)
+
+
 def residuals_on(
     calibration: "Calibration",
     campaign: Campaign,
@@ -367,6 +451,7 @@ def residuals_on(
         CampaignError: a target that the calibration does not know.
         ClosureError: a closed loop cannot be assembled at some pose.
     """
+    campaign, _ = in_its_frames(calibration, campaign)
     kinds = observed_kinds(calibration, campaign)
     ends = calibration.target_poses(campaign.q, campaign.conditions)[:, calibration.rows_of(campaign.targets)]
     b = block_size(kinds)
@@ -421,9 +506,16 @@ def covariance_on(calibration: "Calibration", campaign: Campaign) -> Float[np.nd
     Raises:
         ClosureError: a closed loop cannot be assembled at some pose.
     """
-    layout = calibration.layout
-    if layout.tracked:
+    layout, stations = calibration.layout, campaign.stations
+    if layout.tracked and (layout.stations is None or stations is None):
         return calibration.predict_covariance(campaign.q, campaign.conditions)
+    if layout.stations is not None and stations is not None:
+        out = np.zeros((len(campaign), len(layout.targets), *2 * (layout.block_size,)))
+        for k, name in enumerate(stations.names):
+            part, names = campaign.take(stations.of == k), layout.stations.names
+            there = replace(calibration, layout=replace(layout, station=names.index(name) if name in names else 0))
+            out[stations.of == k] = there.predict_covariance(part.q, part.conditions)
+        return out
     kinds = tuple(
         kind.numbered_like(layout.kinds[t])
         for kind, t in zip(campaign.observations, calibration.rows_of(campaign.targets), strict=True)
@@ -434,6 +526,7 @@ def covariance_on(calibration: "Calibration", campaign: Campaign) -> Float[np.nd
     for t, kind in enumerate(kinds):
         block, error = kind.block(), np.repeat(np.square(calibration.model_error), 3)
         covariance[:, t, block, block] += error[block]
+    covariance *= calibration.growth_at(campaign.q)[:, None, None, None]
     return np.where(campaign.valid[..., None, None], covariance, np.eye(covariance.shape[2]))
 
 
@@ -554,11 +647,19 @@ class Calibration:
     joint_error: tuple[float, ...] = ()
     """Standard deviation of the pose-to-pose error of each joint, radians (metres where it slides); empty where it
     was not asked for."""
+    range_growth: float = 0.0
+    """Growth g of the covariance beyond the measured range: by the factor 1 + g·u², u how far a pose lies outside
+    (`MeasuredRange.extrapolation`)."""
     prior_scale: float | None
     """Factor of the prior's standard deviations; None where there was no prior."""
     group_deviations: Float[np.ndarray, " p"] | None = None
     """Prior standard deviation of every parameter, metres and radians, where each effect of each joint has a size of its own;
     None where all are the tolerances times `prior_scale`."""
+    effective_parameters: float | None = None
+    """How many of the estimated parameters the rows determine, each counted by the share of its prior variance that they took away;
+    None where there was no prior, or the file does not state it."""
+    parameter_groups: int | None = None
+    """Groups of parameters whose size was estimated from the rows; None where no size was, or the file does not state it."""
     log_evidence: float | None
     """Logarithm of the marginal likelihood, but for a constant of the campaign; None where there was no prior."""
     iterations: int
@@ -574,6 +675,8 @@ class Calibration:
     """Joint positions of the rows that were fitted, radians."""
     held_out: HeldOut | None = None
     """What the fit predicted of rows that it had not seen, if any were held out."""
+    source: str = ""
+    """File that it was read from."""
 
     def __repr__(self) -> str:
         scale = "" if self.prior_scale is None else f", prior × {self.prior_scale:.2g}"
@@ -583,9 +686,21 @@ class Calibration:
         )
 
     @property
+    def origin(self) -> dict[str, Any]:
+        """File that it was read from, robot and campaign, as another calibration names it."""
+        named = "robot", "robot_digest", "campaign", "campaign_digest", "rows"
+        return {"file": self.source, **{name: getattr(self.provenance, name) for name in named}}
+
+    @property
     def targets(self) -> tuple[str, ...]:
         """Names of the targets."""
         return self.layout.targets
+
+    @cached_property
+    def stations(self) -> Mapping[str, Float[np.ndarray, "4 4"]]:
+        """Pose of the robot's base in the tracker frame at each named station, the first being ``T_tracker_base``."""
+        stations = self.layout.stations
+        return {} if stations is None else dict(zip(stations.names, self.layout.station_frames(self.z), strict=True))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -722,14 +837,15 @@ class Calibration:
         """
         q = np.asarray(q, dtype=float)
         targets = Rows.of_targets(self.layout, self.z, q, self.model.prepare(q, conditions))
-        _, covariance = targets.propagate(self.z_covariance)
+        growth = self.growth_at(q)[:, None, None, None]
+        covariance = growth * targets.propagate(self.z_covariance)[1]
         if self.model.conditioned:
             covariance = covariance + covariance_of_unknown_conditions(self, q, conditions)
         if not model_error:
             return covariance
         if any(self.joint_error):
-            covariance = covariance + targets.propagate_joints(np.square(self.joint_error))
-        return covariance + np.diag(np.repeat(np.square(self.model_error), 3)[: covariance.shape[2]])
+            covariance = covariance + growth * targets.propagate_joints(np.square(self.joint_error))
+        return covariance + growth * np.diag(np.repeat(np.square(self.model_error), 3)[: covariance.shape[2]])
 
     def predict_tool(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
@@ -764,7 +880,18 @@ class Calibration:
             metres² and radians².
         """
         J = self.tool_jacobian(q)
-        return J @ self.z_covariance @ np.swapaxes(J, 1, 2)
+        return self.growth_at(q)[:, None, None] * (J @ self.z_covariance @ np.swapaxes(J, 1, 2))
+
+    def growth_at(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
+        """Factor of the covariance of what is predicted at poses: 1 in the measured range, more beyond.
+
+        Args:
+            q: joint positions, radians.
+        """
+        q = np.asarray(q, dtype=float)
+        if not self.range_growth or not len(self.q):
+            return np.ones(len(q))
+        return 1.0 + self.range_growth * self.measured_range.extrapolation(q)
 
     def tool_jacobian(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
@@ -932,6 +1059,28 @@ class ProvenanceSection(Section):
     notes: tuple[str, ...]
 
 
+class StationsSection(Section):
+    """Where a tracker stood that was moved."""
+
+    names: Texts = Field(min_length=1)
+    of: list[Count]
+    T_first_station: list[Matrix]
+
+    def stations(self, rows: int) -> Stations:
+        """The stations of so many rows.
+
+        Raises:
+            TaskcalError: the parts do not belong together.
+        """
+        count, key = len(self.names), "stations, T_first_station"
+        of = np.array(self.of, dtype=int)
+        of_shape("stations, of", of, (rows,))
+        if len(set(self.names)) < count or max(self.of, default=0) >= count:
+            raise TaskcalError(f"'stations' names {count}, two of them alike, or 'of' counts more")
+        T = rigid(key, array_of(key, self.T_first_station, (count, 4, 4)))
+        return Stations(names=tuple(self.names), of=of, T_first_station=T)
+
+
 class CalibrationFile(Section):
     """A calibration file."""
 
@@ -953,11 +1102,15 @@ class CalibrationFile(Section):
     estimate: Vector
     covariance_factor: list[Vector]
     T_tracker_base: Matrix
+    stations: StationsSection | None = None
     T_tool_target: list[Matrix]
     model_error: list[NotNegative]
     joint_error: list[NotNegative]
+    range_growth: Ratio
     prior_scale: AboveZero | None
     group_deviations: list[AboveZero] | None
+    effective_parameters: Ratio | None = None
+    parameter_groups: Count | None = None
     log_evidence: Real | None
     ids: Texts
     q: Matrix
@@ -1016,8 +1169,11 @@ class CalibrationFile(Section):
             else self.held_out.held_out(len(self.targets), width, layout.observed),
             model_error=tuple(self.model_error),
             joint_error=tuple(self.joint_error),
+            range_growth=self.range_growth,
             prior_scale=self.prior_scale,
             group_deviations=self._group_deviations(len(model)),
+            effective_parameters=self.effective_parameters,
+            parameter_groups=self.parameter_groups,
             log_evidence=self.log_evidence,
             iterations=self.iterations,
             rounds=self.rounds,
@@ -1042,6 +1198,7 @@ class CalibrationFile(Section):
             targets=tuple(self.targets),
             kinds=kinds,
             fixed_frames=self.fixed_frames,
+            stations=None if self.stations is None else self.stations.stations(len(self.ids)),
         )
 
     def _same_names(self, expected: tuple[str, ...]) -> None:
@@ -1070,7 +1227,7 @@ def load_calibration(path: str | Path) -> Calibration:
     path = Path(path)
     data = read_envelope(path)
     try:
-        return calibration_from(data)
+        return replace(calibration_from(data), source=path.name)
     except TaskcalError as error:
         raise FileError(path, str(error)) from error
 

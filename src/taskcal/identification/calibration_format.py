@@ -6,7 +6,7 @@ from typing import Any
 from taskcal.io.text_file import read_versioned
 
 FORMAT = "taskcal-calibration"
-FORMAT_VERSION = 8
+FORMAT_VERSION = 9
 
 
 def read_envelope(path: Path) -> dict[str, Any]:

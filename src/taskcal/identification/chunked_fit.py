@@ -13,7 +13,7 @@ from taskcal.estimation.least_squares import Stopping
 from taskcal.estimation.matrices import single_threaded
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.hyperparameters import Hyperparameters, fit_weighed, fitted_alone
-from taskcal.identification.identify import GROSS_SIGMAS, conclude, farthest_targets, identify_parameters
+from taskcal.identification.identify import GROSS_SIGMAS, conclude, identify_parameters, target_errors
 from taskcal.identification.layout import prior_of
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Equations, problem_of, whitener
@@ -89,7 +89,7 @@ def identify_in_chunks(
         raise ValueError("effects are not fitted in parts")
     options = FitOptions(noise=noise)
     first = identify_parameters(model, campaign.sample, options=options)
-    wrong = {start: farthest_targets(first, part, noise)[1] > GROSS_SIGMAS for start, part in campaign}
+    wrong = {start: target_errors(first, part, noise)[1].max(axis=1) > GROSS_SIGMAS for start, part in campaign}
     calibration = _fit_all(first, campaign, wrong, options)
     fitted, unseen = ErrorsOfMany(), ErrorsOfMany()
     for start, part in campaign:
@@ -136,6 +136,7 @@ def _fit_all(
     return replace(
         calibration,
         left_out=first.left_out,
+        range_growth=first.range_growth,
         rounds=first.rounds,
         log_evidence=None,
         remarks=first.remarks,

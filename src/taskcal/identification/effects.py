@@ -26,12 +26,12 @@ from taskcal.identification.group_search import (
     TOGETHER,
     GroupModelFound,
     find_group_model,
-    validate_groups,
 )
 from taskcal.identification.held_out import group_neighbours
-from taskcal.identification.holdout import mean_over_rows, predict_left_out, split_postures
+from taskcal.identification.holdout import mean_over_rows, predict_left_out, split_postures, validate_groups
 from taskcal.identification.identify import Attempt, attempt, hold_scale
 from taskcal.identification.options import FitChoices, FitOptions
+from taskcal.identification.sibling import check_sibling, has_own_sizes, with_unused_sibling
 from taskcal.observations.base import UNMEASURED, TrackerNoise
 from taskcal.robot.effects import SPECTRUM, Effect, JointField, kinds
 from taskcal.robot.effects import candidates as default_candidates
@@ -298,6 +298,10 @@ def select_effects(
             "effects are found by their evidence, which needs a prior; name the effects, or keep the prior"
         )
     options = hold_scale(model, campaign, options)
+    like = options.like
+    if like is not None:
+        check_sibling(model, like, effects=search.effects is None or search.field)
+        options = replace(options, like=None) if has_own_sizes(like) else options
     progress(GEOMETRY)
     first = attempt(model, campaign, options)
     best = first.calibration
@@ -313,12 +317,14 @@ def select_effects(
     if search.effects:
         selection = _add(selection, search.effects, trial)
     if search.effects is None or search.field:
-        selection = _find_all(selection, trial, search)
+        selection = _find_all(selection, trial, search, like)
     calibration = selection.calibration
     if calibration is best:
         calibration = replace(first.checked(), remarks=(*best.remarks, *selection.remarks))
     else:
         calibration = replace(calibration, left_out=left_out, remarks=(*said, *calibration.remarks, *selection.remarks))
+    if like is not None:
+        calibration = with_unused_sibling(calibration, like)
     return Explanation(
         calibration=calibration,
         effects=selection.effects,
@@ -405,8 +411,10 @@ def _add(selection: _Selection, effects: Sequence[Effect], trial: _Trial) -> _Se
     )
 
 
-def _find_all(selection: _Selection, trial: _Trial, search: EffectSearch) -> _Selection:
-    """The one model, where it predicts better than what is there."""
+def _find_all(
+    selection: _Selection, trial: _Trial, search: EffectSearch, like: Calibration | None = None
+) -> _Selection:
+    """The one model, where it predicts better than what is there; a sibling's sizes expected of it if there is one."""
     competing, instead = competing_effects(selection.model, trial.campaign, search)
     if not competing:
         why = untried_effects(selection.model, trial.campaign, search)
@@ -421,7 +429,7 @@ def _find_all(selection: _Selection, trial: _Trial, search: EffectSearch) -> _Se
             competing,
             instead,
             trial.parts,
-            selection.options,
+            replace(selection.options, like=like),
             seed=search.seed,
             progress=trial.progress,
         )

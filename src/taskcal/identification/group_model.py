@@ -19,7 +19,7 @@ from taskcal.estimation.matrices import inverse_factors
 from taskcal.estimation.prior import Squared
 from taskcal.identification.layout import FRAME_SIZE, PriorOfEstimate, frame_precision
 from taskcal.identification.options import FitOptions
-from taskcal.identification.problem import Linearisation, Problem, stated_rows
+from taskcal.identification.problem import Linearisation, Problem
 from taskcal.kernels.chunks import in_chunks
 
 # What no parameter explains at a single pose: the tracker's noise, a white error of the target, and one of every
@@ -46,6 +46,26 @@ MIN_VARIANCE = 1e-14
 CHANGE = 0.01, 100.0
 """Factors between which one step of the scoring changes a variance: never to zero, from where it could not come back."""
 
+FLAT = 1e12
+"""Variance of a log variance of which nothing is expected."""
+
+MIN_FREEDOM = 3.0
+"""Degrees of freedom, at least, that a pose's variance is taken to be known from. A convention: the fewest, as a whole number, of
+which a t-distribution has a covariance."""
+
+
+def region_factor(freedom: float) -> float:
+    """Factor of a covariance, scaled by a variance of so many degrees of freedom, that gives 95 % regions their coverage.
+
+    The 95 % region of a normal distribution with the widened covariance, in three dimensions, is that of the t-distribution with
+    the plain one: 3·F(0.95; 3, ν) in place of χ²(0.95; 3), as the coverage factor of JCGM 100:2008, G.3.
+    """
+    if not np.isfinite(freedom):
+        return 1.0
+    from scipy.special import chdtri, fdtri
+
+    return float(3.0 * fdtri(3.0, max(freedom, MIN_FREEDOM), 0.95) / chdtri(3.0, 0.05))
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PoseNoise:
@@ -59,8 +79,10 @@ class PoseNoise:
     """Of every joint, rad² (m² where it slides)."""
     searched: bool = True
     """Whether they are estimated."""
-    width: float = WIDTH
-    """Expected standard deviation of the variances' logarithms about that of `TYPICAL`; infinite where nothing is expected."""
+    expected: float | Float[np.ndarray, " k"] = TYPICAL**2
+    """Variances that are expected."""
+    width: float | Float[np.ndarray, " k"] = WIDTH
+    """Standard deviation of the variances' logarithms about those; infinite where nothing is expected."""
 
     @property
     def variances(self) -> Float[np.ndarray, " k"]:
@@ -86,14 +108,31 @@ class PoseNoise:
         return np.where(both, R, np.eye(targets * b))
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NoiseStep:
+    """One step of the scoring of what single poses add."""
+
+    errors: PoseNoise
+    """Behind the step."""
+    gain: float = 0.0
+    """Expected gain of the variances' log posterior."""
+    deviations: Float[np.ndarray, " k"]
+    """Standard errors of the variances, before it."""
+    information: Float[np.ndarray, "k k"]
+    """Of the logarithms of the variances by the rows alone, before it."""
+    freedom: float = np.inf
+    """Degrees of freedom of the variance of a pose as a whole, the instrument's noise, which is known, included: twice its square
+    over its own variance (Welch and Satterthwaite, JCGM 100:2008, G.4). Infinite where nothing is estimated."""
+
+
 def score_noise(
     errors: PoseNoise,
     at: Linearisation,
     whitener: Float[np.ndarray, "n m m"],
     left: Float[np.ndarray, "n m"],
     explained: Float[np.ndarray, "n m m"],
-) -> tuple[PoseNoise, float, Float[np.ndarray, " k"]]:
-    """One step of the scoring: the variances, the expected gain of their log posterior, and their standard errors.
+) -> NoiseStep:
+    """One step of the scoring.
 
     Args:
         errors: the variances so far.
@@ -112,6 +151,12 @@ def score_noise(
     turned = np.array([np.swapaxes(seen, 1, 2).reshape(-1) for seen in judged])
     information = 0.5 * (flat @ turned.T) * np.outer(variances, variances)
     errors_of = variances / np.sqrt(np.diag(information))
+    by_rows = information.copy()
+    # in whitened units the share of each in the variance of a pose is a mean over all numbers
+    share = variances * np.array([np.trace(part, axis1=1, axis2=2).sum() for part in white]) / at.seen.sum()
+    expected = np.eye(len(variances)) / np.square(errors.width)
+    told = information + np.maximum(expected, np.eye(len(variances)) / FLAT)
+    freedom = 2.0 / float(share @ np.linalg.solve(told, share))
     if not len(errors.joints):
         # correlations of all poses included it is (tr)² over the numbers that are left to judge by, or more: of few poses, what
         # they have each by itself would go too far. How parameters share these among two kinds of numbers is not known
@@ -119,11 +164,17 @@ def score_noise(
         taken = float(np.trace(explained, axis1=1, axis2=2).sum()) if len(variances) == 1 else 0.0
         least = 0.5 * (traces * variances) ** 2 / max(numbers - taken, 1.0)
         np.fill_diagonal(information, np.maximum(np.diag(information), least))
-    information += np.eye(len(variances)) / errors.width**2
-    gradient = gradient * variances - np.log(variances / TYPICAL**2) / errors.width**2
+    information += expected
+    gradient = gradient * variances - np.log(variances / errors.expected) / np.square(errors.width)
     step = np.linalg.solve(information, gradient)
     changed = np.maximum(variances * np.clip(1.0 + step, *CHANGE), MIN_VARIANCE)
-    return errors.with_variances(changed), float(step @ gradient), errors_of
+    return NoiseStep(
+        errors=errors.with_variances(changed),
+        gain=float(step @ gradient),
+        deviations=errors_of,
+        information=by_rows,
+        freedom=freedom,
+    )
 
 
 def weigh(square: Float[np.ndarray, " n"], numbers: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -189,9 +240,6 @@ open."""
 
 NO_PRIOR = 1e3
 """Standard deviation over the tolerance of parameters without a prior where hyperparameters are sought: as good as none."""
-
-FLAT = 1e12
-"""Variance of a log variance of which nothing is expected."""
 
 GEOMETRY = "geometry"
 
@@ -317,7 +365,13 @@ def assemble(
     """
     layout = problem.layout
     model, names = layout.model, layout.names
-    owner_of = {name: (name.partition(".")[0], effect) for name, effect in _effects_of(problem)}
+    rows = problem.q[problem.seen.valid.any(axis=1)]
+    owner_of: dict[str, tuple[str, str]] = {}
+    share: dict[str, float] = {}
+    for effect in model.effects:
+        own = effect.term(model.robot).names
+        owner_of |= {name: (name.partition(".")[0], effect.name) for name in own}
+        share |= dict(zip(own, effect.participation(model.robot, rows).tolist(), strict=True))
     labels: list[Group] = []
     group = np.full(len(names), -1)
     scale = np.full(len(names), FRAME_SIZE)
@@ -331,7 +385,7 @@ def assemble(
         )
         if label not in labels:
             labels.append(label)
-        group[i], scale[i] = labels.index(label), tolerance
+        group[i], scale[i] = labels.index(label), tolerance * share.get(name, 1.0)
     estimated = np.ones(len(names), dtype=bool)
     if keep is not None:
         estimated[: len(model)] = [name in owner_of for name in model.names]
@@ -350,12 +404,6 @@ def assemble(
         origin=layout.start(),
         tails=True,
     )
-
-
-def _effects_of(problem: Problem) -> list[tuple[str, str]]:
-    """Every parameter of an effect, and the effect's name."""
-    model = problem.layout.model
-    return [(name, effect.name) for effect in model.effects for name in effect.term(model.robot).names]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -419,7 +467,8 @@ def fit_group_model(
             raise FitError(
                 "the fit of geometry and effects ran away; check the campaign with a robust loss (loss=Cauchy())"
             )
-        scored, weights, *_ = _score(fitted)
+        step, weights = score(fitted)
+        scored = step.errors
         grouped = one.groups.grouped
         moved = np.abs(following - z)[grouped].max() / one.scale[grouped].max()
         steps = np.abs(fitted.found.log_variances - sizes).max()
@@ -432,7 +481,7 @@ def fit_group_model(
 
 def search_about(
     one: GroupModel, z: Float[np.ndarray, " z"], errors: PoseNoise, options: FitOptions, sizes: np.ndarray
-) -> tuple[GroupFit, PoseNoise, Float[np.ndarray, " k"]]:
+) -> tuple[GroupFit, NoiseStep]:
     """Errors of single poses and log variances of the groups on rows that are linear about an estimate, until both settle.
 
     Args:
@@ -443,22 +492,23 @@ def search_about(
         sizes: log variances to start from.
 
     Returns:
-        the fit under the errors of the last step but one, the errors, and standard errors of their variances.
+        the fit under the errors of the last step but one, and that last step.
     """
     at = one.problem.linearise(z, joints=bool(len(errors.joints)))
-    weights, deviations = np.ones(len(one.problem.q)), np.zeros(len(errors.variances))
+    weights = np.ones(len(one.problem.q))
     fitted, moved = _fit_once(one, z, at, errors, weights, options, sizes, steps=1), np.inf
     last = np.zeros(len(errors.variances))
+    step, weights = score(fitted)
     for _ in range(MAX_SEARCH_STEPS):
-        errors, weights, gain, deviations = _score(fitted)
         if errors.searched:
-            errors, last = _without_cycles(fitted.errors, errors, last)
-        if gain < SETTLED_GAIN and moved < SETTLED_SIZE:
+            errors, last = _without_cycles(fitted.errors, step.errors, last)
+        if step.gain < SETTLED_GAIN and moved < SETTLED_SIZE:
             break
         sizes = fitted.found.log_variances
         fitted = _fit_once(one, z, at, errors, weights, options, sizes, steps=1)
         moved = float(np.abs(fitted.found.log_variances - sizes).max(initial=0.0))
-    return fitted, errors, deviations
+        step, weights = score(fitted)
+    return fitted, replace(step, errors=errors)
 
 
 def _without_cycles(
@@ -474,6 +524,22 @@ def _without_cycles(
     change, most = np.log(after.variances / before.variances), REVERSED_SHARE * np.abs(last)
     change = np.where(change * last < 0.0, np.clip(change, -most, most), change)
     return after.with_variances(before.variances * np.exp(change)), change
+
+
+def fit_about(
+    one: GroupModel, z: Float[np.ndarray, " z"], errors: PoseNoise, options: FitOptions, sizes: np.ndarray
+) -> GroupFit:
+    """The model on rows that are linear about an estimate, with errors of single poses as they are.
+
+    Args:
+        one: the model.
+        z: the estimate.
+        errors: of single poses.
+        options: of the fit; its loss weighs the poses.
+        sizes: log variances to start from.
+    """
+    at = one.problem.linearise(z, joints=bool(len(errors.joints)))
+    return _fit_once(one, z, at, errors, np.ones(len(one.problem.q)), options, sizes, steps=1)
 
 
 def _fit_once(
@@ -498,7 +564,7 @@ def _fit_once(
     in_chunks(whiten, len(A), POSES_AT_ONCE)
     x = one.units_of(z)
     y = np.einsum("nij,nj->ni", W, at.residual) + A @ x
-    known = stated_rows(one.problem.layout, z, one.problem.seen.kinds)
+    known = one.problem.stated(z)
     stated = one.scaled(known.by_entry)
     told = known.residual + stated @ x
     rows = np.concatenate([A.reshape(y.size, len(z)), stated]), np.concatenate([y.reshape(-1), told])
@@ -539,11 +605,12 @@ def spread_to_all(values: Float[np.ndarray, " k"], n: int) -> Float[np.ndarray, 
     return out
 
 
-def _score(fitted: GroupFit) -> tuple[PoseNoise, Float[np.ndarray, " n"], float, Float[np.ndarray, " k"]]:
-    """Errors of single poses and weights of these, one step on; the gain, and standard errors of the errors' variances."""
+def score(fitted: GroupFit) -> tuple[NoiseStep, Float[np.ndarray, " n"]]:
+    """Errors of single poses and weights of these, one step on."""
     one, A, errors, weights = fitted.group_model, fitted.A, fitted.errors, fitted.weights
     if not errors.searched:
-        return errors, weights, 0.0, np.zeros(len(errors.variances))
+        k = len(errors.variances)
+        return NoiseStep(errors=errors, deviations=np.zeros(k), information=np.zeros((k, k))), weights
     n, m = fitted.y.shape
     left, judged = fitted.y - A @ fitted.found.mean, one.judged()
     followed = (A[judged].reshape(len(judged) * m, A.shape[2]) @ fitted.found.covariance).reshape(
@@ -553,9 +620,16 @@ def _score(fitted: GroupFit) -> tuple[PoseNoise, Float[np.ndarray, " n"], float,
     # covariances of poses are what is found over the weights: the whitener of what is found has none
     whitener = fitted.whitener[judged] / np.sqrt(weights[judged, None] * fitted.by_loss[judged])[:, :, None]
     at = fitted.at if len(judged) == n else fitted.at.take(judged)
-    scored = score_noise(errors, at, whitener, left[judged], explained)
+    step = score_noise(errors, at, whitener, left[judged], explained)
     if one.tails:
         square = (left**2).sum(axis=1) / weights
         spread = np.trace(explained, axis1=1, axis2=2) / weights[judged]
         weights = weigh(square + spread_to_all(spread, n), fitted.at.seen.sum(axis=1))
-    return scored[0], weights, *scored[1:]
+    return step, weights
+
+
+def log_evidence(fitted: GroupFit) -> float:
+    """Log marginal likelihood of the fit, but for a constant of the campaign, as of an `identify`; sizes integrated out."""
+    whitened = np.log(np.abs(np.diagonal(fitted.whitener, axis1=1, axis2=2))).sum()
+    weighed = log_weights(fitted.weights[fitted.at.seen.any(axis=1)])
+    return float(whitened + weighed + fitted.found.log_integrated())

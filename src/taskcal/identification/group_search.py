@@ -5,10 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.special import chdtri, fdtri, gammaln
 
 from taskcal.campaigns.campaign import Campaign
-from taskcal.estimation.group_variances import Evidence, GroupEquations, find_sizes
 from taskcal.identification.calibration import Calibration, spread_of
 from taskcal.identification.group_model import (
     EMPTY,
@@ -19,17 +17,27 @@ from taskcal.identification.group_model import (
     PoseNoise,
     assemble,
     fit_group_model,
-    log_weights,
+    log_evidence,
     of_targets,
-    sampled_poses,
-    spread_to_all,
-    weigh,
+    region_factor,
+    score,
 )
 from taskcal.identification.held_out import studentise
+from taskcal.identification.holdout import LeftOutErrors, validate_groups
 from taskcal.identification.layout import layout_of
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, problem_of
 from taskcal.identification.provenance import Provenance
+from taskcal.identification.sibling import (
+    Help,
+    described_with,
+    evidence_under,
+    expecting,
+    expecting_errors,
+    has_own_sizes,
+    remark_on,
+    untold_effects,
+)
 from taskcal.robot.effects import SPECTRUM, Effect
 from taskcal.robot.effects.gears import Harmonics
 from taskcal.robot.error_model import ErrorModel
@@ -42,7 +50,13 @@ DRAWS = 12
 
 
 def calibrate(
-    fitted: GroupFit, campaign: Campaign, options: FitOptions, stretch: float, rng: np.random.Generator
+    fitted: GroupFit,
+    campaign: Campaign,
+    options: FitOptions,
+    stretch: float,
+    growth: float,
+    rng: np.random.Generator,
+    help: Help | None = None,
 ) -> Calibration:
     """The calibration of a fit.
 
@@ -51,7 +65,9 @@ def calibrate(
         campaign: what was fitted.
         options: how.
         stretch: factor of all covariances but the instrument's.
+        growth: of it beyond the measured range.
         rng: for the draws of the sizes.
+        help: what came of a sibling, if there is one.
     """
     one, errors = fitted.group_model, fitted.errors
     layout, model = one.problem.layout, one.problem.layout.model
@@ -89,24 +105,20 @@ def calibrate(
         q=campaign.q,
         model_error=tuple(float(d) for d in np.sqrt(stretch * np.array(white))),
         joint_error=tuple(float(d) for d in np.sqrt(stretch * errors.joints)),
+        range_growth=growth,
         prior_scale=float(np.exp(0.5 * np.mean(scales))) if scales else 1.0,
         group_deviations=_group_deviations(fitted),
+        effective_parameters=fitted.found.effective_parameters,
+        parameter_groups=len(fitted.group_model.labels),
         log_evidence=log_evidence(fitted),
         iterations=fitted.rounds,
         rounds=fitted.rounds,
         reason="geometry, effects and their sizes stand still"
         if fitted.rounds < MAX_ROUNDS
         else "geometry, effects and their sizes hardly move",
-        remarks=_remarks(fitted, z, S),
-        provenance=Provenance.of(model, campaign, options.described(model, campaign)),
+        remarks=(*_remarks(fitted, z, S), *remark_on(help)),
+        provenance=Provenance.of(model, campaign, described_with(help, options.described(model, campaign))),
     )
-
-
-def log_evidence(fitted: GroupFit) -> float:
-    """Log marginal likelihood of the fit, but for a constant of the campaign, as of an `identify`; sizes integrated out."""
-    whitened = np.log(np.abs(np.diagonal(fitted.whitener, axis1=1, axis2=2))).sum()
-    weighed = log_weights(fitted.weights[fitted.at.seen.any(axis=1)])
-    return float(whitened + weighed + fitted.found.log_integrated())
 
 
 def _group_deviations(fitted: GroupFit) -> Float[np.ndarray, " p"]:
@@ -142,188 +154,6 @@ def _remarks(fitted: GroupFit, z: Float[np.ndarray, " z"], S: Float[np.ndarray, 
         if fitted.group_model.estimated[i]
     }
     return tuple(remark for effect in model.effects for remark in effect.remarks(model.robot, estimates))
-
-
-# What the one model is worth where it was not fitted: cross-validated errors, and how far its stated regions reach.
-#
-# Folds are left out of the normal equations, and the sizes of the groups follow by a few steps of the scoring, as
-# do the weights of the poses; the rows are not linearised again, and what single poses add stays. An effect's worth
-# is the error without its groups, the others as they are, so that no model is fitted again.
-#
-# Real errors have longer tails than normal ones, sizes that were fitted are a little too good, and effects that
-# were allowed for but are not there make what is stated too large: all of it shows in the left-out errors. They are
-# taken for t-distributed with ν degrees of freedom and the scale N + f·X, N the covariance of the instrument's
-# noise, which is stated, and X what is predicted beside it; X is stretched so that the 95 % region of N and X is
-# that of this distribution.
-
-FOLD_STEPS = 2
-"""Steps of the scoring in a fold. A convention: sizes of nearly the same rows are near at the start."""
-
-VALIDATION_DRAWS = 2
-"""Draws of the sizes in a fold. A convention: errors of all folds are averaged as well."""
-
-TAILS = np.array([4.0, 6.0, 9.0, 14.0, 25.0, 60.0, 1000.0])
-"""Degrees of freedom that are tried."""
-
-STRETCH = np.exp(np.linspace(np.log(0.05), np.log(9.0), 73))
-"""Values of f that are tried."""
-
-MAX_STRETCH = 25.0
-"""Factor f of the covariance, at most, with the tails: five times the predicted deviation. A convention."""
-
-STRETCH_WIDTH = 1.0
-"""Standard deviation of log f about 0, before anything is left out: a factor of 1.6 in size. A convention, as of one joint's
-size beside the others."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class LeftOutErrors:
-    """Errors where rows were not fitted."""
-
-    whole: Float[np.ndarray, "n targets"]
-    """Of the one model, metres; NaN where a beam was lost."""
-    without: Mapping[str, Float[np.ndarray, "n targets"]]
-    """The same with each effect left out."""
-    stretch: float
-    """Factor of the covariance, but for the instrument's noise, that makes 95 % regions hold 95 %."""
-
-
-def validate_groups(
-    fitted: GroupFit, parts: Sequence[Int[np.ndarray, " _"]], effects: Sequence[str], rng: np.random.Generator
-) -> LeftOutErrors:
-    """Cross-validate a fit.
-
-    Args:
-        fitted: the fit.
-        parts: rows of each fold.
-        effects: names of those whose worth is asked for.
-        rng: for the draws of the sizes.
-    """
-    (n, m, p), groups = fitted.A.shape, fitted.group_model.groups
-    targets = fitted.group_model.problem.seen.valid.shape[1]
-    numbers = {name: fitted.group_model.of_effect(name) for name in effects}
-    errors = {name: np.full((n, targets), np.nan) for name in ("", *effects)}
-    error, predicted = np.zeros((n, targets, 3)), np.zeros((n, targets, 3, 3))
-    # the weights of the fit know the rows that are left out: those that disagree with them count less
-    root = np.sqrt(fitted.weights)[:, None]
-    A, y = fitted.A / root[:, :, None], fitted.y / root
-    known, told = fitted.stated
-
-    def equations(A: np.ndarray, y: np.ndarray) -> GroupEquations:
-        rows = np.concatenate([A.reshape(-1, p), known])
-        return GroupEquations.of_rows(rows, np.concatenate([y.reshape(-1), told]), groups)
-
-    whole, numbered = equations(A, y), fitted.at.seen.sum(axis=1)
-    for part in parts:
-        rest = np.ones(n, dtype=bool)
-        rest[part] = False
-        fold = whole.less(A[part].reshape(-1, p), y[part].reshape(-1)) if n * m >= p else equations(A[rest], y[rest])
-        at = find_sizes(fold, fitted.found.log_variances, FOLD_STEPS)
-        if fitted.errors.searched:
-            weighed = np.sqrt(weigh(_squares(A, y, at), numbered)[rest])[:, None]
-            fold = equations(A[rest] * weighed[:, :, None], y[rest] * weighed)
-            at = find_sizes(fold, at.log_variances, FOLD_STEPS)
-        mean, S = at.averaged(VALIDATION_DRAWS, rng)
-        error[part], predicted[part] = _judge(fitted, part, mean, S)
-        errors[""][part] = np.linalg.norm(error[part], axis=2)
-        for name, group in numbers.items():
-            errors[name][part] = _lengths(fitted, part, at.without(group).mean)
-    seen = fitted.group_model.problem.seen.valid
-    for values in errors.values():
-        values[~seen] = np.nan
-    noise = fitted.group_model.problem.noise[:, :, :3, :3][seen]
-    return LeftOutErrors(
-        whole=errors[""],
-        without={name: errors[name] for name in effects},
-        stretch=stretch_of(error[seen], noise, predicted[seen] - noise),
-    )
-
-
-def _squares(A: Float[np.ndarray, "n m p"], y: Float[np.ndarray, "n m"], fold: Evidence) -> Float[np.ndarray, " n"]:
-    """Expected squares of what a fold's fit leaves."""
-    n, m, p = A.shape
-    some = A[sampled_poses(n)]
-    spread = np.einsum("nip,nip->n", (some.reshape(-1, p) @ fold.covariance).reshape(-1, m, p), some)
-    return ((y - A @ fold.mean) ** 2).sum(axis=1) + spread_to_all(spread, n)
-
-
-def _left(fitted: GroupFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarray, "k m"]:
-    """Whitened residuals of some rows; what only they measure, such as a socket of theirs, stands where they say."""
-    left = fitted.y[part] - fitted.A[part] @ mean
-    frames = np.flatnonzero(fitted.group_model.groups.group < 0)
-    others = np.delete(fitted.A[:, :, frames], part, axis=0)
-    lone = frames[~others.any(axis=(0, 1)) & fitted.A[np.ix_(part, np.arange(left.shape[1]), frames)].any(axis=(0, 1))]
-    if not len(lone):
-        return left
-    own = fitted.A[part][:, :, lone].reshape(-1, len(lone))
-    return left - (own @ np.linalg.lstsq(own, left.reshape(-1), rcond=None)[0]).reshape(left.shape)
-
-
-def _lengths(fitted: GroupFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarray, "k targets"]:
-    """Errors of position of some rows, metres."""
-    error = np.linalg.solve(fitted.whitener[part], _left(fitted, part, mean)[..., None])[..., 0]
-    targets = fitted.group_model.problem.seen.valid.shape[1]
-    return np.linalg.norm(error.reshape(len(part), targets, -1)[:, :, :3], axis=2)
-
-
-def _judge(
-    fitted: GroupFit, part: np.ndarray, mean: np.ndarray, S: np.ndarray
-) -> tuple[Float[np.ndarray, "k targets 3"], Float[np.ndarray, "k targets 3 3"]]:
-    """Errors of position of some rows, and their predicted covariance."""
-    A, k, m = fitted.A[part], len(part), fitted.A.shape[1]
-    back = np.linalg.inv(fitted.whitener[part])
-    error = np.einsum("nij,nj->ni", back, _left(fitted, part, mean))
-    # a new pose has a weight of its own, that is told by no residual
-    single = np.eye(m) * fitted.weights[part, None, None]
-    spread = (A.reshape(k * m, -1) @ S).reshape(A.shape) @ np.swapaxes(A, 1, 2) + single
-    covariance = back @ spread @ np.swapaxes(back, 1, 2)
-    targets = fitted.group_model.problem.seen.valid.shape[1]
-    width = m // targets
-    own = [slice(t * width, t * width + 3) for t in range(targets)]
-    return np.stack([error[:, at] for at in own], axis=1), np.stack([covariance[:, at, at] for at in own], axis=1)
-
-
-def stretch_of(
-    error: Float[np.ndarray, "points 3"],
-    noise: Float[np.ndarray, "points 3 3"],
-    predicted: Float[np.ndarray, "points 3 3"],
-) -> float:
-    """Factor of the predicted covariance that makes the 95 % region of it and the noise hold 95 % of such errors.
-
-    Args:
-        error: left-out errors.
-        noise: covariance of the instrument's noise.
-        predicted: covariance of what is predicted beside it.
-    """
-    # in the axes in which noise is 1 and what is predicted diagonal, the scale is 1 + f·v
-    root = np.linalg.inv(np.linalg.cholesky(noise))
-    v, turn = np.linalg.eigh(root @ predicted @ np.swapaxes(root, 1, 2))
-    square = (np.swapaxes(turn, 1, 2) @ (root @ error[..., None]))[..., 0] ** 2
-    v = np.maximum(v, 0.0)
-    scales = 1.0 + STRETCH[:, None, None] * v
-    lengths, volume = (square / scales).sum(axis=2), 0.5 * np.log(scales).sum(axis=(1, 2))
-    log = np.array([multivariate_t_log(lengths, nu).sum(axis=1) - volume for nu in TAILS]).T
-    log -= 0.5 * (np.log(STRETCH)[:, None] / STRETCH_WIDTH) ** 2
-    best, tail = np.unravel_index(int(log.argmax()), log.shape)
-    longer = float(3.0 * fdtri(3.0, TAILS[tail], 0.95) / chdtri(3.0, 0.05))
-    # longer tails of the whole, the noise's with it, are held by what is predicted alone: in the mean, or as far as that goes
-    scale = 1.0 + STRETCH[best] * v
-
-    def held(stretch: float) -> float:
-        return float((scale / (1.0 + stretch * v)).mean()) - 1.0 / longer
-
-    if held(MAX_STRETCH) >= 0.0:
-        return MAX_STRETCH
-    low, high = 0.0, MAX_STRETCH
-    for _ in range(60):  # halved down to rounding; SciPy's root finders take longer to import
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if held(middle) > 0.0 else (low, middle)
-    return low
-
-
-def multivariate_t_log(squares: Float[np.ndarray, "..."], nu: float) -> Float[np.ndarray, "..."]:
-    """Log density of a t-distribution in three dimensions at these squared lengths, but for its scale and log π."""
-    return gammaln(0.5 * (nu + 3.0)) - gammaln(0.5 * nu) - 1.5 * np.log(nu) - 0.5 * (nu + 3.0) * np.log1p(squares / nu)
 
 
 # Orders of gears and motors that the rows prove: found in a spectrum over each joint's angle, at any frequency.
@@ -503,10 +333,18 @@ def find_group_model(
     progress(TOGETHER)
     effects = tuple(competing)
     fitted = _fit(base, campaign, effects, options, None)
+    help, like = None, options.like
+    if like is not None and has_own_sizes(like):
+        groups, errors = fitted.group_model.groups, fitted.errors
+        tried = _fit(base, campaign, effects, options, None, like=like)
+        gain = evidence_under(tried, tried.group_model.groups, tried.errors) - evidence_under(fitted, groups, errors)
+        help = Help(like=like, gain=gain, untold=untold_effects(fitted.group_model, like))
+        fitted = tried if help.taken else fitted
+    like = help.like if help is not None and help.taken else None
     for other in instead:
         progress(other.name)
         replaced = (*(effect for effect in effects if not _share(effect, other, base.model)), other)
-        tried = _fit(base, campaign, replaced, options, None)
+        tried = _fit(base, campaign, replaced, options, None, like=like)
         if log_evidence(tried) > log_evidence(fitted):
             effects, fitted = replaced, tried
     competing = effects
@@ -521,13 +359,14 @@ def find_group_model(
                 break
             sharp, clear = sharp + new, clear | clearer
             effects = (*competing, *as_effects(sharp))
-            fitted = _fit(base, campaign, effects, options, fitted, SHARPENING_ROUNDS, clear)
+            fitted = _fit(base, campaign, effects, options, fitted, SHARPENING_ROUNDS, clear, like)
         if sharp or clear:
-            fitted = _fit(base, campaign, effects, options, fitted, apart=clear)
+            fitted = _fit(base, campaign, effects, options, fitted, apart=clear, like=like)
     progress(LEAVING_OUT)
     names = [effect.name for effect in (*base.model.effects, *effects)]
     errors = validate_groups(fitted, parts, names, np.random.default_rng(seed))
-    calibration = calibrate(fitted, campaign, options, errors.stretch, np.random.default_rng(seed))
+    stretch = errors.stretch * region_factor(score(fitted)[0].freedom)
+    calibration = calibrate(fitted, campaign, options, stretch, errors.growth, np.random.default_rng(seed), help)
     return GroupModelFound(fitted=fitted, calibration=calibration, errors=errors, effects=effects)
 
 
@@ -539,6 +378,7 @@ def _fit(
     before: GroupFit | None,
     most_rounds: int = MAX_ROUNDS,
     apart: Mapping[str, tuple[str, float]] = EMPTY,
+    like: Calibration | None = None,
 ) -> GroupFit:
     model = base.model
     for effect in effects:
@@ -552,6 +392,9 @@ def _fit(
     for i, name in enumerate(names):
         start[i] = held.get(name, start[i])
     errors = _first_errors(base, options, len(model.robot.joints)) if before is None else before.errors
+    if like is not None:
+        one = expecting(one, like)
+        errors = expecting_errors(errors, like, problem.linearise(start), problem) if before is None else errors
     weights = None if before is None else before.weights
     return fit_group_model(one, start, errors, options, _first_sizes(one, before), weights, most_rounds)
 

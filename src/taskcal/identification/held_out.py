@@ -1,7 +1,7 @@
 """What a fit predicted of rows that it had not seen."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -74,6 +74,20 @@ class Validation:
 
     def __len__(self) -> int:
         return len(self.errors)
+
+    def of_points(self, points: Bool[np.ndarray, " points"]) -> "Validation":
+        """The errors of some of the points."""
+        rotations = None if self.rotations is None else self.rotations[points]
+        return replace(
+            self,
+            errors=self.errors[points],
+            components=self.components[points],
+            rotations=None if rotations is None or np.isnan(rotations).all() else rotations,
+            rows=tuple(row for row, chosen in zip(self.rows, points, strict=True) if chosen),
+            lengths=None if self.lengths is None else self.lengths[points],
+            remarks=(),
+            compared=(),
+        )
 
     @property
     def _lengths(self) -> Float[np.ndarray, " k"]:

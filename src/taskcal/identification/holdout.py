@@ -3,7 +3,7 @@
 Of two poses side by side, one in the fit tells the error of the other, and rows held out one by one flatter the fit.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -13,8 +13,23 @@ from jaxtyping import Float, Int
 from taskcal.campaigns.campaign import Campaign
 from taskcal.campaigns.performance import group_postures
 from taskcal.errors import CampaignError
+from taskcal.estimation.group_variances import Evidence, GroupEquations, find_sizes
+from taskcal.estimation.prior import GaussianPrior
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.group_model import (
+    GroupFit,
+    PoseNoise,
+    fit_about,
+    geometry_alone,
+    sampled_poses,
+    spread_to_all,
+    weigh,
+)
 from taskcal.identification.held_out import GROUPINGS, SAME_POSTURE_RAD, Grouping, HeldOut, group_neighbours
+from taskcal.identification.layout import prior_of
+from taskcal.identification.measured_range import LEAST_RANGE, MeasuredRange
+from taskcal.identification.options import FitOptions
+from taskcal.identification.problem import Problem
 
 GROUPS = 20
 """Into which the rows are divided, unless a small share or many folds need more."""
@@ -240,3 +255,334 @@ def mean_over_rows(values: Float[np.ndarray, "rows targets"]) -> tuple[float, fl
     mean = float(np.nanmean(values))
     by_row = np.nansum(values - mean, axis=1)
     return mean, float(np.sqrt((by_row**2).sum() * rows / max(rows - 1, 1)) / count)
+
+
+# What a fit is worth where it was not fitted: left-out errors, and how far stated regions reach, beyond the measured range too.
+#
+# Parts are left out of the normal equations, and the sizes of the groups follow by a few steps of the scoring, as do the weights of
+# the poses; the rows are not linearised again, and what single poses add stays. An effect's worth is the error without its groups,
+# the others as they are, so that no model is fitted again.
+#
+# Real errors have longer tails than normal ones, sizes that were fitted are a little too good, and effects that were allowed
+# for but
+# are not there make what is stated too large: all of it shows in the left-out errors. They are taken for t-distributed with ν
+# degrees
+# of freedom and the scale N + s·X, N the covariance of the instrument's noise, which is stated, and X what is predicted
+# beside it; X
+# is stretched so that the 95 % region of N and X is that of this distribution.
+#
+# Among the measured poses the factor is one number, s = f. What a model leaves is not white: a smooth error is followed among the
+# poses by parameters that do not have it, and beyond them they go on where it does not. There s = f·(1 + g·u²), with u how far a
+# pose lies beyond the measured range, in ranges (`MeasuredRange.extrapolation`), and g found in the same way from folds that leave
+# out the ends of the joints' ranges.
+
+FOLD_STEPS = 2
+"""Steps of the scoring in a fold. A convention: sizes of nearly the same rows are near at the start."""
+
+VALIDATION_DRAWS = 2
+"""Draws of the sizes in a fold. A convention: errors of all folds are averaged as well."""
+
+TAILS = np.array([4.0, 6.0, 9.0, 14.0, 25.0, 60.0, 1000.0])
+"""Degrees of freedom that are tried."""
+
+STRETCH = np.exp(np.linspace(np.log(0.05), np.log(9.0), 73))
+"""Values of f that are tried."""
+
+MAX_STRETCH = 25.0
+"""Factor f of the covariance, at most, with the tails: five times the predicted deviation. A convention."""
+
+STRETCH_WIDTH = 1.0
+"""Standard deviation of log f about 0, before anything is left out: a factor of 1.6 in size. A convention, as of one joint's
+size beside the others."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LeftOutErrors:
+    """Errors where rows were not fitted."""
+
+    whole: Float[np.ndarray, "n targets"]
+    """Of the one model, metres; NaN where a beam was lost."""
+    without: Mapping[str, Float[np.ndarray, "n targets"]]
+    """The same with each effect left out."""
+    stretch: float
+    """Factor of the covariance, but for the instrument's noise, that makes 95 % regions hold 95 %."""
+    growth: float
+    """How it grows beyond the measured range (`Calibration.range_growth`)."""
+
+
+def validate_groups(
+    fitted: GroupFit, parts: Sequence[Int[np.ndarray, " _"]], effects: Sequence[str], rng: np.random.Generator
+) -> LeftOutErrors:
+    """Cross-validate a fit.
+
+    Args:
+        fitted: the fit.
+        parts: rows of each fold.
+        effects: names of those whose worth is asked for.
+        rng: for the draws of the sizes.
+    """
+    n, targets = fitted.group_model.problem.seen.valid.shape
+    numbers = {name: fitted.group_model.of_effect(name) for name in effects}
+    errors = {name: np.full((n, targets), np.nan) for name in ("", *effects)}
+    error, predicted = np.zeros((n, targets, 3)), np.zeros((n, targets, 3, 3))
+    for part, at in _folds(fitted, parts):
+        mean, S = at.averaged(VALIDATION_DRAWS, rng)
+        error[part], predicted[part] = _judge(fitted, part, mean, S)
+        errors[""][part] = np.linalg.norm(error[part], axis=2)
+        for name, group in numbers.items():
+            errors[name][part] = _lengths(fitted, part, at.without(group).mean)
+    seen = fitted.group_model.problem.seen.valid
+    for values in errors.values():
+        values[~seen] = np.nan
+    noise = fitted.group_model.problem.noise[:, :, :3, :3][seen]
+    stretch = stretch_of(error[seen], noise, predicted[seen] - noise)
+    return LeftOutErrors(
+        whole=errors[""],
+        without={name: errors[name] for name in effects},
+        stretch=stretch,
+        growth=growth_at_ends(fitted, stretch),
+    )
+
+
+def _folds(
+    fitted: GroupFit, parts: Sequence[Int[np.ndarray, " _"]]
+) -> Iterator[tuple[Int[np.ndarray, " _"], Evidence]]:
+    """Each part, and the fit without it."""
+    (n, m, p), groups = fitted.A.shape, fitted.group_model.groups
+    # the weights of the fit know the rows that are left out: those that disagree with them count less
+    root = np.sqrt(fitted.weights)[:, None]
+    A, y = fitted.A / root[:, :, None], fitted.y / root
+    known, told = fitted.stated
+
+    def equations(A: np.ndarray, y: np.ndarray) -> GroupEquations:
+        rows = np.concatenate([A.reshape(A.shape[0] * m, p), known])
+        return GroupEquations.of_rows(rows, np.concatenate([y.reshape(-1), told]), groups)
+
+    whole, numbered = equations(A, y), fitted.at.seen.sum(axis=1)
+    for part in parts:
+        rest = np.ones(n, dtype=bool)
+        rest[part] = False
+        fold = (
+            whole.less(A[part].reshape(len(part) * m, p), y[part].reshape(-1))
+            if n * m >= p
+            else equations(A[rest], y[rest])
+        )
+        at = find_sizes(fold, fitted.found.log_variances, FOLD_STEPS)
+        if fitted.errors.searched:
+            weighed = np.sqrt(weigh(_squares(A, y, at), numbered)[rest])[:, None]
+            fold = equations(A[rest] * weighed[:, :, None], y[rest] * weighed)
+            at = find_sizes(fold, at.log_variances, FOLD_STEPS)
+        yield part, at
+
+
+def _squares(A: Float[np.ndarray, "n m p"], y: Float[np.ndarray, "n m"], fold: Evidence) -> Float[np.ndarray, " n"]:
+    """Expected squares of what a fold's fit leaves."""
+    n, m, p = A.shape
+    some = A[sampled_poses(n)]
+    spread = np.einsum("nip,nip->n", (some.reshape(-1, p) @ fold.covariance).reshape(-1, m, p), some)
+    return ((y - A @ fold.mean) ** 2).sum(axis=1) + spread_to_all(spread, n)
+
+
+def _left(fitted: GroupFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarray, "k m"]:
+    """Whitened residuals of some rows; what only they measure, such as a socket of theirs, stands where they say."""
+    left = fitted.y[part] - fitted.A[part] @ mean
+    frames = np.flatnonzero(fitted.group_model.groups.group < 0)
+    others = np.delete(fitted.A[:, :, frames], part, axis=0)
+    lone = frames[~others.any(axis=(0, 1)) & fitted.A[np.ix_(part, np.arange(left.shape[1]), frames)].any(axis=(0, 1))]
+    if not len(lone):
+        return left
+    own = fitted.A[part][:, :, lone].reshape(-1, len(lone))
+    return left - (own @ np.linalg.lstsq(own, left.reshape(-1), rcond=None)[0]).reshape(left.shape)
+
+
+def _lengths(fitted: GroupFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarray, "k targets"]:
+    """Errors of position of some rows, metres."""
+    error = np.linalg.solve(fitted.whitener[part], _left(fitted, part, mean)[..., None])[..., 0]
+    targets = fitted.group_model.problem.seen.valid.shape[1]
+    return np.linalg.norm(error.reshape(len(part), targets, -1)[:, :, :3], axis=2)
+
+
+def _judge(
+    fitted: GroupFit, part: np.ndarray, mean: np.ndarray, S: np.ndarray
+) -> tuple[Float[np.ndarray, "k targets 3"], Float[np.ndarray, "k targets 3 3"]]:
+    """Errors of position of some rows, and their predicted covariance."""
+    A, k, m = fitted.A[part], len(part), fitted.A.shape[1]
+    back = np.linalg.inv(fitted.whitener[part])
+    error = np.einsum("nij,nj->ni", back, _left(fitted, part, mean))
+    # a new pose has a weight of its own, that is told by no residual
+    single = np.eye(m) * fitted.weights[part, None, None]
+    spread = (A.reshape(k * m, -1) @ S).reshape(A.shape) @ np.swapaxes(A, 1, 2) + single
+    covariance = back @ spread @ np.swapaxes(back, 1, 2)
+    targets = fitted.group_model.problem.seen.valid.shape[1]
+    width = m // targets
+    own = [slice(t * width, t * width + 3) for t in range(targets)]
+    return np.stack([error[:, at] for at in own], axis=1), np.stack([covariance[:, at, at] for at in own], axis=1)
+
+
+def stretch_of(
+    error: Float[np.ndarray, "points 3"],
+    noise: Float[np.ndarray, "points 3 3"],
+    predicted: Float[np.ndarray, "points 3 3"],
+) -> float:
+    """Factor of the predicted covariance that makes the 95 % region of it and the noise hold 95 % of such errors.
+
+    Args:
+        error: left-out errors.
+        noise: covariance of the instrument's noise.
+        predicted: covariance of what is predicted beside it.
+    """
+    v, square = _diagonal(error, noise, predicted)
+    best, longer = _likeliest(square, 1.0 + STRETCH[:, None, None] * v, (np.log(STRETCH) / STRETCH_WIDTH) ** 2)
+    # longer tails of the whole, the noise's with it, are held by what is predicted alone: in the mean, or as far as that goes
+    scale = 1.0 + STRETCH[best] * v
+
+    def held(stretch: float) -> float:
+        return float((scale / (1.0 + stretch * v)).mean()) - 1.0 / longer
+
+    if held(MAX_STRETCH) >= 0.0:
+        return MAX_STRETCH
+    low, high = 0.0, MAX_STRETCH
+    for _ in range(60):  # halved down to rounding; SciPy's root finders take longer to import
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if held(middle) > 0.0 else (low, middle)
+    return low
+
+
+def _diagonal(
+    error: Float[np.ndarray, "points 3"],
+    noise: Float[np.ndarray, "points 3 3"],
+    predicted: Float[np.ndarray, "points 3 3"],
+) -> tuple[Float[np.ndarray, "points 3"], Float[np.ndarray, "points 3"]]:
+    """Variances of what is predicted, and squares of the errors, in the axes in which noise is 1 and these are diagonal."""
+    root = np.linalg.inv(np.linalg.cholesky(noise))
+    v, turn = np.linalg.eigh(root @ predicted @ np.swapaxes(root, 1, 2))
+    square = (np.swapaxes(turn, 1, 2) @ (root @ error[..., None]))[..., 0] ** 2
+    return np.maximum(v, 0.0), square
+
+
+def _likeliest(
+    square: Float[np.ndarray, "points 3"],
+    scales: Float[np.ndarray, "k points 3"],
+    unexpected: Float[np.ndarray, " k"],
+    weight: Float[np.ndarray, " points"] | float = 1.0,
+) -> tuple[int, float]:
+    """The likeliest of some scales of t-distributed errors, and how far their 95 % region is larger than a normal one, squared.
+
+    Args:
+        square: errors along the axes of the scales.
+        scales: squares of the scale along each axis.
+        unexpected: squared distance of each from what is expected, in standard deviations.
+        weight: of every error.
+    """
+    from scipy.special import chdtri, fdtri
+
+    lengths, volume = (square / scales).sum(axis=2), 0.5 * np.log(scales).sum(axis=2)
+    log = np.array([((multivariate_t_log(lengths, nu) - volume) * weight).sum(axis=1) for nu in TAILS]).T
+    best, tail = np.unravel_index(int((log - 0.5 * unexpected[:, None]).argmax()), log.shape)
+    return int(best), float(3.0 * fdtri(3.0, TAILS[tail], 0.95) / chdtri(3.0, 0.05))
+
+
+def multivariate_t_log(squares: Float[np.ndarray, "..."], nu: float) -> Float[np.ndarray, "..."]:
+    """Log density of a t-distribution in three dimensions at these squared lengths, but for its scale and log π."""
+    from scipy.special import gammaln
+
+    return gammaln(0.5 * (nu + 3.0)) - gammaln(0.5 * nu) - 1.5 * np.log(nu) - 0.5 * (nu + 3.0) * np.log1p(squares / nu)
+
+
+# Beyond the measured range.
+
+END_SHARE = 0.25
+"""Share of the rows that are left out at an end of a joint's range."""
+
+GROWTH = np.exp(np.linspace(np.log(0.05), np.log(300.0), 30))
+"""Values of g that are tried."""
+
+EXPECTED_GROWTH, GROWTH_WIDTH = 3.0, 1.0
+"""Growth that is expected before any end is left out, a doubled deviation one measured range beyond, and the standard deviation of
+its logarithm. A convention."""
+
+ERRORS_OF_AN_END = 5.0
+"""Independent errors that an end counts as, at most: its poses have what the model leaves there in common. A convention."""
+
+MAX_END_ROWS = 1000
+"""Rows, at most, evenly among all, that ends are left out of. A convention that bounds the time."""
+
+
+def end_parts(problem: Problem) -> list[Int[np.ndarray, " _"]]:
+    """Rows at each end of the range of each joint that moves."""
+    seen, out = np.flatnonzero(problem.seen.valid.any(axis=1)), list[np.ndarray]()
+    for along in problem.q[seen].T:
+        if np.ptp(along) < LEAST_RANGE:
+            continue
+        low, high = np.quantile(along, [END_SHARE, 1.0 - END_SHARE])
+        out += [seen[rows] for rows in (along < low, along > high) if rows.any()]
+    return out
+
+
+def growth_at_ends(fitted: GroupFit, stretch: float) -> float:
+    """Growth g of the covariance beyond the measured range, from folds that leave out ends.
+
+    Args:
+        fitted: the fit.
+        stretch: factor of the covariance among the poses.
+    """
+    problem = fitted.group_model.problem
+    seen, robot = problem.seen.valid, problem.layout.model.robot
+    ends: list[tuple[np.ndarray, ...]] = []
+    for part, at in _folds(fitted, end_parts(problem)):
+        rest = np.setdiff1d(np.flatnonzero(seen.any(axis=1)), part)
+        u = MeasuredRange.of_rows(robot, problem.q[rest]).extrapolation(problem.q[part])
+        error, predicted = _judge(fitted, part, at.mean, at.covariance)
+        row, target = np.nonzero(seen[part])
+        noise = problem.noise[part][row, target][:, :3, :3]
+        v, square = _diagonal(error[row, target], noise, stretch * (predicted[row, target] - noise))
+        ends.append((v, square, u[row], np.full(len(row), min(1.0, ERRORS_OF_AN_END / len(row)))))
+    if not ends:
+        return EXPECTED_GROWTH
+    v, square, u, weight = (np.concatenate(parts) for parts in zip(*ends, strict=True))
+    scales = 1.0 + (1.0 + GROWTH[:, None] * u)[..., None] * v
+    best, longer = _likeliest(square, scales, (np.log(GROWTH / EXPECTED_GROWTH) / GROWTH_WIDTH) ** 2, weight)
+    # longer tails are held where ends lie, in the mean
+    reach = float(u.mean())
+    return float((longer * (1.0 + GROWTH[best] * reach) - 1.0) / reach)
+
+
+def about_calibration(calibration: Calibration, problem: Problem, options: FitOptions) -> GroupFit:
+    """The rows of a problem, linear about a calibration, with its model error and the scale of its prior.
+
+    Parameters that were not estimated are taken as if they had been, where they have tolerances as their prior: as they are
+    considered, they add to what is predicted.
+
+    Args:
+        calibration: of geometry alone, or with effects that were asked for.
+        problem: in the layout of all parameters.
+        options: of the fit.
+    """
+    p, z = len(calibration.model), calibration.z
+    if options.prior is None or isinstance(options.prior, GaussianPrior):
+        kept = calibration.estimated
+        problem = replace(problem, layout=replace(problem.layout, estimated=kept))
+        z = np.concatenate([z[kept], z[p:]])
+    one = geometry_alone(problem, prior_of(problem.layout, options.prior), options)
+    variances = np.square(calibration.model_error)
+    errors = PoseNoise(
+        position=float(variances[0]),
+        rotation=float(variances[1]) if len(variances) > 1 else None,
+        joints=np.zeros(0),
+        searched=False,
+    )
+    sizes = np.full(len(one.labels), 2.0 * np.log(calibration.prior_scale or 1.0))
+    return fit_about(one, z, errors, options, sizes)
+
+
+def growth_of(calibration: Calibration, problem: Problem, options: FitOptions) -> float:
+    """Growth of a calibration's covariance beyond the measured range, its stated regions as they are among the poses.
+
+    Args:
+        calibration: of geometry alone, or with effects that were asked for.
+        problem: what was fitted, in the layout of all parameters.
+        options: of the fit.
+    """
+    n = len(problem.q)
+    some = problem if n <= MAX_END_ROWS else problem.take(np.linspace(0, n - 1, MAX_END_ROWS).astype(int))
+    return growth_at_ends(about_calibration(calibration, some, options), 1.0)

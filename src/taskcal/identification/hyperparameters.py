@@ -8,14 +8,26 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.errors import FitError
-from taskcal.estimation.group_variances import expected_variance
+from taskcal.estimation.group_variances import STATED_VARIANCE, expected_variance
 from taskcal.estimation.least_squares import Ended, Solution, Stopping, fit
 from taskcal.estimation.matrices import factor_positive, invert_positive, pseudo_invert_scaled
 from taskcal.estimation.prior import Loss, Squared
-from taskcal.identification.group_model import TYPICAL, PoseNoise, geometry_alone, search_about
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.group_model import (
+    TYPICAL,
+    WIDTH,
+    GroupFit,
+    GroupModel,
+    NoiseStep,
+    PoseNoise,
+    geometry_alone,
+    region_factor,
+    search_about,
+)
 from taskcal.identification.layout import Layout, PriorOfEstimate
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, whitener
+from taskcal.identification.sibling import Help, evidence_under, expecting, expecting_errors
 from taskcal.kernels.points import WhitenedEquations
 from taskcal.robot.error_model import ErrorModel
 
@@ -34,6 +46,8 @@ class Hyperparameters:
     """Prior standard deviation of every parameter, where each effect of each joint has a size of its own."""
     joint_error: tuple[float, ...] = ()
     """Standard deviation of the pose-to-pose error of each joint, radians (metres where it slides)."""
+    freedom: float = np.inf
+    """Degrees of freedom from which the variance of a pose is known; infinite where it was given, or is the instrument's alone."""
 
     def __repr__(self) -> str:
         error = self.model_error
@@ -63,6 +77,11 @@ class Hyperparameters:
     def prior_scale(self) -> float:
         """Factor of the prior's standard deviations."""
         return float(np.sqrt(self.prior_factor))
+
+    @property
+    def widening(self) -> float:
+        """Factor of the variance of a pose, for regions that allow for how well it is known."""
+        return region_factor(self.freedom)
 
     def deviations(self, model: ErrorModel) -> Float[np.ndarray, " p"]:
         """Prior standard deviation of every parameter of a model, metres and radians.
@@ -99,6 +118,8 @@ class Fitted:
     rounds: int = 0
     log_evidence: float = -np.inf
     """Of the most probable hyperparameters; minus infinity without a prior."""
+    help: Help | None = None
+    """What came of a sibling, if there is one."""
     likeliest_factor: float | None = None
     """The most probable factor of the prior's covariance, where the fit was made with the expected one."""
 
@@ -106,6 +127,18 @@ class Fitted:
     def posterior(self) -> Float[np.ndarray, "z z"]:
         """Covariance of the estimate."""
         return _invert(self.solution.information + self.prior.precision(self.hyper.prior_factor))
+
+    @property
+    def effective_parameters(self) -> float | None:
+        """How many parameters the rows determine: k − tr(P·S), P the prior's precision, S the posterior covariance (MacKay 1992).
+
+        None without a prior, where every parameter counts.
+        """
+        if self.prior.parameters is None:
+            return None
+        k = len(self.prior.sizes)
+        P = self.prior.precision(self.hyper.prior_factor)[:k, :k]
+        return float(k - np.sum(P * self.posterior[:k, :k]))
 
     @cached_property
     def _propagated(self) -> tuple[np.ndarray, np.ndarray]:
@@ -236,46 +269,111 @@ def fit_with_hyperparameters(problem: Problem, prior: PriorOfEstimate, options: 
     final = Stopping() if tracked else SLOW
     if prior.parameters is None:
         final = Stopping(decrement=UNDAMPED_END, decrease=1e-6)
-    linear = tracked and prior.parameters is not None and isinstance(loss, Squared)
+    linear = _is_linear(problem, prior, options)
     loose = replace(final, decrement=LINEAR_WITHIN if linear else max(final.decrement, CURVED_WITHIN))
-    part, z = _sample(problem), problem.layout.start()
-    one = geometry_alone(part, prior, options)
-    errors, sizes = _first_errors(part, options), one.groups.location
-    hyper, rounds, known = _hyper(errors, sizes), 0, None
-    deviations = np.zeros(len(errors.variances))
+    part = _sample(problem)
+    searched = _search(part, prior, geometry_alone(part, prior, options), _first_errors(part, options), options, loose)
+    help = None
+    if options.like is not None and searched.found is not None:
+        searched, help = _with_sibling(searched, options.like, part, prior, options, loose)
+    one, hyper, z, rounds = searched.one, searched.hyper, searched.z, searched.rounds
+    known = searched.known if part is problem else None
     scaled = bool(len(one.groups.searched))
-    while (errors.searched or scaled) and rounds <= MAX_ROUNDS:
-        if rounds or not linear:
-            before, solution = z, fit_weighed(part, prior, loss, hyper, z, loose).solution
-            z = solution.z
-            if rounds and np.array_equal(z, before):
-                known = solution if part is problem else None
-                break
-        found, errors, deviations = search_about(one, z, errors, options, sizes)
-        rounds, sizes = rounds + 1, found.found.log_variances
-        hyper = _hyper(errors, sizes)
-        # where rows are linear, the fit under the new hyperparameters has its end where theirs have it
-        if linear:
-            z = one.estimate_of(found.found.mean)
-    insignificant = errors.searched & (hyper.variances < SIGNIFICANT * deviations)
+    deviations, expected = searched.step.deviations, np.asarray(searched.step.errors.width) < WIDTH
+    insignificant = searched.step.errors.searched & (hyper.variances < SIGNIFICANT * deviations) & ~expected
     if insignificant.any():
         without = replace(hyper, variances=np.where(insignificant, 0.0, hyper.variances))
         if prior.parameters is None or _is_as_probable(part, prior, loss, without, hyper, z, loose):
             hyper, known = without, None
+    hyper = replace(hyper, freedom=searched.step.freedom if hyper.variances.any() else np.inf)
     fitted = fit_weighed(problem, prior, loss, hyper, z, loose if scaled else final, known)
-    fitted = replace(fitted, log_evidence=fitted.evidence(), rounds=rounds + 1)
+    fitted = replace(fitted, log_evidence=fitted.evidence(), rounds=rounds + 1, help=help)
     if not scaled:
         return fitted
     found = fitted.solution
-    expected = expected_variance(one.equations(found.z, found.gradient, found.information))
-    again = fit_weighed(problem, prior, loss, replace(hyper, prior_factor=expected), found.z, final, found)
+    factor = expected_variance(one.equations(found.z, found.gradient, found.information))
+    again = fit_weighed(problem, prior, loss, replace(hyper, prior_factor=factor), found.z, final, found)
     return replace(
         again,
         solution=replace(again.solution, iterations=found.iterations + again.solution.iterations),
         rounds=fitted.rounds,
         log_evidence=fitted.log_evidence,
         likeliest_factor=hyper.prior_factor,
+        help=help,
     )
+
+
+def _is_linear(problem: Problem, prior: PriorOfEstimate, options: FitOptions) -> bool:
+    """Whether rows are taken as linear near an estimate."""
+    return problem.layout.tracked and prior.parameters is not None and isinstance(options.loss, Squared)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Searched:
+    """Hyperparameters of the largest marginal likelihood."""
+
+    one: GroupModel
+    hyper: Hyperparameters
+    z: Float[np.ndarray, " z"]
+    """Estimate under them."""
+    known: Solution | None
+    """The fit that ended there."""
+    rounds: int
+    found: GroupFit | None
+    """Where the search ended; None where nothing was to be found."""
+    step: NoiseStep
+
+
+def _search(
+    part: Problem, prior: PriorOfEstimate, one: GroupModel, errors: PoseNoise, options: FitOptions, loose: Stopping
+) -> _Searched:
+    """Find model error and prior scale.
+
+    Raises:
+        FitError: the fit did not converge.
+    """
+    linear = _is_linear(part, prior, options)
+    z, sizes, k = part.layout.start(), one.groups.location, len(errors.variances)
+    step, found = NoiseStep(errors=errors, deviations=np.zeros(k), information=np.zeros((k, k))), None
+    hyper, rounds, known = _hyper(errors, sizes), 0, None
+    while (errors.searched or len(one.groups.searched)) and rounds <= MAX_ROUNDS:
+        if rounds or not linear:
+            before, solution = z, fit_weighed(part, prior, options.loss, hyper, z, loose).solution
+            z = solution.z
+            if rounds and np.array_equal(z, before):
+                known = solution
+                break
+        found, step = search_about(one, z, step.errors, options, sizes)
+        rounds, sizes = rounds + 1, found.found.log_variances
+        hyper = _hyper(step.errors, sizes)
+        # where rows are linear, the fit under the new hyperparameters has its end where theirs have it
+        if linear:
+            z = one.estimate_of(found.found.mean)
+    return _Searched(one=one, hyper=hyper, z=z, known=known, rounds=rounds, found=found, step=step)
+
+
+def _with_sibling(
+    plain: _Searched, like: Calibration, part: Problem, prior: PriorOfEstimate, options: FitOptions, loose: Stopping
+) -> tuple[_Searched, Help]:
+    """Hyperparameters as expected by a sibling, where the rows are more probable so; else those without.
+
+    What is expected of any robot is that its prior's scale is about 1, and its model error `TYPICAL`.
+
+    Raises:
+        FitError: the fit did not converge.
+    """
+    groups = plain.one.groups
+    proper = replace(plain.one, groups=replace(groups, spread=np.minimum(groups.spread, STATED_VARIANCE)))
+    errors = replace(plain.step.errors, width=WIDTH)
+    at = part.linearise(plain.z, joints=False)
+    one = expecting(proper, like)
+    helped = _search(part, prior, one, expecting_errors(plain.step.errors, like, at, part), options, loose)
+    if plain.found is None or helped.found is None:
+        return plain, Help(like=like, gain=0.0)
+    without = evidence_under(plain.found, proper.groups, errors)
+    gain = evidence_under(helped.found, one.groups, expecting_errors(errors, like, at, part)) - without
+    help = Help(like=like, gain=gain)
+    return (helped if help.taken else plain), help
 
 
 def _is_as_probable(
@@ -334,6 +432,7 @@ def _first_errors(problem: Problem, options: FitOptions) -> PoseNoise:
 #
 #     C = A·Σ_K·Aᵀ + G·Σ_D·Gᵀ + F·B·F,   A = F·P_K,   G = (−F·J_KᵀWJ_D; 1),   B = J_KᵀW·R·W·J_K
 #
+# of which F·B·F, what the measurements' errors make of the estimate, counts for as much more as R is uncertain (`region_factor`),
 # and the residual y − J·θ̂ of one block R − S·W·R − R·W·S + J·C·Jᵀ, S = J_K·F·J_Kᵀ. R, Σ and the rest of the
 # hyperparameters are those of the largest marginal likelihood of the whole model.
 
@@ -357,17 +456,22 @@ class Outcome:
     """Of every block's residual."""
     hyper: Hyperparameters
     """Of the whole model."""
+    help: Help | None = None
+    """What came of a sibling, if there is one."""
 
 
 def fitted_alone(fit: Fitted, problem: Problem, whole: Layout) -> Outcome:
     """The outcome of a fit of all parameters, or of some where the others are taken for zero."""
+    F = fit.posterior
+    from_errors = F @ _factor(fit.solution.information)  # a square, so that rounding leaves no variance under zero
     return Outcome(
         layout=whole,
         estimated=problem.layout.estimated,
         z=spread_out(fit.solution.z, problem.layout, whole),
-        covariance=spread_out(fit.posterior, problem.layout, whole),
+        covariance=spread_out(F + (fit.hyper.widening - 1.0) * from_errors @ from_errors.T, problem.layout, whole),
         residual_covariance=fit.covariance - fit.prediction_covariance,
         hyper=fit.hyper,
+        help=fit.help,
     )
 
 
@@ -396,7 +500,7 @@ def consider(fit: Fitted, problem: Problem, whole: Problem, prior: PriorOfEstima
     # each part as a square, so that rounding leaves no variance under zero
     spread = np.zeros((len(z), 2 * len(k)))
     spread[k, : len(k)] = A @ _factor(Sigma[np.ix_(k, k)])
-    spread[k, len(k) :] = F @ _factor(B[np.ix_(k, k)])
+    spread[k, len(k) :] = np.sqrt(hyper.widening) * F @ _factor(B[np.ix_(k, k)])
     spread = np.concatenate([spread, G @ _factor(Sigma[np.ix_(d, d)])], axis=1)
     C = spread @ spread.T
     followed = fit.prediction_covariance @ W @ R

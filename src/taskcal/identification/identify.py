@@ -11,8 +11,11 @@ from taskcal.arguments import expect_kinds
 from taskcal.campaigns.campaign import Campaign, check_rows, named_file
 from taskcal.errors import CampaignError, FitError, NothingLearntError
 from taskcal.estimation.matrices import single_threaded
+from taskcal.estimation.trimmed_squares import LinearRows, Sizes, find_agreeing, scaled_lengths, student_limits
 from taskcal.identification.calibration import Calibration, covariance_on, spread_of, tells_nothing
+from taskcal.identification.group_model import FREEDOM, MIN_VARIANCE, TYPICAL
 from taskcal.identification.held_out import LeftOut, studentise
+from taskcal.identification.holdout import growth_of
 from taskcal.identification.hyperparameters import (
     MAX_ROUNDS,
     Fitted,
@@ -21,38 +24,49 @@ from taskcal.identification.hyperparameters import (
     fit_with_hyperparameters,
     fitted_alone,
 )
-from taskcal.identification.layout import layout_of, prior_of
+from taskcal.identification.layout import Layout, PriorOfEstimate, layout_of, prior_of
+from taskcal.identification.measured_range import MeasuredRange
 from taskcal.identification.options import FitChoices, FitOptions
-from taskcal.identification.problem import problem_of
+from taskcal.identification.problem import Problem, problem_of
 from taskcal.identification.provenance import Provenance
+from taskcal.identification.sibling import check_sibling, described_with, remark_on
 from taskcal.observations.base import TrackerNoise
-from taskcal.registration.consensus import check_plausible, check_targets, find_consensus, is_in_base, most_wrong_rows
-from taskcal.registration.registration import Registration, nominal_poses, register
+from taskcal.registration.plausibility import check_plausible, check_targets, is_in_base, most_wrong_rows
+from taskcal.registration.registration import (
+    FAR_MEDIANS,
+    PLAUSIBLE_SHARE,
+    Registration,
+    nominal_poses,
+    register,
+    register_trimmed,
+    trusted_distance,
+)
 from taskcal.robot.error_model import ErrorModel
 
-# Rows that cannot be right: found by what all other rows agree on, left out, and said.
+# Rows that cannot be right beside all others: found before the fit, left out, and said.
 #
-# A fit of all rows follows a gross error, and where one row alone decides a direction it follows it entirely. So
-# the rows are first asked whether they agree on tracker frame and targets (`find_consensus`). Those that do not are
-# judged by the fit of the others, each by its prediction's residual over the standard deviation of that, and come
-# back where that fit finds them right.
-#
-# The nominal robot is off by millimetres itself, so that smaller gross errors agree with it. The outliers of the
-# fit are therefore judged in the same way: by the fit of all other rows.
+# Tracker frame and targets are registered in spite of gross errors, and the campaign is linearised there. Which rows agree on all
+# parameters of the model, under its tolerances, is sought among these linear rows (`trimmed_squares`). The fit follows them, and
+# judges the others once more.
+
+INNOCENT_ROWS = 0.05
+"""Sound rows, expected a campaign, that are taken for wrong where errors of single poses are t-distributed with `FREEDOM` degrees
+of freedom, as those of measured robots are taken to be. A convention."""
 
 GROSS_SIGMAS = 10.0
-"""Standard deviations from which on a row that disagrees is wrong, not unlucky. A convention: errors of measured robots have
-longer tails than normal ones."""
+"""Standard deviations from which on a row is wrong however many there are. A convention: of five thousand sound rows some are
+farther off by such tails, and a row like that is worth a look."""
 
-MASKED_SIGMAS = 15.0
-"""The same by the fit of the others, for an outlier that is nearer than `GROSS_SIGMAS` in the fit that it is part of: gross errors
-raise the model error and so hide themselves. Sound rows of measured robots, in postures that few rows have, reach 11."""
+EXTRAPOLATED_RANGES, EXTRAPOLATED_SIGMAS = 0.1, 15.0
+"""A row so far outside what all others measured, in ranges of the joints, is wrong from these standard deviations on: errors that
+no model has grow there. Sound rows of measured robots reach 11 (FANUC R-2000iC, J2 16° above the others; effects explain it). Of 60
+evenly spread rows, an end is a tenth of its range beyond the others in one campaign of forty."""
+
+SAMPLE = 300
+"""Rows, at most, evenly among all, that are searched; the others are judged by what these say. A convention, as for pose noise."""
 
 MAX_REJECTION_ROUNDS = 6
 """Rounds of fit and judgement, at most. A convention: two are enough as a rule."""
-
-SAMPLED_FROM, SAMPLE = 5000, 1000
-"""Rows from which on those that disagree are first judged by a fit of so many of the others."""
 
 MAX_NAMED_ROWS = 6
 """Rows that a message names."""
@@ -67,86 +81,161 @@ class FittedRows:
     """Model error, metres per axis, of a fit that learnt nothing and called all that was measured error; None of others."""
 
 
-Fit = Callable[[Campaign, Int[np.ndarray, " k"] | None], FittedRows]
-"""Of a campaign with all its rows, or of some of them only."""
+Fit = Callable[[Campaign], FittedRows]
+"""Of all rows of a campaign that were seen."""
 
 
-def fit_right_rows(
-    fit: Fit, campaign: Campaign, rows: Bool[np.ndarray, " n"], noise: TrackerNoise | None
+def _find_right_rows(
+    model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 4 4"], options: FitOptions
+) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """The rows that agree, and those in which nothing was seen; and rows that are far off for the nominal robot already.
+
+    They are those of the whole model and its tolerances, whichever parameters are to be estimated.
+
+    Args:
+        model: the model.
+        campaign: the measurements.
+        poses: of the nominal tool in the base, at every row.
+        options: of the fit.
+
+    Raises:
+        CampaignError: rows that do not determine tracker frame and targets.
+    """
+    right, seen = np.ones(len(campaign), dtype=bool), np.flatnonzero(campaign.seen)
+    registration, far = options.registration, np.zeros(len(campaign), dtype=bool)
+    if registration is None:
+        registration, distance = register_trimmed(poses, campaign, model)
+        far = np.asarray(distance > FAR_MEDIANS * float(np.median(distance[seen])))
+        if trusted_distance(distance[seen]) > PLAUSIBLE_SHARE * model.robot.reach:
+            return right, far  # joints and points do not belong together, as the fit says
+    layout = layout_of(model, np.arange(len(model)), registration, campaign, fixed=options.frames == "fixed")
+    whole, prior = problem_of(layout, campaign, options.noise), prior_of(layout, "tolerances")
+    some = seen[np.unique(np.linspace(0, len(seen) - 1, min(len(seen), SAMPLE)).astype(int))]
+    linear = _linear_rows(whole.take(some), prior, _limits(campaign), options)
+    count = max(len(some) - 2 * most_wrong_rows(len(some)), 1)
+    found = find_agreeing(linear, _first_sizes(layout, linear.noise.shape[-1] // 3, options), count)
+    right[some] = found.rows
+    others = np.setdiff1d(seen, some)
+    if len(others):
+        rest, scale, sizes = whole.take(others), prior.scale, found.weighed.sizes
+        left, own = rest.propagate(layout.start() + scale * found.d, found.covariance * np.outer(scale, scale))
+        lengths = scaled_lengths(np.nan_to_num(left), np.nan_to_num(own) + rest.covariance(sizes.variances))
+        right[others] = (lengths <= linear.limits).all(axis=1)
+    return right, far
+
+
+def _linear_rows(
+    problem: Problem, prior: PriorOfEstimate, limits: Float[np.ndarray, " targets"], options: FitOptions
+) -> LinearRows:
+    """A problem about its start, in units of the prior."""
+    z, seen = problem.layout.start(), problem.seen
+    at, stated = problem.linearise(z, joints=False), problem.stated(z)
+    by_stated, k = stated.by_entry * prior.scale, len(prior.sizes)
+    known = by_stated.T @ by_stated
+    known[k:, k:] += prior.frames * np.outer(prior.scale[k:], prior.scale[k:])
+    shape = problem.noise.shape[:3]
+    measured = np.zeros(shape, dtype=bool)
+    for t, kind in enumerate(seen.kinds):
+        measured[:, t, kind.block()] = seen.valid[:, [t]]
+    return LinearRows(
+        residual=at.residual.reshape(shape),
+        by_entry=at.by_entry.reshape(*shape, len(z)) * prior.scale,
+        noise=problem.noise,
+        measured=measured,
+        limits=limits,
+        searched=(isinstance(options.model_error, str), isinstance(options.prior_scale, str)),
+        least_variance=MIN_VARIANCE,
+        known=known,
+        told=by_stated.T @ stated.residual,
+        scaled=k,
+    )
+
+
+def _first_sizes(layout: Layout, groups: int, options: FitOptions) -> Sizes:
+    """As given; or a tenth of what the registered nominal robot leaves, and the tolerances as they are."""
+    scale, error = options.prior_scale, options.model_error
+    first = max(0.1 * layout.registration.rms / np.sqrt(3.0), TYPICAL) if isinstance(error, str) else error
+    variances = np.square(np.resize(np.atleast_1d(np.asarray(first, dtype=float)), groups))
+    factor = 1.0 if isinstance(scale, str) else float(scale) ** 2
+    return Sizes(np.maximum(variances, MIN_VARIANCE), factor)
+
+
+def _limits(campaign: Campaign) -> Float[np.ndarray, " targets"]:
+    """Standard deviations from which on each target is wrong."""
+    widths = [kind.width for kind in campaign.observations] or [3 if campaign.rotations is None else 6] * len(
+        campaign.targets
+    )
+    chance = INNOCENT_ROWS / max(int(campaign.valid.sum()), 1)
+    return np.minimum(student_limits(np.array(widths), FREEDOM, chance), GROSS_SIGMAS)
+
+
+def _fit_right_rows(
+    fit: Fit,
+    campaign: Campaign,
+    right: Bool[np.ndarray, " n"],
+    far: Bool[np.ndarray, " n"],
+    noise: TrackerNoise | None,
 ) -> FittedRows:
     """Fit the rows that can be right, and say which were left out.
 
     Args:
-        fit: identifies from all rows of a campaign that were seen, or from those of a list.
+        fit: identifies from all rows of a campaign that were seen.
         campaign: the measurements.
-        rows: those that agree, to begin with.
+        right: rows that agree; the fit of these takes back those that it finds right.
+        far: rows that alone are left out where more than a tenth would be: so many may also be of a robot that the model does not
+            describe, as one that gives under load.
         noise: the tracker's, where the campaign does not state uncertainties.
 
     Raises:
         CampaignError: more rows are wrong than can be told from right ones.
     """
-    seen = campaign.seen
-    agreed = np.flatnonzero(seen & rows)
-    if len(agreed) > SAMPLED_FROM and not rows[seen].all() and not campaign.observations:
-        some = np.sort(np.random.default_rng(0).choice(agreed, size=SAMPLE, replace=False))
-        _, length = _judge(fit(campaign, some).calibration, campaign, rows, noise)
-        rows = np.logical_or(rows, np.logical_and(seen, length <= GROSS_SIGMAS))
-    fitted = fit(campaign.without(seen & ~rows), None)
-    distance, length = _judge(fitted.calibration, campaign, rows, noise)
-    for _ in range(MAX_REJECTION_ROUNDS):
-        following = np.logical_or(rows, np.logical_and(seen, length <= GROSS_SIGMAS))
-        if np.array_equal(following, rows):
-            break
-        rows = following
-        fitted = fit(campaign.without(seen & ~rows), None)
-        distance, length = _judge(fitted.calibration, campaign, rows, noise)
-    _check_few(seen & ~rows, campaign)
-    for _ in range(MAX_REJECTION_ROUNDS):
-        unbelieved = _wrong_outliers(fit, fitted.calibration, campaign, rows, noise)
-        if not unbelieved.any():
-            break
-        rows = np.asarray(rows & ~unbelieved)
-        fitted = fit(campaign.without(seen & ~rows), None)
-        distance, length = _judge(fitted.calibration, campaign, rows, noise)
-    wrong = np.flatnonzero(seen & ~rows)
-    if not len(wrong):
+    try:
+        fitted = fit(campaign.without(~right))
+    except CampaignError:  # without them something is not determined
+        if (right | far).all():
+            raise
+        right = np.asarray(right | ~far)
+        fitted = fit(campaign.without(~right))
+    if right.all():
         return fitted
+    seen = campaign.seen
+    for _ in range(MAX_REJECTION_ROUNDS):
+        rest = np.flatnonzero(seen & ~right)
+        if not len(rest):
+            break
+        _, length = _of_rest(fitted.calibration, campaign, rest, noise)
+        others = MeasuredRange.of_rows(fitted.calibration.model.robot, campaign.q[seen & right])
+        beyond = np.sqrt(others.extrapolation(campaign.q[rest])) > EXTRAPOLATED_RANGES
+        back = rest[(length <= np.where(beyond[:, None], EXTRAPOLATED_SIGMAS, _limits(campaign))).all(axis=1)]
+        if not len(back):
+            break
+        right = right.copy()
+        right[back] = True
+        fitted = fit(campaign.without(~right))
+    rest = np.flatnonzero(seen & ~right)
+    if len(rest) > most_wrong_rows(int(seen.sum())):
+        rest = np.flatnonzero(seen & ~right & far)
+        _check_few(rest, campaign)
+        fitted = fit(campaign.without(~right & far))
+    if not len(rest):
+        return fitted
+    distance, length = (of.max(axis=1) for of in _of_rest(fitted.calibration, campaign, rest, noise))
     left_out = tuple(
         LeftOut(
             row=campaign.row_of(int(i)),
             line=campaign.line_of(int(i)),
             id=campaign.ids[i],
-            distance=float(distance[i]),
-            studentised=float(length[i]),
+            distance=float(off),
+            studentised=float(sigmas),
         )
-        for i in wrong
+        for i, off, sigmas in zip(rest, distance, length, strict=True)
     )
-    said = _said(left_out, [campaign.row(int(i)) for i in wrong], int(seen.sum()))
+    said = _said(left_out, [campaign.row(int(i)) for i in rest], int(seen.sum()))
     calibration = fitted.calibration
     return replace(fitted, calibration=replace(calibration, left_out=left_out, remarks=(said, *calibration.remarks)))
 
 
-def _wrong_outliers(
-    fit: Fit, calibration: Calibration, campaign: Campaign, rows: Bool[np.ndarray, " n"], noise: TrackerNoise | None
-) -> Bool[np.ndarray, " n"]:
-    """Outliers of a fit of some rows that the fit of the others finds wrong; none where more than a tenth of all would be."""
-    named = {outlier.row for outlier in calibration.outliers}
-    outlying = np.array([bool(rows[i]) and campaign.row_of(i) in named for i in range(len(campaign))])
-    seen, none = campaign.seen, np.zeros(len(campaign), dtype=bool)
-    others = np.asarray(rows & ~outlying)
-    if not outlying.any() or (seen & ~others).sum() > most_wrong_rows(int(seen.sum())):
-        return none
-    try:
-        judge = fit(campaign.without(seen & ~others), None).calibration
-    except (CampaignError, FitError):  # without them something is not determined
-        return none
-    _, length = _judge(judge, campaign, others, noise)
-    own = np.nan_to_num(calibration.studentised).max(axis=1)
-    return np.asarray(outlying & (length > np.where(own > GROSS_SIGMAS, GROSS_SIGMAS, MASKED_SIGMAS)))
-
-
-def _check_few(wrong: Bool[np.ndarray, " n"], campaign: Campaign) -> None:
-    rows = np.flatnonzero(wrong)
+def _check_few(rows: Int[np.ndarray, " k"], campaign: Campaign) -> None:
     seen = int(campaign.seen.sum())
     if len(rows) > most_wrong_rows(seen):
         named = ", ".join(campaign.row(int(row)) for row in rows[:MAX_NAMED_ROWS])
@@ -171,27 +260,23 @@ def _said(left_out: tuple[LeftOut, ...], names: list[str], seen: int) -> str:
     )
 
 
-def _judge(
-    calibration: Calibration, campaign: Campaign, fitted: Bool[np.ndarray, " n"], noise: TrackerNoise | None
-) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Distance of the farthest target of each row left out, metres, and in its standard deviations; else zero."""
-    distance, length = np.zeros(len(campaign)), np.zeros(len(campaign))
-    rest = np.flatnonzero(campaign.seen & ~fitted)
-    if len(rest):
-        # of some rows alone a kind may lack what it refers to
-        others, at = (campaign, rest) if campaign.observations else (campaign.take(rest), slice(None))
-        distance[rest], length[rest] = (values[at] for values in farthest_targets(calibration, others, noise))
-    return distance, length
+def _of_rest(
+    calibration: Calibration, campaign: Campaign, rest: Int[np.ndarray, " k"], noise: TrackerNoise | None
+) -> tuple[Float[np.ndarray, "k targets"], Float[np.ndarray, "k targets"]]:
+    """What `target_errors` says of some rows."""
+    # of some rows alone a kind may lack what it refers to
+    others, at = (campaign, rest) if campaign.observations else (campaign.take(rest), slice(None))
+    distance, length = target_errors(calibration, others, noise)
+    return distance[at], length[at]
 
 
-def farthest_targets(
+def target_errors(
     calibration: Calibration, campaign: Campaign, noise: TrackerNoise | None
-) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Distance of the farthest target of each row from its prediction, metres, and in standard deviations."""
+) -> tuple[Float[np.ndarray, "n targets"], Float[np.ndarray, "n targets"]]:
+    """Distance of each target from its prediction, metres, and in standard deviations; zero where it was not seen."""
     residual = np.nan_to_num(calibration.residuals_on(campaign))
     covariance = covariance_on(calibration, campaign) + campaign.covariances(noise)
-    square = np.einsum("nti,nti->nt", residual, np.linalg.solve(covariance, residual[..., None])[..., 0])
-    return np.linalg.norm(residual[..., :3], axis=2).max(axis=1), np.sqrt(square.max(axis=1))
+    return np.linalg.norm(residual[..., :3], axis=2), scaled_lengths(residual, covariance)
 
 
 # Campaigns that no length is in: a robot of any size fits them, and the smallest fits best.
@@ -314,6 +399,9 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
 
             ``target_within``: how far from the TCP a target may be found, metres.
 
+            ``like``: a calibration of a robot of the same make. Its prior scale and model error are expected of this robot, where
+            its rows are more probable so; a remark says what came of it.
+
     Returns:
         the calibration: estimate, covariance, residuals, and predictions with their uncertainty. Where no parameter explains the
         rows, or their fit does not converge under its prior, it is that of tracker frame and targets alone, and a remark says so.
@@ -326,6 +414,7 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
         UnknownName: a name in `keep` that the model does not have.
         FitError: the fit did not converge.
         NothingLearntError: it took everything that was measured for error, and more than the robot's tolerances allow.
+        TaskcalError: ``like`` is of a robot with other joints or parameters, or its sizes are of another kind of fit.
         ValueError: an option that would silently mean something else.
     """
     return attempt(model, campaign, FitOptions.of(**options)).checked()
@@ -362,7 +451,7 @@ def attempt(model: ErrorModel, campaign: Campaign, options: FitOptions) -> Attem
     except FitError as refusal:
         if options.prior is None:
             raise
-        alone = replace(options, keep=(), prior=None, prior_scale="estimate")
+        alone = replace(options, keep=(), prior=None, prior_scale="estimate", like=None)
         try:
             calibration = _identify(model, campaign, alone)
         except (CampaignError, FitError):
@@ -381,28 +470,33 @@ def _identify(model: ErrorModel, campaign: Campaign, chosen: FitOptions) -> Cali
     expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
     kept = np.arange(len(model)) if chosen.keep is None else model.indices(chosen.keep)
     check_rows(campaign)
+    if chosen.frames == "fixed" and campaign.stations is not None and len(campaign.stations.names) > 1:
+        raise CampaignError(
+            f"{named_file(campaign)}frames of several stations ({', '.join(campaign.stations.names)}) are fitted, and cannot be "
+            "held: leave out frames='fixed' (--frames fixed), or fit one station"
+        )
     chosen = hold_scale(model, campaign, chosen)
+    if chosen.like is not None:
+        check_sibling(model, chosen.like, effects=False)
     for effect in model.effects:
         campaign.check_told(effect.needs, effect.key)
     poses = nominal_poses(model, campaign)
 
-    searched = chosen.gross_errors != "keep" and chosen.registration is None
-    consensus = find_consensus(model, campaign, poses) if searched else None
+    def fit_rows(part: Campaign) -> FittedRows:
+        return _fit(model, part, poses, kept, chosen)
 
-    def fit_rows(part: Campaign, some: Int[np.ndarray, " k"] | None) -> FittedRows:
-        if some is not None:
-            return _fit(model, part.take(some), poses[some], kept, chosen, None)
-        found = consensus.registration if consensus is not None and consensus.of_all and part is campaign else None
-        return _fit(model, part, poses, kept, chosen, found)
-
-    if chosen.gross_errors == "keep":
-        fitted = fit_rows(campaign, None)
-    else:
-        rows = campaign.seen if consensus is None else consensus.rows
-        fitted = fit_right_rows(fit_rows, campaign, rows, chosen.noise)
+    fitted = (
+        fit_rows(campaign)
+        if chosen.gross_errors == "keep"
+        else _fit_right_rows(fit_rows, campaign, *_find_right_rows(model, campaign, poses, chosen), chosen.noise)
+    )
     _check_worth(fitted)
     calibration = fitted.calibration
-    return replace(calibration, provenance=Provenance.of(model, campaign, chosen.described(model, campaign)))
+    right = campaign.without(np.isin(campaign.ids, [row.id for row in calibration.left_out]))
+    growth = growth_of(calibration, problem_of(calibration.layout, right, chosen.noise), chosen)
+    like = {name: value for name, value in calibration.provenance.options.items() if name == "like"}
+    provenance = Provenance.of(model, campaign, chosen.described(model, campaign) | like)
+    return replace(calibration, range_growth=growth, provenance=provenance)
 
 
 def _fit(
@@ -411,21 +505,24 @@ def _fit(
     poses: Float[np.ndarray, "n 4 4"],
     kept: Int[np.ndarray, " kept"],
     chosen: FitOptions,
-    found: Registration | None,
 ) -> FittedRows:
-    """Fit all rows of a campaign, their registration found or not."""
+    """Fit all rows of a campaign."""
     registration = chosen.registration or _checked(
-        found or register(model, campaign, poses), model, campaign, chosen.target_within
+        register(model, campaign, poses), model, campaign, chosen.target_within
     )
     layout = layout_of(model, np.arange(len(model)), registration, campaign, fixed=chosen.frames == "fixed")
     whole = problem_of(layout, campaign, chosen.noise)
     problem = replace(whole, layout=replace(whole.layout, estimated=kept))
-    fit = fit_with_hyperparameters(problem, prior_of(problem.layout, chosen.prior), chosen)
-    if len(kept) == len(model) or chosen.prior != "tolerances":
+    alone = len(kept) == len(model) or chosen.prior != "tolerances"
+    # what a sibling left as error beside all parameters is not what some of them leave
+    own = chosen if alone else replace(chosen, like=None)
+    fit = fit_with_hyperparameters(problem, prior_of(problem.layout, chosen.prior), own)
+    if alone:
         outcome = fitted_alone(fit, problem, whole.layout)
     else:
         prior = prior_of(whole.layout, chosen.prior)
-        outcome = consider(fit, problem, whole, prior, fit_with_hyperparameters(whole, prior, chosen).hyper)
+        all_fitted = fit_with_hyperparameters(whole, prior, chosen)
+        outcome = replace(consider(fit, problem, whole, prior, all_fitted.hyper), help=all_fitted.help)
     return FittedRows(calibration=conclude(fit, outcome, campaign, chosen), unlearnt=_unlearnt(fit, chosen))
 
 
@@ -485,14 +582,18 @@ def conclude(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOpti
         left_out=(),
         ids=campaign.ids,
         q=campaign.q,
-        model_error=outcome.hyper.model_error,
+        model_error=tuple(float(np.sqrt(outcome.hyper.widening)) * error for error in outcome.hyper.model_error),
         prior_scale=outcome.hyper.prior_scale if has_prior else None,
+        effective_parameters=fit.effective_parameters,
+        parameter_groups=1 if has_prior and options.prior_scale == "estimate" else None,
         log_evidence=fit.log_evidence if has_prior else None,
         iterations=fit.solution.iterations,
         rounds=fit.rounds,
         reason=fit.solution.reason,
-        remarks=_remarks(fit, outcome, campaign, has_prior),
-        provenance=Provenance.of(layout.model, campaign, options.described(layout.model, campaign)),
+        remarks=(*_remarks(fit, outcome, campaign, has_prior), *remark_on(outcome.help)),
+        provenance=Provenance.of(
+            layout.model, campaign, described_with(outcome.help, options.described(layout.model, campaign))
+        ),
     )
 
 
@@ -555,5 +656,5 @@ def fit_nominal(model: ErrorModel, campaign: Campaign, options: FitOptions) -> C
         FitError: the fit did not converge.
     """
     nominal = ErrorModel(model.robot, lengths_only=model.lengths_only)
-    frames_only = replace(options, keep=(), prior=None, prior_scale="estimate", gross_errors="keep")
+    frames_only = replace(options, keep=(), prior=None, prior_scale="estimate", gross_errors="keep", like=None)
     return identify(nominal, campaign, options=frames_only)

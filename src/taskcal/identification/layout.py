@@ -1,17 +1,18 @@
 """What is unknown of a campaign: how its estimate z is laid out, and what is known of z beforehand.
 
-z holds the estimated parameters; the tracker's frame, where a tracker measured anything; each target's place on the tool; and then
-each kind's own unknowns, sockets, anchors …. The chain ends at the tool. A kind says how its numbers follow the target's twist;
-how the target follows the tool's, and its place on it, is said here, once for all kinds.
+z holds the estimated parameters; the tracker's frame, where a tracker measured anything; each target's place on the tool; each
+kind's own unknowns, sockets, anchors …; and then the frames of the further stations of a tracker that was moved. The chain ends
+at the tool. A kind says how its numbers follow the target's twist; how the target follows the tool's, and its place on it, is said
+here, once for all kinds.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.campaigns.campaign import Campaign
+from taskcal.campaigns.campaign import Campaign, Stations
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.geometry import se3
 from taskcal.kernels.chain import Chain, ErrorFrame, Fixed
@@ -41,6 +42,10 @@ class Layout:
     """Whether tracker frame, targets and the kinds' own unknowns are held where the registration put them."""
     given: Float[np.ndarray, " p"] | None = None
     """Values of the model parameters that are not estimated; zero by default."""
+    stations: Stations | None = None
+    """Of a tracker that was moved. The base of each has an error frame of its own, in the frame of the first station."""
+    station: int = 0
+    """Whose rows are looked at."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -51,7 +56,9 @@ class Layout:
         base = tuple(f"base.{c}" for c in COMPONENTS) if self.in_tracker else ()
         labels = ["target" if name == "tool" else name for name in self.targets]
         places = (f"{name}.{c}" for name, kind in zip(labels, self.kinds, strict=True) for c in _components(kind))
-        return (*estimated, *base, *places, *(name for kind in self.kinds for name in kind.unknowns))
+        moved = () if self.stations is None else self.stations.names[1:]
+        further = (f"station {name}.{c}" for name in moved for c in COMPONENTS)
+        return (*estimated, *base, *places, *(name for kind in self.kinds for name in kind.unknowns), *further)
 
     @cached_property
     def in_tracker(self) -> bool:
@@ -77,6 +84,13 @@ class Layout:
     def base_size(self) -> int:
         """Columns of the tracker's frame; none without a tracker."""
         return 6 if self.in_tracker else 0
+
+    def frame_columns(self, station: int) -> Int[np.ndarray, " _"]:
+        """Columns of the tracker's frame at one of its stations; none without a tracker, or where frames are held."""
+        if self.fixed_frames or not self.in_tracker:
+            return np.arange(0)
+        further = 0 if self.stations is None else len(self.stations.names) - station
+        return (len(self.names) - 6 * further if station else len(self.estimated)) + np.arange(6)
 
     @property
     def block_size(self) -> int:
@@ -117,10 +131,10 @@ class Layout:
     def columns(self) -> Columns:
         """Columns of z in the walk."""
         inner = self.model.layout(self.parameter_columns, count=len(self.names))
-        free = self.in_tracker and not self.fixed_frames
-        first = len(self.estimated) + np.arange(6) if free else np.full(6, -1)
+        own = self.frame_columns(self.station)
+        base = own if len(own) else np.full(6, -1)
         return Columns(
-            frames=np.array([first, *inner.frames]), joint=inner.joint, column=inner.column, count=inner.count
+            frames=np.array([base, *inner.frames]), joint=inner.joint, column=inner.column, count=inner.count
         )
 
     def start(self) -> Float[np.ndarray, " z"]:
@@ -153,8 +167,8 @@ class Layout:
 
     def with_frames(self, s: np.ndarray, factor: np.ndarray, e: np.ndarray, z: np.ndarray) -> Walked:
         """The model's walk with the measuring frame of an estimate before it, and its targets at the end."""
-        k = len(self.estimated)
-        base = z[k : k + 6] if self.in_tracker and not self.fixed_frames else np.zeros(6)
+        base = self.frame_columns(self.station)
+        base = z[base] if len(base) else np.zeros(6)
         offsets = self.registration.T_tool_target[:, :3, 3].copy()
         for t, (kind, place) in enumerate(zip(self.kinds, self.places, strict=True)):
             if not self.fixed_frames:
@@ -168,15 +182,21 @@ class Layout:
         base, targets = self.registration.T_tracker_base, self.registration.T_tool_target.copy()
         if self.fixed_frames:
             return base, targets
-        k = len(self.estimated)
         if self.in_tracker:
-            base = base @ se3.error_transform(z[k : k + 6])
+            base = base @ se3.error_transform(z[self.frame_columns(self.station)])
         for t, (kind, place) in enumerate(zip(self.kinds, self.places, strict=True)):
             if kind.turned:
                 targets[t] = targets[t] @ se3.error_transform(z[place])
             else:
                 targets[t] = se3.pose(np.eye(3), z[place])
         return base, targets
+
+    def station_frames(self, z: Float[np.ndarray, " z"]) -> Float[np.ndarray, "stations 4 4"]:
+        """Tracker frame to base at every station, as estimated."""
+        if self.stations is None:
+            return np.zeros((0, 4, 4))
+        bases = np.stack([replace(self, station=k).frames(z)[0] for k in range(len(self.stations.names))])
+        return se3.inverse(self.stations.T_first_station) @ bases
 
     def unknowns(self, z: Float[np.ndarray, " z"]) -> tuple[Float[np.ndarray, " _"], ...]:
         """Each kind's own."""
@@ -218,6 +238,7 @@ def layout_of(
         targets=campaign.targets,
         kinds=campaign.observations or (one,) * len(campaign.targets),
         fixed_frames=fixed,
+        stations=campaign.stations,
     )
 
 
@@ -277,7 +298,8 @@ def frame_precision(layout: Layout) -> Float[np.ndarray, "frames frames"]:
     """Prior precision of the frames: next to none, but along directions that the poses do not determine."""
     k = len(layout.estimated)
     base, places = np.full(layout.base_size, BASE_PRIOR), np.full(sum(map(len, layout.places)), TARGET_PRIOR)
-    out = np.diag(np.concatenate([base, places, *(kind.deviations for kind in layout.kinds)]) ** -2.0)
+    further = np.full(0 if layout.stations is None else 6 * (len(layout.stations.names) - 1), BASE_PRIOR)
+    out = np.diag(np.concatenate([base, places, *(kind.deviations for kind in layout.kinds), further]) ** -2.0)
     at = np.concatenate([place[:3] for place in layout.places]) - k
     # the error frame of a target that is turned moves in its own axes
     axes = np.eye(len(at))

@@ -4,7 +4,7 @@ Between the ends of what was measured a fit interpolates, beyond them it extrapo
 no row there. The range is that of each joint by itself.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +21,10 @@ TURN = 2.0 * np.pi
 
 ROUNDING = 1e-9
 """Share of the largest derivative by which two that are the same may differ; the walk is exact to 10⁻¹³."""
+
+LEAST_RANGE = 0.2
+"""Range, radians or metres, that a joint which moved less counts as having, where distances are counted in ranges. A convention:
+the 11° from which on gear orders are looked for, too."""
 
 PROBED_ROWS = 16
 """Rows, evenly among all, at which a whole turn is tried. A convention: derivatives that differ do so at almost every row."""
@@ -87,6 +91,14 @@ class MeasuredRange:
         q = np.where(self.same_after_turn, q - TURN * np.round((q - middle) / TURN), q)
         return np.minimum(q - self.low, 0.0) + np.maximum(q - self.high, 0.0)
 
+    def extrapolation(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
+        """Square of how far each pose lies outside, each joint in units of its range (`LEAST_RANGE` at least).
+
+        Args:
+            q: joint positions, radians (metres where a joint slides).
+        """
+        return np.sum((self.beyond(q) / np.maximum(self.high - self.low, LEAST_RANGE)) ** 2, axis=1)
+
     def outside(self, q: Float[np.ndarray, "n joints"]) -> Bool[np.ndarray, " n"]:
         """Whether each pose lies outside by more than what makes two rows one posture.
 
@@ -97,8 +109,8 @@ class MeasuredRange:
     def outside_rows(self, q: Float[np.ndarray, "n joints"]) -> Int[np.ndarray, " k"]:
         """Rows that lie outside, the farthest first (a metre counts as a radian)."""
         far = np.abs(self.beyond(q)).max(axis=1, initial=0.0)
-        order = np.argsort(-far, kind="stable")
-        return order[far[order] > SAME_POSTURE_RAD]
+        rows = np.flatnonzero(far > SAME_POSTURE_RAD)
+        return rows[np.argsort(-far[rows], kind="stable")]
 
     def sentence(self, q: Float[np.ndarray, " joints"]) -> str:
         """How far one pose lies outside, by its farthest joint; empty if it lies inside.
@@ -114,28 +126,44 @@ class MeasuredRange:
 
     def describe(self, j: int) -> str:
         """The range of joint number j in words: ``−12.0° to 3.5°``."""
-        return f"{self._shown(j, self.low[j])} to {self._shown(j, self.high[j])}"
+        return self.interval(j, self.low[j], self.high[j])
 
-    def warning(
-        self, q: Float[np.ndarray, "n joints"], names: Sequence[str], what: str = "poses", do: str = "measure there"
-    ) -> str | None:
-        """Say in one sentence how many poses lie outside, which one the farthest, and what to do; None if all lie inside.
+    def interval(self, j: int, low: float, high: float) -> str:
+        """An interval of joint number j, radians or metres, in words."""
+        return f"{self._shown(j, low)} to {self._shown(j, high)}"
+
+    def warning(self, q: Float[np.ndarray, "n joints"], names: Sequence[str], what: str = "poses") -> str:
+        """Say how many poses lie outside, which one the farthest, and what to do; empty if all lie inside.
 
         Args:
-            q: joint positions of the poses, radians (metres where a joint slides).
-            names: of the poses, as a user finds them: ``row 3``, ``line 41``.
+            q: joint positions of the poses, radians (metres where a joint slides); NaN where they are not known.
+            names: of the poses, as a user finds them: ``row 3``, ``part.mod:41``.
             what: the poses are, in the plural.
-            do: what the user can do.
         """
         rows = self.outside_rows(q)
         if not len(rows):
-            return None
+            return ""
         worst = int(rows[0])
-        verb = "lies" if len(rows) == 1 else "lie"
         return (
-            f"{len(rows)} of {len(q)} {what} {verb} outside the measured joint range, where the calibration extrapolates; the "
-            f"farthest, {names[worst]}: {self.sentence(q[worst])}; {do}"
+            f"{len(rows)} of {len(q)} {what} {'is' if len(rows) == 1 else 'are'} outside the measured joint range, {names[worst]} "
+            f"farthest: {self.sentence(q[worst])}. The calibration extrapolates there: measure more poses there"
         )
+
+    def farthest(self, q: Float[np.ndarray, "n joints"]) -> list[dict[str, Any]]:
+        """The joint of each pose that lies farthest outside, and how far: negative below, degrees or millimetres.
+
+        Inside, the joint is empty and the amount zero.
+        """
+        outside, out = set(self.outside_rows(q).tolist()), list[dict[str, Any]]()
+        units = dict.fromkeys(f"outside_{unit}" for unit, _ in self._units)
+        for row, beyond in enumerate(self.beyond(q)):
+            entry: dict[str, Any] = {"outside_joint": "", **dict.fromkeys(units, 0.0)}
+            if row in outside:
+                j = int(np.abs(beyond).argmax())
+                unit, factor = self._units[j]
+                entry |= {"outside_joint": self.joints[j], f"outside_{unit}": float(beyond[j]) * factor}
+            out.append(entry)
+        return out
 
     def summary(self) -> list[dict[str, Any]]:
         """Each joint with its lowest and highest measured position, degrees or millimetres."""
@@ -150,8 +178,24 @@ class MeasuredRange:
 
     def _shown(self, j: int, value: float) -> str:
         unit, factor = self._units[j]
-        number = f"{value * factor:.1f}".replace("-", "−")
-        return f"{'0.0' if number == '−0.0' else number}{'°' if unit == 'deg' else ' mm'}"
+        return f"{_one_decimal(value * factor)}{'°' if unit == 'deg' else ' mm'}"
+
+
+def name_rows(rows: Iterable[int], ids: Iterable[str]) -> list[str]:
+    """Rows by their numbers, and by their names where these are others: ``row 3 (p30)``."""
+    return [f"row {row}" if name == str(row) else f"row {row} ({name})" for row, name in zip(rows, ids, strict=True)]
+
+
+def describe_outside(entry: Mapping[str, Any]) -> str:
+    """An entry of `MeasuredRange.farthest` in a cell of a table, as in ``J2 −11.0°``; empty inside."""
+    for unit, shown in (("deg", "°"), ("mm", " mm")):
+        if amount := entry.get(f"outside_{unit}"):
+            return f"{entry['outside_joint']} {_one_decimal(amount)}{shown}"
+    return ""
+
+
+def _one_decimal(value: float) -> str:
+    return f"{value:z.1f}".replace("-", "−")
 
 
 def _same_after_turn(

@@ -8,8 +8,9 @@ from typing import Any, Literal, TypedDict, Unpack
 from taskcal.arguments import expect_kinds, with_choices
 from taskcal.campaigns.campaign import Campaign
 from taskcal.estimation.prior import GaussianPrior, Loss, Squared
+from taskcal.identification.calibration import Calibration
 from taskcal.observations.base import TrackerNoise
-from taskcal.registration.consensus import TARGET_WITHIN
+from taskcal.registration.plausibility import TARGET_WITHIN
 from taskcal.registration.registration import Registration
 from taskcal.robot.error_model import ErrorModel
 
@@ -43,6 +44,7 @@ class FitChoices(TypedDict, total=False):
     outlier_level: float
     gross_errors: GrossErrors
     target_within: float
+    like: Calibration | None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -75,6 +77,9 @@ class FitOptions:
     """``leave out`` rows that cannot be right beside all others, up to a tenth of them, or ``keep`` them."""
     target_within: float = TARGET_WITHIN
     """How far from the TCP a target may be found, metres."""
+    like: Calibration | None = None
+    """Calibration of a robot of the same make, whose sizes of groups and errors of poses are expected of this one; None to expect
+    what is expected of any robot."""
 
     def __post_init__(self) -> None:
         if isinstance(self.keep, str):
@@ -82,10 +87,16 @@ class FitOptions:
         if not (self.prior is None or self.prior == "tolerances" or isinstance(self.prior, GaussianPrior)):
             raise ValueError(f"prior is {self.prior!r}; give 'tolerances', None, or a GaussianPrior")
         expect_kinds(
-            {"loss": Loss, "noise": TrackerNoise | None, "registration": Registration | None},
+            {
+                "loss": Loss,
+                "noise": TrackerNoise | None,
+                "registration": Registration | None,
+                "like": Calibration | None,
+            },
             loss=self.loss,
             noise=self.noise,
             registration=self.registration,
+            like=self.like,
         )
         if self.frames not in ("fit", "fixed"):
             raise ValueError(f"frames is {self.frames!r}; give 'fit' or 'fixed'")
@@ -105,6 +116,8 @@ class FitOptions:
                 f"prior_scale is {self.prior_scale!r}; give 'estimate', or a factor from {SMALLEST_PRIOR_SCALE:g} to "
                 f"{LARGEST_PRIOR_SCALE:g}"
             )
+        if self.like is not None and self.prior is None:
+            raise ValueError("like needs a prior, whose size it tells; keep the prior, or leave out like")
         if not (_within(self.outlier_level, 0.0, 1.0) and 0.0 < self.outlier_level < 1.0):
             raise ValueError(f"outlier_level is {self.outlier_level!r}; give a chance between 0 and 1, such as 0.01")
 
@@ -146,6 +159,8 @@ class FitOptions:
             "gross_errors": self.gross_errors,
             "target_within": self.target_within,
         }
+        if self.like is not None:
+            description["like"] = self.like.origin
         return json.loads(json.dumps(description))  # lists for tuples
 
 

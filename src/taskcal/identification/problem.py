@@ -5,7 +5,7 @@ of the tool comes from the compiled walk. A tracker's points need no more than t
 well; those of other kinds are made of dense columns, some poses at a time.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -292,6 +292,53 @@ def stated_rows(layout: Layout, z: Float[np.ndarray, " z"], kinds: tuple[Observa
     return StatedRows(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
+class StationTies(NamedTuple):
+    """Reference points that stand beside the robot and were measured from several stations, whose frames they tie."""
+
+    seen: Float[np.ndarray, "points stations 3"]
+    """Mean of each in the campaign's frame, metres; NaN where a station did not see it."""
+    variance: Float[np.ndarray, "points stations"]
+    """Of each coordinate, m²: that of one reading, since readings from one station share most of a tracker's errors."""
+
+    def rows(self, layout: Layout, z: Float[np.ndarray, " z"]) -> StatedRows:
+        """Whitened rows: a point is at one place in the base, which is unknown and eliminated.
+
+        The stations' predictions of that place, less their mean weighted by 1/variance, are the residuals of the best place.
+        """
+        there = ~np.isnan(self.seen[..., 0])
+        weight = np.where(there, 1.0 / self.variance, 0.0)
+        share = weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
+        place = np.zeros(self.seen.shape)
+        by_entry = np.zeros((*self.seen.shape, len(z)))
+        for k in range(self.seen.shape[1]):
+            columns = layout.frame_columns(k)
+            T = se3.inverse(layout.registration.T_tracker_base @ se3.error_transform(z[columns]))
+            place[:, k] = np.where(there[:, k, None], se3.apply(T, np.nan_to_num(self.seen[:, k])), 0.0)
+            by_entry[:, k, :, columns] = -np.moveaxis(se3.by_twist(place[:, k]), 2, 0)
+        root = np.sqrt(weight)[..., None]
+        residual = root * (place - np.einsum("pk,pki->pi", share, place)[:, None])
+        by_entry = root[..., None] * (by_entry - np.einsum("pk,pkiz->piz", share, by_entry)[:, None])
+        return StatedRows(-residual[there].ravel(), by_entry[there].reshape(-1, len(z)))
+
+    @classmethod
+    def of(cls, campaign: Campaign, noise: TrackerNoise) -> "StationTies | None":
+        """Those of a campaign; None where no reference point was measured from two stations."""
+        stations = campaign.stations
+        if stations is None or not campaign.reference_points:
+            return None
+        count, every = len(stations.names), np.stack([*campaign.reference_points.values()])
+        local = se3.apply(se3.inverse(stations.T_first_station)[stations.of], every)
+        variance = np.trace(noise.covariance(local), axis1=2, axis2=3) / 3.0
+        there = ~np.isnan(every[..., 0])
+        mean, each = np.full((len(every), count, 3), np.nan), np.ones((len(every), count))
+        for p, k in np.ndindex(len(every), count):
+            rows = there[p] & (stations.of == k)
+            if rows.any():
+                mean[p, k], each[p, k] = every[p, rows].mean(axis=0), variance[p, rows].mean()
+        several = (~np.isnan(mean[..., 0])).sum(axis=1) > 1
+        return cls(mean[several], each[several]) if several.any() else None
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Problem:
     """A campaign to be fitted."""
@@ -303,11 +350,26 @@ class Problem:
     """Covariance of the measurements, m² and rad²."""
     conditions: Conditions | None = None
     """How the poses were reached."""
+    of: Int[np.ndarray, " n"] | None = None
+    """Station of each row, of a tracker that was moved."""
+    ties: StationTies | None = None
+    """Of its stations."""
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Problem":
         """The problem of some of the rows."""
         conditions = None if self.conditions is None else self.conditions.take(rows)
-        return replace(self, q=self.q[rows], seen=self.seen.take(rows), noise=self.noise[rows], conditions=conditions)
+        of = None if self.of is None else self.of[rows]
+        return replace(
+            self, q=self.q[rows], seen=self.seen.take(rows), noise=self.noise[rows], conditions=conditions, of=of
+        )
+
+    @cached_property
+    def _parts(self) -> "list[tuple[Int[np.ndarray, ' k'] | slice, Problem]]":
+        """Rows of each station, and their problem: the chain before them begins with the frame of that station."""
+        if self.of is None:
+            return [(slice(None), self)]
+        rows = [(k, np.flatnonzero(self.of == k)) for k in np.unique(self.of).tolist()]
+        return [(some, replace(self.take(some), of=None, layout=replace(self.layout, station=k))) for k, some in rows]
 
     @cached_property
     def _prepared(self) -> Prepared:
@@ -335,6 +397,13 @@ class Problem:
         """
         return Rows(self.layout, z, self.walked(z), self.seen)
 
+    def stated(self, z: Float[np.ndarray, " z"]) -> StatedRows:
+        """Rows of what is known of the estimate beside the measurements of the targets."""
+        known = stated_rows(self.layout, z, self.seen.kinds)
+        if self.ties is None or self.layout.fixed_frames:
+            return known
+        return StatedRows(*map(np.concatenate, zip(known, self.ties.rows(self.layout, z), strict=True)))
+
     def covariance(self, variances: Float[np.ndarray, " groups"]) -> Float[np.ndarray, "n targets b b"]:
         """Measurement noise and model error together: variance of position and, for poses, of rotation."""
         return self.noise + np.diag(np.repeat(variances, 3))
@@ -347,10 +416,11 @@ class Problem:
 
         def evaluate(z: np.ndarray) -> Equations:
             try:
-                cost, g, H = self.rows(z).equations(whitener, loss, threshold)
+                parts = [part.rows(z).equations(whitener[rows], loss, threshold) for rows, part in self._parts]
+                cost, g, H = (sum(values[1:], values[0]) for values in zip(*parts, strict=True))
             except ClosureError:
                 return np.inf, np.zeros(len(z)), np.zeros((len(z), len(z)))
-            r, A = stated_rows(self.layout, z, self.seen.kinds)
+            r, A = self.stated(z)
             return cost + 0.5 * float(r @ r), g + A.T @ r, H + A.T @ A
 
         return evaluate
@@ -365,11 +435,24 @@ class Problem:
         Raises:
             ClosureError: a closed loop cannot be assembled at some pose.
         """
-        return self.rows(z).linearise(joints=joints)
+        parts = [part.rows(z).linearise(joints=joints) for _, part in self._parts]
+        if len(parts) == 1:
+            return parts[0]
+        arrays = {f.name: np.concatenate([getattr(one, f.name) for one in parts]) for f in fields(Linearisation)}
+        return Linearisation(**arrays).take(self._in_order)
 
     def propagate(self, z: Float[np.ndarray, " z"], covariance: Float[np.ndarray, "z z"]) -> Propagated:
         """Residuals at an estimate, and the covariance of what is predicted for one of the estimate."""
-        return self.rows(z).propagate(covariance)
+        parts = [part.rows(z).propagate(covariance) for _, part in self._parts]
+        if len(parts) == 1:
+            return parts[0]
+        residual, propagated = (np.concatenate(values)[self._in_order] for values in zip(*parts, strict=True))
+        return residual, propagated
+
+    @property
+    def _in_order(self) -> Int[np.ndarray, " n"]:
+        """Of the rows of all stations, one station after another, those of the campaign in its order."""
+        return np.argsort(np.concatenate([rows for rows, _ in self._parts if not isinstance(rows, slice)]))
 
     def information(
         self, z: Float[np.ndarray, " z"], whitener: Float[np.ndarray, "n targets b b"]
@@ -386,6 +469,8 @@ def problem_of(layout: Layout, campaign: Campaign, noise: TrackerNoise | None) -
         seen=Seen.of(campaign, layout),
         noise=campaign.covariances(noise),
         conditions=campaign.conditions,
+        of=None if campaign.stations is None else campaign.stations.of,
+        ties=StationTies.of(campaign, noise or TrackerNoise()),
     )
 
 

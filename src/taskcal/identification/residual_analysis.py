@@ -72,7 +72,7 @@ def list_regressors(calibration: Calibration, campaign: Campaign) -> tuple[Regre
             unit="of gravity",
             scale=1.0,
         ),
-        _of_distance(calibration, T[:, :3, 3] + arm),
+        _of_distance(calibration, campaign, T[:, :3, 3] + arm),
     ]
     return tuple(r for r in regressors if np.ptp(r.values, axis=0).max() > MIN_VARIATION)
 
@@ -136,9 +136,13 @@ def _of_time(campaign: Campaign) -> Iterator[Regressor]:
         )
 
 
-def _of_distance(calibration: Calibration, point: Float[np.ndarray, "n 3"]) -> Regressor:
-    """Distance from the tracker, which stands in the origin of its frame."""
-    beam = point - se3.inverse(calibration.T_tracker_base)[:3, 3]
+def _of_distance(calibration: Calibration, campaign: Campaign, point: Float[np.ndarray, "n 3"]) -> Regressor:
+    """Distance from the tracker, which stands in the origin of its frame, and of a moved one from its station of each row."""
+    stood, own = campaign.stations, calibration.stations
+    base = calibration.T_tracker_base[None]
+    if stood is not None:
+        base = np.stack([own.get(name, calibration.T_tracker_base) for name in stood.names])[stood.of]
+    beam = point - se3.inverse(base)[:, :3, 3]
     distance = np.linalg.norm(beam, axis=1, keepdims=True)
     return Regressor(
         name="distance from the tracker",

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -13,18 +14,26 @@ from taskcal.errors import CampaignError, FitError
 from taskcal.estimation.least_squares import Stopping, fit
 from taskcal.estimation.matrices import invert_positive
 from taskcal.geometry import se3
-from taskcal.identification.calibration import Calibration, residuals_on, spread_of, unknowns_of
+from taskcal.identification.calibration import (
+    Calibration,
+    covariance_on,
+    in_its_frames,
+    residuals_on,
+    spread_of,
+    unknowns_of,
+)
 from taskcal.identification.group_model import MIN_VARIANCE, PoseNoise, of_targets
 from taskcal.identification.held_out import Outlier, Validation, shared_with_neighbours, studentise
 from taskcal.identification.hyperparameters import SLOW
 from taskcal.identification.identify import fit_nominal
 from taskcal.identification.layout import frame_precision, layout_of
+from taskcal.identification.measured_range import MeasuredRange, name_rows
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, problem_of, whitener
 from taskcal.kernels.points import SQUARED
 from taskcal.observations import Compared
 from taskcal.observations.base import TrackerNoise
-from taskcal.registration.consensus import check_plausible
+from taskcal.registration.plausibility import check_plausible
 from taskcal.registration.registration import PLAUSIBLE_SHARE, register
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
@@ -46,22 +55,45 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
     expect_kinds({"calibration": Calibration, "campaign": Campaign}, calibration=calibration, campaign=campaign)
     if reregister:
         calibration = reregister_frames(calibration, campaign)
+    _, others = in_its_frames(calibration, campaign)
     residual = errors_on(calibration, campaign)
     if not campaign.valid.any():
         raise CampaignError("the campaign has no measured point to compare with: every beam was lost")
     validation = replace(
         Validation.of_residuals(residual, calibration.T_tracker_base[:3, :3], campaign.kinds),
         compared=_compared(calibration, campaign),
+        remarks=_station_remarks(calibration, campaign, others),
     )
+    remarks: list[str] = []
     off = float(np.median(validation.errors))
-    if off <= PLAUSIBLE_SHARE * calibration.model.robot.reach:
-        return validation
-    remark = (
-        f"the campaign is {off * 1e3:.0f} mm away from what the calibration predicts: if the tracker or the target was moved, "
-        "rerun with --reregister; otherwise units, joint columns or robot model differ: "
-        "run 'taskcal doctor' (in Python: reregister=True, diagnose)"
+    if off > PLAUSIBLE_SHARE * calibration.model.robot.reach:
+        remarks.append(
+            f"the campaign is {off * 1e3:.0f} mm away from what the calibration predicts: if the tracker or the target was moved, "
+            "rerun with --reregister; otherwise units, joint columns or robot model differ: "
+            "run 'taskcal doctor' (in Python: reregister=True, diagnose)"
+        )
+    outside = calibration.measured_range.warning(
+        campaign.q, name_rows([campaign.row_of(row) for row in range(len(campaign))], campaign.ids)
     )
-    return replace(validation, remarks=(remark,))
+    return replace(validation, remarks=(*validation.remarks, *remarks, *([outside] if outside else [])))
+
+
+def _station_remarks(calibration: Calibration, campaign: Campaign, others: tuple[str, ...]) -> tuple[str, ...]:
+    """Say of which station rows are taken to be that name none, and of which the frame was found from the rows that are judged."""
+    if campaign.stations is None and len(calibration.stations) > 1:
+        first, *more = calibration.stations
+        return (
+            f"the rows name no station, and are taken for those of '{first}'; the calibration knows {', '.join(more)} too: name "
+            "theirs in a column station, or refit the frames (--reregister)",
+        )
+    if not others or campaign.stations is None:
+        return ()
+    rows = dict(zip(campaign.stations.names, campaign.stations.rows, strict=True))
+    named = ", ".join(f"{name} ({rows[name]} rows)" for name in others)
+    return (
+        f"the calibration does not know {'stations' if len(others) > 1 else 'station'} {named}: each frame was found from these "
+        "rows themselves, which makes their errors a little smaller than those of predicted rows",
+    )
 
 
 def _compared(calibration: Calibration, campaign: Campaign) -> tuple[Compared, ...]:
@@ -185,6 +217,32 @@ class Examination:
     """Points too far off for chance, the worst first."""
     shared: tuple[bool, ...] = ()
     """Whether neighbouring rows or poses have much the same error as each outlier, as those do that a model leaves."""
+    measured_range: MeasuredRange
+    """Where the calibration was measured."""
+
+    @cached_property
+    def outside(self) -> Bool[np.ndarray, " points"]:
+        """Whether each point was measured at a pose outside of what the calibration was fitted to."""
+        return self.measured_range.outside(self.campaign.q)[list(self.validation.rows)]
+
+    def by_range(self) -> dict[str, tuple[Validation, float | None]]:
+        """The errors inside and outside of the measured range, each with the share that lies in its stated region.
+
+        Empty where all points are on one side.
+        """
+        if self.outside.all() or not self.outside.any():
+            return {}
+        return {
+            name: (
+                self.validation.of_points(points),
+                None if self.inside is None else float(self.inside[points].mean()),
+            )
+            for name, points in (("inside_range", ~self.outside), ("outside_range", self.outside))
+        }
+
+    @cached_property
+    def _farthest(self) -> list[dict[str, Any]]:
+        return self.measured_range.farthest(self.campaign.q)
 
     @property
     def worst_first(self) -> Int[np.ndarray, " points"]:
@@ -206,6 +264,7 @@ class Examination:
             "id": self.campaign.ids[row],
             "target": self.campaign.targets[self.targets[k]],
             "error_mm": float(validation.errors[k]) * 1e3,
+            **self._farthest[row],
         }
         if np.isfinite(self.signed[k]):
             out["signed_mm"] = float(self.signed[k]) * 1e3
@@ -220,7 +279,10 @@ class Examination:
         return out
 
     def summary(self) -> dict[str, Any]:
-        """Summary: that of `Validation.summary`, the coverage of the stated regions, the outliers, and every point."""
+        """Summary: that of `Validation.summary`, coverage of the stated regions, outliers, and every point.
+
+        Where some points lie outside of the measured range, and others inside, the errors of both.
+        """
         compared = [
             {"name": one.name, "stated_mm": one.stated * 1e3, "found_mm": one.found * 1e3}
             for one in self.validation.compared
@@ -229,6 +291,9 @@ class Examination:
             **self.validation.summary(),
             "inside_share": None if self.inside is None else float(self.inside.mean()),
             "rotation_inside_share": None if self.rotation_inside is None else float(self.rotation_inside.mean()),
+            "outside_points": int(self.outside.sum()),
+            **{name: {**part.summary(), "inside_share": share} for name, (part, share) in self.by_range().items()},
+            "measured_range": self.measured_range.summary(),
             "outliers": [outlier.summary() for outlier in self.outliers],
             **({"distances": compared} if compared else {}),
             "rows": self.points(),
@@ -268,9 +333,9 @@ def examine(
     studentised = inside = rotation_inside = None
     outliers: tuple[Outlier, ...] = ()
     shared: tuple[bool, ...] = ()
-    if not (reregister or campaign.observations):
+    if not (reregister or campaign.observations or in_its_frames(calibration, campaign)[1]):
         known = [calibration.targets.index(name) for name in campaign.targets]
-        stated = calibration.predict_covariance(campaign.q, campaign.conditions)[:, known, :width, :width] + covariance
+        stated = covariance_on(calibration, campaign)[:, known, :width, :width] + covariance
         lengths, outliers = studentise(residual, stated, stated, campaign, level)
         shared = shared_with_neighbours(outliers, residual, lengths, campaign.q)
         studentised = lengths[rows, targets]
@@ -291,6 +356,7 @@ def examine(
         rotation_inside=rotation_inside,
         outliers=outliers,
         shared=shared,
+        measured_range=calibration.measured_range,
     )
 
 
@@ -454,4 +520,5 @@ def _as_measured(
         targets=calibration.targets,
         points=ends[..., :3, 3] + residual[..., :3],
         rotations=rotations,
+        stations=calibration.layout.stations,
     )

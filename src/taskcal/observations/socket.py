@@ -82,7 +82,7 @@ MIN_RELATIVE_CHANGE = 1e-3
 """Share of the median distance by which no row's moves in the last round."""
 
 MAX_MEDIANS = 10.0
-"""Distance of a row that agrees, at most, over the median distance; as for tracker points in `registration.consensus`."""
+"""Distance of a row that agrees, at most, over the median distance; a convention, for the start of a fit alone."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

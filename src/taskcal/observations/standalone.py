@@ -20,10 +20,10 @@ ROUGH_M = 1e-2
 """Residual, metres, from which on a number counts less in the search for a start: a nominal robot errs by less."""
 
 TRUSTED_SHARE = 0.75
-"""Share of the rows that are nearer than `ROUGH_M` where a start is good enough. A convention, as that of a consensus."""
+"""Share of the rows that are nearer than `ROUGH_M` where a start is good enough. A convention, as of a trimmed registration."""
 
 FAR_MEDIANS = 10.0
-"""Times the median distance, beyond which a row is left out; as in a consensus of tracked rows."""
+"""Times the median distance, beyond which a row is left out of the start. A convention."""
 
 LEAST_MEDIAN_M = 1e-5
 """Median distance, metres, that counts where the median is smaller: no robot repeats better."""

@@ -3,9 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
-from taskcal.campaigns.campaign import Campaign
+from taskcal.campaigns.campaign import Campaign, Stations, in_blocks
 from taskcal.estimation.experiment_design import Candidates
 from taskcal.estimation.matrices import invert_scaled, squared_exponential
 from taskcal.geometry import se3
@@ -132,12 +132,21 @@ class Linearisation:
         return np.concatenate([J, np.broadcast_to(extra, (*J.shape[:3], extra.shape[3]))], axis=3)
 
     def rows(
-        self, q: Float[np.ndarray, "n joints"], visible: Bool[np.ndarray, "n targets"]
+        self,
+        q: Float[np.ndarray, "n joints"],
+        visible: Bool[np.ndarray, "n targets"],
+        station: Int[np.ndarray, " n"] | None = None,
     ) -> Float[np.ndarray, "n b c"]:
-        """Sensitivities of what is read over its noise, a block of rows for each pose; zero for targets that are not seen."""
+        """Sensitivities of what is read over its noise, a block of rows for each pose; zero for targets that are not seen.
+
+        Args:
+            q: the poses, radians.
+            visible: what is seen at each.
+            station: of the tracker at each pose; the first by default.
+        """
         of, T, instrument = visible.argmax(axis=1), self.places(q), self.instrument
         kinds = tuple(instrument.observation(of) for _ in self.layout.kinds)
-        campaign = self._campaign(q, kinds, T, instrument.rotations(T[:, 0], of))
+        campaign = self._campaign(q, kinds, T, instrument.rotations(T[:, 0], of), station)
         J, moved = self._rows(campaign)
         block = instrument.kind.block()
         J, noise = J[:, :, block], campaign.covariances(self.noise)[:, :, block][..., block]
@@ -177,9 +186,12 @@ class Linearisation:
         kinds: tuple[Observation, ...],
         T: Float[np.ndarray, "n targets 4 4"],
         rotations: Float[np.ndarray, "n 3 3"] | None = None,
+        station: Int[np.ndarray, " n"] | None = None,
     ) -> Campaign:
         """Something read in every posture; what it is does not matter, but where a tracker's noise depends on it."""
+        stations = self.layout.stations
         return Campaign(
+            stations=None if stations is None or station is None else replace(stations, of=station),
             ids=tuple(str(i) for i in range(len(q))),
             q=q,
             targets=self.layout.targets,
@@ -195,8 +207,11 @@ class Linearisation:
         return J.reshape(len(campaign), len(campaign.targets), -1, J.shape[2]), at.by_joint.copy()
 
 
-def lay_out(model: ErrorModel, instrument: Instrument, prior: PlanPrior) -> Layout:
-    """All parameters, measuring frame, targets and the unknowns of the observation, about where they are stated."""
+def lay_out(model: ErrorModel, instrument: Instrument, prior: PlanPrior, stations: int) -> Layout:
+    """All parameters, measuring frames, targets and the unknowns of the observation, about where they are stated.
+
+    Frames of planned stations are counted as unknown, and lie at the first: where they are changes their noise alone.
+    """
     names = instrument.targets if prior.campaign is None else prior.campaign.targets
     kinds = tuple(instrument.observation(np.zeros(0, dtype=np.int64)) for _ in names)
     registration, targets = prior.registration, instrument.T_tool_targets
@@ -208,7 +223,19 @@ def lay_out(model: ErrorModel, instrument: Instrument, prior: PlanPrior) -> Layo
             unobservable=np.zeros((3 * len(targets),) * 2),
             unknowns=tuple(instrument.unknown for _ in names),
         )
-    return Layout(model=model, estimated=np.arange(len(model)), registration=registration, targets=names, kinds=kinds)
+    stood = None if prior.campaign is None else prior.campaign.stations
+    if stations > 1:
+        T = np.tile(np.eye(4), (stations, 1, 1))
+        names_of = tuple(f"{k + 1}" for k in range(stations))
+        stood = Stations(names=names_of, of=np.zeros(0, dtype=np.int64), T_first_station=T)
+    return Layout(
+        model=model,
+        estimated=np.arange(len(model)),
+        registration=registration,
+        targets=names,
+        kinds=kinds,
+        stations=stood,
+    )
 
 
 def task_rows(linear: Linearisation, goal: TaskPoses) -> Float[np.ndarray, "rows c"]:
@@ -244,12 +271,20 @@ class Experiment:
     """W of the task."""
     left: float = 0.0
     """Mean squared error over the task in directions that are not in the basis, metres²."""
+    stations: int = 1
+    """Places that the tracker is moved to, as many poses one after another at each."""
 
     def rows(
-        self, q: Float[np.ndarray, "n joints"], visible: Bool[np.ndarray, "n targets"]
+        self,
+        q: Float[np.ndarray, "n joints"],
+        visible: Bool[np.ndarray, "n targets"],
+        station: Int[np.ndarray, " n"] | None = None,
     ) -> Float[np.ndarray, "n b d"]:
         """Whitened sensitivities of poses in the basis; zero for reflectors that are not seen."""
-        return np.concatenate([self.linear.rows(q[part], visible[part]) @ self.basis for part in _parts(len(q))])
+        at = np.zeros(len(q), dtype=np.int64) if station is None else station
+        return np.concatenate(
+            [self.linear.rows(q[part], visible[part], at[part]) @ self.basis for part in _parts(len(q))]
+        )
 
     def candidates(self, measurable: Measurable) -> Candidates:
         """Poses as candidates, those of each fixture a group."""
@@ -265,14 +300,14 @@ class Experiment:
 
     def error(self, q: Float[np.ndarray, "n joints"], visible: Bool[np.ndarray, "n targets"]) -> float:
         """Expected rms error over the task after measuring some poses, metres."""
-        X = self.rows(q, visible).reshape(-1, self.basis.shape[1])
+        X = self.rows(q, visible, in_blocks(len(q), self.stations)).reshape(-1, self.basis.shape[1])
         return self._error_with(X.T @ X)
 
     def errors_by_count(
         self, q: Float[np.ndarray, "count joints"], visible: Bool[np.ndarray, "count targets"]
     ) -> Float[np.ndarray, " count"]:
-        """Expected rms error over the task after the first 1, 2, … poses, metres."""
-        rows = self.rows(q, visible)
+        """Expected rms error over the task after the first 1, 2, … poses, metres; of several stations shared among these."""
+        rows = self.rows(q, visible, np.arange(len(q)) % self.stations)
         information = self.prior + np.cumsum(np.swapaxes(rows, 1, 2) @ rows, axis=0)
         return np.sqrt(np.einsum("ij,nij->n", self.task, np.linalg.inv(information)) + self.left)
 
@@ -294,6 +329,7 @@ def make_experiment(
     *,
     noise: TrackerNoise | None = None,
     smooth: bool = False,
+    stations: int = 1,
 ) -> Experiment:
     """Prior, task and basis for choosing measuring poses.
 
@@ -309,9 +345,10 @@ def make_experiment(
         instrument: that measures.
         noise: the tracker's.
         smooth: take the instrument's share of the model error for a smooth field over the joints instead of white noise.
+        stations: places that the tracker is moved to, each with a frame that is unknown.
     """
     calibration, campaign, hyper = prior.calibration, prior.campaign, prior.hyper
-    layout = calibration.layout if calibration is not None else lay_out(model, instrument, prior)
+    layout = calibration.layout if calibration is not None else lay_out(model, instrument, prior, stations)
     own = [kind.deviations for kind in layout.kinds]
     frames = np.full(len(layout.names) - len(layout.estimated) - sum(map(len, own)), FRAME_DEVIATION_M)
     error = hyper.model_error[0]
@@ -327,7 +364,9 @@ def make_experiment(
         field=field,
     )
     seen = _any_seen(instrument, measurable.visible)
-    rows = np.concatenate([linear.rows(measurable.q[part], seen[part]) for part in _parts(len(measurable.q))])
+    # every station's frame is among the directions
+    turns = np.arange(len(seen)) % (1 if layout.stations is None else len(layout.stations.names))
+    rows = np.concatenate([linear.rows(measurable.q[part], seen[part], turns[part]) for part in _parts(len(seen))])
     linear = _hold_unseen_places(linear, rows)
     J_task = task_rows(linear, goal)
     basis = span(rows.reshape(-1, rows.shape[2]), J_task)
@@ -336,12 +375,23 @@ def make_experiment(
     known[:z, :z] = linear.stated
     signal = basis.T @ known @ basis
     if campaign is not None:
-        done = (linear.rows(campaign.q, campaign.valid) @ basis).reshape(-1, d)
+        done = (linear.rows(campaign.q, campaign.valid, _stations_of(campaign)) @ basis).reshape(-1, d)
         signal = done.T @ done
     if calibration is not None:
         signal = _information_of(calibration, linear.deviations, basis) - np.eye(d)
     in_task = J_task @ basis
-    return Experiment(linear=linear, basis=basis, prior=np.eye(d) + signal, signal=signal, task=in_task.T @ in_task)
+    return Experiment(
+        linear=linear,
+        basis=basis,
+        prior=np.eye(d) + signal,
+        signal=signal,
+        task=in_task.T @ in_task,
+        stations=stations,
+    )
+
+
+def _stations_of(campaign: Campaign) -> Int[np.ndarray, " n"] | None:
+    return None if campaign.stations is None else campaign.stations.of
 
 
 def _hold_unseen_places(linear: Linearisation, rows: Float[np.ndarray, "n b c"]) -> Linearisation:
@@ -479,9 +529,9 @@ def nominal_error(
         campaign: measured before.
     """
     linear = replace(experiment.linear, field=None)
-    measured = [linear.rows(q, _any_seen(linear.instrument, visible))]
+    measured = [linear.rows(q, _any_seen(linear.instrument, visible), in_blocks(len(q), experiment.stations))]
     if campaign is not None:
-        measured.append(linear.rows(campaign.q, campaign.valid))
+        measured.append(linear.rows(campaign.q, campaign.valid, _stations_of(campaign)))
     rows, J_task = np.concatenate(measured), task_rows(linear, goal)
     flat = rows.reshape(-1, rows.shape[2])
     # in units of their prior deviations

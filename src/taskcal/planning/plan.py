@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.arguments import expect_kinds, options_of
-from taskcal.campaigns.campaign import Campaign
+from taskcal.campaigns.campaign import Campaign, in_blocks
 from taskcal.errors import CampaignError, ReachError, UnknownName
 from taskcal.estimation.experiment_design import CRITERIA, Candidates, Choice, Criterion, choose, choose_at_random
 from taskcal.estimation.matrices import single_threaded
@@ -75,6 +75,8 @@ class Plan:
     """What measures."""
     of: Int[np.ndarray, " count"] | None = None
     """Without a tracker: the fixture that each pose is measured at."""
+    stations: int = 1
+    """Places that the tracker is moved to."""
     blocked: tuple[BlockedPath, ...] = ()
     """Without a tracker: poses that the robot cannot be driven to from the one before, all joints at once, and stay clear."""
 
@@ -82,6 +84,11 @@ class Plan:
     def names(self) -> tuple[str, ...]:
         """Without a tracker: name of the fixture that each pose is measured at; with one empty."""
         return () if self.of is None else tuple(self.instrument.fixtures.names[k] for k in self.of)
+
+    @property
+    def station(self) -> Int[np.ndarray, " count"]:
+        """Station that each pose is measured from, counted from 0."""
+        return in_blocks(len(self.q), self.stations)
 
     @property
     def expected_at_a_pose(self) -> float:
@@ -122,6 +129,7 @@ class Plan:
         """The report, in millimetres."""
         return {
             "count": len(self.q),
+            "stations": self.stations,
             "criterion": self.criterion,
             "expected_error_mm": self.expected * 1e3,
             "expected_with_model_error_mm": self.expected_at_a_pose * 1e3,
@@ -189,6 +197,7 @@ class PlanChoices(TypedDict, total=False):
     prior_scale: float
     progress: Callable[[str], None]
     observe: Instrument | None
+    stations: int
 
 
 @short_repr
@@ -229,6 +238,8 @@ class PlanOptions:
     """Told what is being done."""
     observe: Instrument | None = None
     """The instrument and its fixtures, not a tracker; station, registration and noise are a tracker's."""
+    stations: int = 1
+    """Places that the tracker is moved to, as many poses one after another at each; the frame of each is unknown."""
 
     def __post_init__(self) -> None:
         expect_kinds(
@@ -251,6 +262,11 @@ class PlanOptions:
             raise ValueError("give the campaign or the calibration from it; together they would count it twice")
         if self.criterion not in CRITERIA:
             raise UnknownName("criterion", self.criterion, CRITERIA)
+        if self.stations < 1 or (self.stations > 1 and (self.observe or self.campaign or self.calibration)):
+            raise ValueError(
+                f"{self.stations} stations are those of a tracker and of a plan that begins anew; give one or more, and leave out "
+                "campaign, calibration and observe"
+            )
         check_lengths([self.instrument.kind])
 
     @property
@@ -541,7 +557,16 @@ def _experiments(
     if prior.calibration is not None and prior.calibration.joint_error:
         return calibrated_experiments(prior.calibration, goal, measurable, options.instrument, options.noise)
     judged, chosen = (
-        make_experiment(model, goal, measurable, prior, options.instrument, noise=options.noise, smooth=smooth)
+        make_experiment(
+            model,
+            goal,
+            measurable,
+            prior,
+            options.instrument,
+            noise=options.noise,
+            smooth=smooth,
+            stations=options.stations,
+        )
         for smooth in (False, True)
     )
     return judged, chosen
@@ -556,8 +581,8 @@ def check_count(count: int, options: PlanOptions, targets: int) -> None:
     instrument = options.instrument
     extends = options.campaign is not None or options.calibration is not None
     if instrument.kind.in_tracker:
-        frames = 6 + 3 * targets
-        fewest = frames // (3 * targets) + 1
+        frames = 6 * options.stations + 3 * targets
+        fewest = max(frames // (3 * targets) + 1, 3 * options.stations if options.stations > 1 else 1)
         if count < 1 or (not extends and count < fewest):
             raise CampaignError(
                 f"{count} poses are too few: tracker frame and targets alone have {frames} unknowns; plan at least {fewest}, "
@@ -614,6 +639,9 @@ def plan(model: ErrorModel, task: Task, count: int = 60, **options: Unpack[PlanC
             ``observe``: the instrument and its fixtures, not a tracker, such as a `SocketInstrument`. Station, registration and
             noise are a tracker's, and do not count then.
 
+            ``stations``: places that the tracker is moved to, as many poses one after another at each. The frame of each counts
+            as unknown; poses are chosen as for one.
+
     Raises:
         ReachError: no candidate can be reached and seen, or a fixture cannot be measured.
         CampaignError: fewer poses than frames and fixtures need, or a campaign or calibration that cannot be extended.
@@ -646,6 +674,7 @@ def plan(model: ErrorModel, task: Task, count: int = 60, **options: Unpack[PlanC
         candidates=len(measurable.q),
         accuracy=task.accuracy,
         extends=known,
+        stations=chosen.stations,
         model_error=prior.hyper.model_error[0],
         model_error_origin=prior.hyper.origin,
         blocked=() if of is None else find_blocked_paths(model.nominal, instrument, q, of),

@@ -68,6 +68,7 @@ class StudyChoices(TypedDict, total=False):
     model_error: float | None
     calibration: Calibration | None
     observe: Iterable[str]
+    stations: int
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -101,6 +102,9 @@ class StudyOptions:
     tracker alone, errors are those that are left once the work's frame and the TCP were taught with the calibrated robot,
     and postures are drawn from the room that measuring may take about the task."""
 
+    stations: int = 1
+    """Places that the tracker is moved to, as many poses one after another at each."""
+
     def __post_init__(self) -> None:
         kinds = {"noise": TrackerNoise | None, "calibration": Calibration | None}
         expect_kinds(kinds, noise=self.noise, calibration=self.calibration)
@@ -113,7 +117,7 @@ class StudyOptions:
             if name not in MODELS:
                 raise UnknownName("model", name, MODELS)
         for observe in self.observe:
-            check_lengths(SimulationOptions(observe=observe).kinds.values())
+            check_lengths(SimulationOptions(observe=observe, stations=self.stations).kinds.values())
         if self.aligned and "planned" in self.plans:
             raise TaskcalError(
                 "a study plans for a tracker alone; with other instruments give the plans random or grid, and see what to expect "
@@ -187,6 +191,7 @@ class VirtualRobots:
         noise: TrackerNoise,
         rng: np.random.Generator,
         observe: str = "tracker",
+        stations: int = 1,
     ) -> tuple[Campaign, Truth]:
         """A campaign, and the robot and cell that it is of; how it is measured as `simulate` has it."""
         return simulate(
@@ -198,6 +203,7 @@ class VirtualRobots:
             model_error=self.model_error.position,
             joint_error=self.joint_error,
             observe=observe,
+            stations=stations,
         )
 
     def unexplained(
@@ -265,6 +271,7 @@ class StudySetting:
     robots: VirtualRobots
     aligned: bool = False
     """Whether errors are those that are left once frames were taught."""
+    stations: int = 1
 
 
 def try_robots(setting: StudySetting, indices: Sequence[int]) -> list[tuple[int, list[dict[str, Any]]]]:
@@ -280,7 +287,7 @@ def _try(setting: StudySetting, index: int) -> list[dict[str, Any]]:
         q = setting.plans.get(f"{kind} {count}")
         if q is None:
             q = setting.pool[rng.permutation(len(setting.pool))[:count]]
-        campaign, truth = robots.measure(x, q, setting.noise, rng, observe)
+        campaign, truth = robots.measure(x, q, setting.noise, rng, observe, setting.stations)
         # the same for all plans, and drawn beside the robot, which does not depend on it
         alone = np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index, 1)))
         unexplained = robots.unexplained(truth, setting.task_q, alone)
@@ -488,6 +495,8 @@ def study(
 
             ``observe``: how the robots are measured, each way as `simulate` has it; by a tracker by default.
 
+            ``stations``: places that the tracker is moved to, as many poses one after another at each.
+
     Raises:
         CampaignError: the calibration is of another robot or model, or has no prior.
         UnknownName: a plan, model or engine that does not exist.
@@ -544,7 +553,7 @@ def _prepare(model: ErrorModel, task: Task, options: StudyOptions) -> StudySetti
     goal = reach_task(model, task, GOAL_POSES, seed)
     room = enlarge(task, model) if options.aligned else measuring_task(model, task)
     fixed: dict[str, np.ndarray] = {}
-    asked = PlanOptions(seed=seed, noise=noise, model_error=model_error.position)
+    asked = PlanOptions(seed=seed, noise=noise, model_error=model_error.position, stations=options.stations)
     planning = PoseChoice.among(model, task, asked) if "planned" in options.plans else None
     for count in options.counts:
         if planning is not None:
@@ -565,6 +574,7 @@ def _prepare(model: ErrorModel, task: Task, options: StudyOptions) -> StudySetti
         seed=seed,
         robots=robots,
         aligned=options.aligned,
+        stations=options.stations,
     )
 
 
@@ -599,6 +609,8 @@ def _fingerprint(setting: StudySetting) -> str:
         out.update(np.round(array, 9).tobytes())
     models = {name: (options.keep, options.prior is None) for name, options in setting.models.items()}
     cases = setting.cases if setting.aligned else [case[1:] for case in setting.cases]
+    if setting.stations > 1:
+        out.update(f"{setting.stations} stations".encode())
     out.update(
         json.dumps(
             [cases, models, setting.seed, vars(setting.noise), setting.robots.model_error.position],

@@ -142,6 +142,10 @@ def _read(path: Path, folder: Path, content: bytes, robot: Robot, first: int) ->
         raise FileError(
             path, f"has reference points ({names}), whose drift only all rows tell; leave out their columns"
         )
+    if campaign.stations is not None:
+        raise FileError(
+            path, "has a column station, and stations are not fitted in parts; leave it out, or fit fewer rows"
+        )
     if campaign.observations:
         raise FileError(path, "was not measured by a tracker alone; only points and poses are fitted in parts")
     return campaign

@@ -67,8 +67,8 @@ def split_unit(name: str) -> tuple[str, str | None]:
 
 
 Kind = Literal[
-    "id", "group", "joint", "position", "quaternion", "matrix", "euler", "uncertainty", "temperature", "time", "target", "approach",
-    "move", "nominal", "observed",
+    "id", "group", "joint", "position", "quaternion", "matrix", "euler", "uncertainty", "temperature", "time", "target", "station",
+    "approach", "move", "nominal", "observed",
 ]  # fmt: skip
 
 
@@ -101,6 +101,7 @@ _GROUP = ("group", "point group", "gruppe", "punktgruppe", "group name", "collec
 """Of points with names of their own, as SpatialAnalyzer has them."""
 
 _TARGET = ("target", "reflector", "smr", "ziel", "reflektor", "prism", "prisma", "marker", "target name")
+_STATION = ("station", "station name", "station id", "station no", "tracker station", "tracker position", "standpunkt")
 _TEMPERATURE = ("temp", "temperature", "temperatur", "t robot", "robot temperature")
 _TIME = ("time", "zeit", "elapsed", "elapsed time", "t")
 _UNCERTAINTY = ("u", "uncertainty", "sigma", "unsicherheit", "std", "stdev", "standard uncertainty")
@@ -374,6 +375,7 @@ def _meaning(text: str, unit: str | None, name: str, own: dict[str, int], count:
         return Meaning(kind="temperature", unit=unit)
     kinds: tuple[tuple[Kind, tuple[str, ...]], ...] = (
         ("target", _TARGET),
+        ("station", _STATION),
         ("group", _GROUP),
         ("id", _ID),
         ("temperature", _TEMPERATURE),

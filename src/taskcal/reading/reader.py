@@ -1,7 +1,7 @@
 """Reading a campaign, whatever instrument or spreadsheet wrote it."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -37,7 +37,7 @@ class ReadOptions:
 
 
 def read_campaign(
-    path: str | Path,
+    path: str | Path | Sequence[str | Path],
     robot: Robot,
     *,
     targets: Sequence[str] | None = None,
@@ -62,8 +62,11 @@ def read_campaign(
     the order of measurement. Where their ids are rising whole numbers, a step larger than the usual one says that rows were
     left out, and the way is unknown there.
 
+    A tracker that is moved has a station for each place it stood at: a column ``station`` names that of every row; of several
+    files each is a station, named after the file, unless it has such a column (`join_stations`).
+
     Args:
-        path: a text file in columns, a workbook (.xlsx), or a log of labelled values.
+        path: a text file in columns, a workbook (.xlsx), or a log of labelled values; or several.
         robot: the robot that was measured.
         targets: the targets to read; all that are not reference points by default.
         reference_points: fixed points beside the robot; targets whose name begins with ``base`` by default.
@@ -72,10 +75,16 @@ def read_campaign(
     Raises:
         FileError: with file, line, column, value and a remedy, for anything that cannot be read as a campaign; the first
             twenty faults.
+        CampaignError: the rows of a station do not determine where it is.
     """
     expect_kinds({"robot": Robot}, robot=robot)
-    readings = read_measurements(path, robot, options)
-    campaign = campaign_of(readings, robot, targets, reference_points)
+    parts = [
+        (name, campaign_of(part, robot, targets, reference_points))
+        for name, part in _by_station(
+            [path] if isinstance(path, (str, Path)) else path, robot, options or ReadOptions()
+        )
+    ]
+    campaign = _joined(parts, robot) if parts[0][0] else parts[0][1]
     if options is not None and options.wire_scale:
         campaign = with_unknown_scale(campaign)
     if options is None or options.distances is None:
@@ -91,6 +100,58 @@ def read_measurements(path: str | Path, robot: Robot, options: ReadOptions | Non
     """
     options = options or ReadOptions()
     readings = _of_file(path, robot, options.form, options.angles)
+    if readings.stations is not None and readings.ids is not None:
+        stood = set(zip(readings.ids, readings.stations, strict=True))
+        if len(stood) > len(set(readings.ids)):  # poses of two stations may have one name
+            ids = tuple(f"{name}:{text}" for text, name in zip(readings.ids, readings.stations, strict=True))
+            readings = replace(readings, ids=ids)
+    return _one_row_a_pose(readings, robot, options)
+
+
+def _by_station(paths: Sequence[str | Path], robot: Robot, options: ReadOptions) -> Iterator[tuple[str, Readings]]:
+    """Readings of every station, and its name; an empty one of a single file that names none.
+
+    Raises:
+        FileError: two files that name no station are called the same, or another file holds the points.
+    """
+    named: dict[str, Path] = {}
+    for path in map(Path, paths):
+        readings = _of_file(path, robot, options.form, options.angles)
+        if (len(paths) > 1 or readings.stations) and options.points is not None:
+            raise FileError(
+                path, "joins stations, and --points holds their points; write joints and points into one file"
+            )
+        if readings.stations is None:
+            name = path.stem if len(paths) > 1 else ""
+            if name in named:
+                raise FileError(
+                    path,
+                    f"is called as {named[name]}; each file is a station: rename one, or add a column station to both",
+                )
+            named[name] = path
+            yield name, _one_row_a_pose(readings, robot, options)
+            continue
+        texts = np.array(readings.stations)
+        # a tracker may come back to a station, and shots of one pose are of one station
+        for name in dict.fromkeys(readings.stations):
+            part = replace(readings.take(np.flatnonzero(texts == name)), stations=None)
+            yield name, _one_row_a_pose(part, robot, options)
+
+
+def _joined(parts: Sequence[tuple[str, Campaign]], robot: Robot) -> Campaign:
+    """The campaign of all stations, rows of one file in its order."""
+    from taskcal.registration.stations import join_stations  # fits, and so imports the compiler
+    from taskcal.robot.error_model import ErrorModel
+
+    campaign = join_stations(ErrorModel(robot), parts)
+    lines = campaign.lines
+    if lines is not None and len({part.source for _, part in parts}) == 1 and (np.diff(lines) < 0).any():
+        campaign = replace(campaign.take(np.argsort(lines)), rows=None)
+    return campaign
+
+
+def _one_row_a_pose(readings: Readings, robot: Robot, options: ReadOptions) -> Readings:
+    """Readings of one station with one row for each pose, in radians and metres."""
     if options.points is not None:
         others = _of_file(options.points, robot, replace(options.form, columns=None), options.angles)
         if others.targets_by_row is not None and others.ids and len(set(others.ids)) < len(others.ids):
@@ -240,7 +301,7 @@ def _refuse_controllers(readings: Readings, robot: Robot, campaign: Campaign) ->
     ]
     if not other or not tracked:
         return
-    from taskcal.registration.consensus import fits_in_base  # fits, and so imports the compiler
+    from taskcal.registration.plausibility import fits_in_base  # fits, and so imports the compiler
 
     for name in tracked:
         if fits_in_base(robot, campaign, name):

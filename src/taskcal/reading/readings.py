@@ -878,7 +878,7 @@ MAX_TIME_S = 1e7
 """No robot works so many seconds before it is measured; clocks count more."""
 
 KNOWN = (
-    "a campaign has id, joints ({joint}_deg …), targets (x_mm … or NAME_x_mm …), qx qy qz qw, u_mm, temp_C, time_s, "
+    "a campaign has id, joints ({joint}_deg …), targets (x_mm … or NAME_x_mm …), qx qy qz qw, u_mm, station, temp_C, time_s, "
     "{joint}_approach …"
 )
 """What columns there may be."""
@@ -924,6 +924,8 @@ class Readings:
     """Radians and metres."""
     targets_by_row: tuple[str, ...] | None = None
     """Whose position each row holds, where a column says."""
+    stations: tuple[str, ...] | None = None
+    """Where the tracker stood at each row, where a column says."""
     observed: ObservedColumns | None = None
     """Columns of kinds of observation that need no tracker; None where there are none."""
     preamble: tuple[str, ...] = ()
@@ -981,7 +983,7 @@ class Readings:
 
 _BY_ROW = (
     "ids", "groups", "lines", "q", "points", "uncertainty", "rotations", "open_angles", "temperature", "time", "approach", "move",
-    "targets_by_row", "observed",
+    "targets_by_row", "stations", "observed",
 )  # fmt: skip
 """What readings hold for each row."""
 
@@ -1040,12 +1042,14 @@ def read_readings(
     if "q" not in found and not any(np.isfinite(points).any() for points in found["points"].values()):
         _refuse_nothing_measured(measured, observed)
     named = measured.of("target")
+    stations = _stations(measured)
     left_numbers, left_texts, left_lengths = _left_out(measured)
     return Readings(
         path=table.path,
         lines=np.array(table.lines, dtype=np.int64),
         groups=groups,
         targets_by_row=tuple(table.texts(named[0][0])) if named else None,
+        stations=stations,
         observed=observed,
         preamble=table.preamble,
         left_lengths=left_lengths,
@@ -1146,6 +1150,23 @@ def _ids(measured: MeasuredTable) -> tuple[str, ...] | None:
                 raise measured.table.error("the row has no id; give each row its own", row, chosen)
     faults.raise_any()
     return tuple(texts[chosen])
+
+
+def _stations(measured: MeasuredTable) -> tuple[str, ...] | None:
+    """Where the tracker stood at each row.
+
+    Raises:
+        FileError: a row does not say.
+    """
+    columns = measured.of("station")
+    if not columns:
+        return None
+    texts, faults = measured.table.texts(columns[0][0]), Faults()
+    for row in [row for row, text in enumerate(texts) if not text]:
+        with faults.collecting():
+            raise measured.table.error("the row has no station; name where the tracker stood", row, columns[0][0])
+    faults.raise_any()
+    return tuple(texts)
 
 
 def _temperature(measured: MeasuredTable) -> np.ndarray | None:

@@ -39,6 +39,9 @@ def write_campaign(path: str | Path, campaign: Campaign, robot: Robot) -> None:
 def campaign_text(campaign: Campaign, robot: Robot) -> str:
     """Text of the file that `write_campaign` writes."""
     columns: Columns = {"id": list(campaign.ids), **_joint_columns(campaign.q, robot)}
+    if (stations := campaign.stations) is not None:
+        columns["station"] = [stations.names[k] for k in stations.of]
+        campaign = campaign.carried(np.tile(np.eye(4), (len(stations.names), 1, 1)))
     for t, name in enumerate(campaign.targets):
         own = campaign.observations[t].cells(campaign.read(t)) if campaign.observations else None
         columns |= _position(_prefix(name), campaign.points[:, t]) if own is None else own
@@ -79,6 +82,8 @@ def readings_text(readings: Readings, robot: Robot) -> str:
     """
     ids = readings.ids or tuple(str(number) for number in range(1, len(readings) + 1))
     columns: Columns = {"id": list(ids)}
+    if readings.stations is not None:
+        columns["station"] = list(readings.stations)
     if readings.q is not None:
         columns |= _joint_columns(readings.q, robot)
     for name, points in readings.points.items():

@@ -6,3 +6,4 @@ from taskcal.registration.circles import register_from_circles as register_from_
 from taskcal.registration.registration import Registration as Registration
 from taskcal.registration.registration_file import load_registration as load_registration
 from taskcal.registration.registration_file import save_registration as save_registration
+from taskcal.registration.stations import join_stations as join_stations

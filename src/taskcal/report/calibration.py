@@ -11,7 +11,7 @@ from plotly.subplots import make_subplots
 from taskcal.analysis.identifiability import Identifiability, describe_combination, identifiability
 from taskcal.analysis.sensitivity import sensitivity
 from taskcal.geometry import se3
-from taskcal.identification.calibration import Calibration, informed_parameters, largest_correlations
+from taskcal.identification.calibration import Calibration, informed_parameters, largest_correlations, list_stations
 from taskcal.identification.held_out import HeldOut, Outlier, Validation
 from taskcal.identification.residual_analysis import (
     MAX_P_VALUE,
@@ -37,6 +37,7 @@ from taskcal.report.content import (
     Section,
     Table,
     decimals_of,
+    describe_effective,
     millimetres,
     model_error_origin,
     prior_scale_origin,
@@ -571,6 +572,34 @@ def _along(
     return 1e3 * along, square >= MIN_LEVERAGE**2 * square.max(axis=0), unit
 
 
+# Where the fitted rows were measured.
+
+
+def range_section(calibration: Calibration) -> Section:
+    """Make the section of the joint range that was measured."""
+    return Section(
+        "Measured range",
+        "Predictions and corrections inside this range interpolate between measured poses. Outside of it they extrapolate, and "
+        "their uncertainty grows: measure there before you rely on them.",
+        tabulate_range(calibration),
+    )
+
+
+def tabulate_range(calibration: Calibration) -> Table:
+    """Tabulate the measured range of every joint, beside its limits."""
+    robot, measured = calibration.model.robot, calibration.measured_range
+
+    def limits(j: int) -> str:
+        return measured.interval(j, *robot.limits[j]) if np.isfinite(robot.limits[j]).all() else "none"
+
+    columns = (
+        Column("joint", lambda j: robot.joint_names[j]),
+        Column("measured", measured.describe, "s"),
+        Column("limits", limits, "s"),
+    )
+    return Table.of("Joint range of the fitted rows", columns, range(len(robot.joints)))
+
+
 # Residuals of the fitted rows.
 
 PANELS = 3
@@ -880,6 +909,22 @@ def tabulate_left_out(calibration: Calibration) -> Table:
     return Table.of(title, columns, calibration.left_out, note=COUNTED)
 
 
+def tabulate_stations(calibration: Calibration) -> Table:
+    """Tabulate where a tracker stood that was moved; empty where no station is named."""
+    columns = (
+        Column("station", "name"),
+        Column("rows", "rows", "d"),
+        *(Column(f"{axis} mm", lambda one, k=k: one["position_mm"][k], ".3f") for k, axis in enumerate("xyz")),
+        *(Column(f"1σ {axis} mm", lambda one, k=k: one["standard_error_mm"][k], ".3f") for k, axis in enumerate("xyz")),
+        *(
+            Column(f"1σ r{axis} mrad", lambda one, k=k: one["standard_error_mrad"][k], ".4f")
+            for k, axis in enumerate("xyz")
+        ),
+    )
+    note = "Origin of the robot's base in the tracker frame of each station; 1σ along and about its axes, geometry unknown."
+    return Table.of("Stations of the tracker", columns, list_stations(calibration), note=note)
+
+
 # Target offsets that the poses do not determine.
 
 MAX_UNDETERMINED = 1e-6
@@ -955,6 +1000,7 @@ def summary_section(calibration: Calibration, errors: MeasuredErrors | None, ove
             else (f"{over.target * 1e3:.3f}", "mm", f"standard uncertainty of the target over {over.task} (3D, rms)"),
         ),
         Points(*_remarks(calibration)),
+        tabulate_stations(calibration) if calibration.stations else None,
     )
 
 
@@ -1105,7 +1151,7 @@ def calibration_page(
     sections = [summary_section(calibration, errors, over)]
     if errors is not None:
         sections.append(Section("The robot", robot_scene(calibration, errors, space)))
-    sections += [held_out_section(calibration), residuals_section(calibration, errors)]
+    sections += [held_out_section(calibration), range_section(calibration), residuals_section(calibration, errors)]
     if remainder is not None:
         sections.append(residual_analysis_section(remainder, f"{len(remainder.residual)} poses"))
     if errors is not None:
@@ -1119,7 +1165,7 @@ def calibration_page(
     return Page(
         title=f"Calibration of the {model.robot.title or model.robot.name}",
         sections=sections,
-        lead=f"{len(calibration.kept)} of {len(model)} parameters from {source.rows} rows of {source.campaign or 'a campaign'}. "
-        "All lengths are in millimetres.",
+        lead=f"{len(calibration.kept)} of {len(model)} parameters from {source.rows} rows of {source.campaign or 'a campaign'}"
+        f"{describe_effective(calibration.effective_parameters, calibration.parameter_groups)}. All lengths are in millimetres.",
         source=f"calibration by Taskcal {source.version}, {source.created}",
     )

@@ -3,6 +3,7 @@
 import numpy as np
 
 from taskcal.identification.comparison import Comparison
+from taskcal.identification.measured_range import describe_outside
 from taskcal.identification.validation import GUARD, Acceptance, Examination
 from taskcal.report.calibration import COUNTED, are_most, tabulate_judged
 from taskcal.report.content import Column, Table
@@ -114,6 +115,7 @@ def tabulate_points(examination: Examination, count: int | None) -> Table:
     if stated:
         columns.append(Column("error / 1σ", "studentised", ".1f"))
         columns.append(Column("in 95 % region", lambda p: "yes" if p["inside"] else "no", "s"))
+    columns.append(Column("outside range", describe_outside, optional=True))
     axes = "; x, y and z along the robot's base." if examination.validation.has_axes else "."
     title = "All points" if count is None else f"The {len(rows)} worst of {len(everything)} points"
     return Table.of(title, columns, rows, note=f"{COUNTED[:-1]}{axes}")
@@ -135,6 +137,9 @@ def describe_regions(examination: Examination) -> str:
     text = f"coverage {100 * inside / n:.1f} % ({inside} of {n} points) of the 95 % regions"
     if examination.rotation_inside is not None:
         text += f", {100 * examination.rotation_inside.mean():.1f} % of the rotations"
+    for name, (part, share) in examination.by_range().items():
+        if share is not None:
+            text += f"; {name.replace('_', ' the measured ')} {100 * share:.1f} % of {len(part)}"
     return text
 
 

@@ -456,6 +456,21 @@ def state_model_error(millimetres: float, origin: str, milliradians: float | Non
     return f"{millimetres:.3g} mm{rotation} per axis at every pose: {origin}"
 
 
+def describe_effective(effective: float | None, groups: int | None) -> str:
+    """State how many parameters the rows determine, after their number; empty where that is not known.
+
+    Args:
+        effective: number of effective parameters.
+        groups: of parameters whose size was estimated.
+    """
+    if effective is None:
+        return ""
+    sizes = {None: "", 1: ", with one estimated prior scale"}.get(
+        groups, f", in {groups} groups with an estimated size each"
+    )
+    return f"{sizes}: {effective:.1f} effective parameters"
+
+
 def prior_scale_origin(calibration: "Calibration") -> str:
     """An addition to the prior's scale: whether it was given."""
     return "as given" if calibration.provenance.options.get("prior_scale", "estimate") != "estimate" else ""

@@ -13,6 +13,7 @@ from robot_programs.core.program import Program
 from robot_programs.core.source import Place
 from taskcal.correction.correction import Correction, Deviations
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.measured_range import describe_outside
 from taskcal.identification.uncertainty_budget import evaluation_of_model_error
 from taskcal.report.calibration import corrected_uncertainty_section
 from taskcal.report.content import Block, Chart, Column, Numbers, Points, Scene, Section, Table
@@ -113,6 +114,7 @@ TARGETS = (
     Column("moved mm", "shift_mm", ".4f"),
     Column("joints °", "joint_change_deg", ".4f"),
     Column("motions", "written_as", "d"),
+    Column("outside range", describe_outside, optional=True),
 )
 
 
@@ -167,7 +169,8 @@ def tabulate_targets(correction: Correction, count: int | None = None) -> Table:
         "Targets" if everything else f"The {len(targets)} targets with the largest errors",
         TARGETS,
         targets,
-        note="u: standard uncertainty at the target, 3D rms. Motions: number written for one.",
+        note="u: standard uncertainty at the target, 3D rms. Motions: number written for one. Outside range: joint that leaves the "
+        "measured range farthest in the motion.",
         folded=count is None,
     )
 
@@ -194,6 +197,7 @@ def tabulate_correction(correction: Correction) -> list[tuple[str, str]]:
             f"{summary['largest_shift_mm']:.3f} mm, {summary['largest_turn_deg']:.3f}°, "
             f"a joint by {summary['largest_joint_change_deg']:.3f}°",
         ),
+        ("outside measured range", f"{summary['outside_moves']} of {summary['moves']} motions"),
     ]
     robot = motion.robot
     units = dict(zip(robot.joint_names, ("mm" if slides else "°" for slides in robot.prismatic), strict=True))
@@ -307,6 +311,11 @@ def _summary(correction: Correction) -> Section:
         Numbers(
             *(expected if len(correction.before.error) else ()),
             (f"{summary['largest_shift_mm']:.3f}", "mm", "largest shift of a target"),
+            (
+                str(summary["outside_moves"]),
+                "",
+                "motions outside the measured joint range, where errors are less certain",
+            ),
             (str(summary["refused"]), "", "motions rejected, and left unchanged"),
             (str(summary["unresolved"]), "", "statements not interpreted, and left unchanged"),
         ),

@@ -132,6 +132,7 @@ COLUMNS = (
     Column("expected mm", "expected_mm", ".3f", optional=True),
     Column("least joint margin °", "joint_margin_deg", ".1f", optional=True),
     Column("singular", "smallest_singular_ratio", ".3f", optional=True),
+    Column("targets outside range", lambda placed: placed["outside_targets"] or None, "d", optional=True),
 )
 
 
@@ -198,6 +199,7 @@ def placement_page(found: PartPlacements, robot: str, *, calibrated: bool) -> Pa
     said = [f"Present placement: {state_placement(found.now)}."]
     if ranked:
         said += [f"Best placement: {state_placement(ranked[0])}.", f"To reach it, {state_cost(found.now, ranked[0])}."]
+        said += [f"There, {ranked[0].outside}."] if ranked[0].outside else []
     best = tabulate_placements(found) if ranked else None
     sections = [Section("Best placements", Numbers(*_numbers(found)), *said, MEANING, best)]
     axes = varied_axes(found)

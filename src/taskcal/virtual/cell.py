@@ -8,13 +8,14 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.arguments import expect_kinds, options_of
-from taskcal.campaigns.campaign import Campaign, join
+from taskcal.campaigns.campaign import Campaign, in_blocks, join
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import Reached, solve_near
 from taskcal.observations import Differential, Measured, Observation, Scene, instrument_of
 from taskcal.observations.base import TrackerNoise
 from taskcal.observations.point import TRACKER_POSE
+from taskcal.registration.stations import join_stations
 from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
@@ -266,6 +267,7 @@ class SimulationChoices(TypedDict, total=False):
     joint_error: float | Float[np.ndarray, " joints"]
     observe: str
     places: int | None
+    stations: int
 
 
 @short_repr
@@ -298,6 +300,8 @@ class SimulationOptions:
     places: int | None = None
     """How many blocks, anchors, landmarks, planes or cubes stand there, without a tracker; three blocks, anchors or planes, one of
     the others by default."""
+    stations: int = 1
+    """How many places the tracker stands at, evenly about the robot; as many rows one after another are measured from each."""
 
     def __post_init__(self) -> None:
         expect_kinds(
@@ -315,6 +319,11 @@ class SimulationOptions:
         if self.places is not None and (self.places < 1 or self.tracked):
             raise CampaignError(
                 f"{self.places} places do not go with '{self.observe}'; give one or more, for fixtures without a tracker"
+            )
+
+        if self.stations < 1 or (self.stations > 1 and self.instruments != ("tracker",)):
+            raise CampaignError(
+                f"{self.stations} stations do not go with '{self.observe}'; a tracker alone has one or more (observe='tracker')"
             )
 
     @property
@@ -384,6 +393,9 @@ def simulate(
 
             ``places``: number of blocks, anchors, landmarks there.
 
+            ``stations``: number of places that the tracker stands at, one after another, about the robot; the campaign is in
+            the frame of the first, as that of a file (`join_stations`).
+
     Returns:
         the campaign, and the truth it was made from.
 
@@ -413,7 +425,7 @@ def simulate(
     reflectors = chosen.reflectors_beside({scene.target for scene in scenes.values()})
     parts: list[Campaign] = []
     targets: list[np.ndarray] = []
-    for name, own in rows.items():
+    for name, own in rows.items() if chosen.stations == 1 else ():
         conditions = None if chosen.conditions is None else chosen.conditions.take(own)
         if name in scenes:
             scenes[name], part = _visit_one(robot, chosen, scenes[name], q[own], conditions, rng)
@@ -422,6 +434,9 @@ def simulate(
         else:
             parts.append(_track(robot, chosen, reflectors, q[own], conditions, rng))
             targets += [se3.translation(*at) for at in reflectors.values()]
+    if chosen.stations > 1:
+        parts.append(_track_from_stations(robot, chosen, reflectors, q, rng))
+        targets += [se3.translation(*at) for at in reflectors.values()]
     truth = Truth(
         model=model,
         x=robot.x,
@@ -491,6 +506,29 @@ def _visit(
         conditions=found.conditions,
         source="virtual cell",
     )
+
+
+def _track_from_stations(
+    robot: TrueRobot,
+    options: SimulationOptions,
+    reflectors: Mapping[str, Float[np.ndarray, " 3"]],
+    q: Float[np.ndarray, "n joints"],
+    rng: np.random.Generator,
+) -> Campaign:
+    """Measurements of a tracker that goes around the robot, as many rows from each place."""
+    conditions = options.conditions
+    if conditions is None and robot.model.conditioned:
+        conditions = conditions_in_order(robot.model.robot, q)
+    parts: list[tuple[str, Campaign]] = []
+    station = in_blocks(len(q), options.stations)
+    for k in range(options.stations):
+        rows = np.flatnonzero(station == k)
+        around = se3.rotation("z", 2.0 * np.pi * k / options.stations)
+        there = replace(robot, T_tracker_base=robot.T_tracker_base @ around)
+        told = None if conditions is None else conditions.take(rows)
+        part = _track(there, options, reflectors, q[rows], told, rng)
+        parts.append((f"{k + 1}", replace(part, ids=tuple(map(str, rows.tolist())))))
+    return join_stations(robot.model.nominal, parts)
 
 
 def _track(

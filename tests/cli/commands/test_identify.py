@@ -9,6 +9,7 @@ import pytest
 from taskcal.cli.commands import doctor
 from taskcal.errors import TaskcalError
 from taskcal.identification.calibration import load_calibration
+from taskcal.identification.sibling import MIN_GAIN
 from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import write_campaign
 from taskcal.robot.catalogue import load_robot
@@ -226,6 +227,23 @@ def test_options_reach_the_fit(run: Run, cell: Path, tmp_path: Path) -> None:
     assert (options["loss"]["kind"], options["frames"]) == ("huber", "fixed")
 
 
+def test_a_sibling_is_read_named_and_not_overwritten(run: Run, cell: Path, tmp_path: Path) -> None:
+    """A few rows of a robot are fitted as those of one of its make; the JSON and a remark name its file."""
+    other = tmp_path / "other.json"
+    identify(run, cell / "one.csv", other)
+    ended = identify(run, cell / "one.csv", tmp_path / "a.json", "--rows", "0:20", "--like", other, "--json")
+    like = ended.json["like"]
+    assert (ended.status, like["file"], like["rows"]) == (0, "other.json", 60)
+    assert like["taken"] == (like["log_evidence_gain"] > MIN_GAIN)
+    assert "other.json" in ended.json["remarks"][-1]
+    before = other.read_bytes()
+    assert identify(run, cell / "one.csv", other, "--like", other).status != 0
+    missing = identify(run, cell / "one.csv", tmp_path / "b.json", "--like", tmp_path / "none.json")
+    assert missing.status == 1
+    assert "none.json" in missing.err
+    assert other.read_bytes() == before
+
+
 @pytest.mark.parametrize(
     "options",
     [
@@ -243,6 +261,7 @@ def test_options_reach_the_fit(run: Run, cell: Path, tmp_path: Path) -> None:
         ["--holdout-by", "rows"],
         ["--holdout", "0.3", "--holdout-by", "colour"],
         ["--prior", "none", "--prior-scale", "2"],
+        ["--like", "other.json", "--prior", "none"],
         ["--prior", "flat"],
         ["--model-error-mm", "-1"],
         ["--model-error-mm", "1e308"],

@@ -15,7 +15,9 @@ from tests.cli.conftest import IRB6660, Run
 KEYS = ["mean_mm", "rms_mm", "p95_mm", "max_mm", "max_x_mm", "max_y_mm", "max_z_mm", "n"]
 
 
-MORE = ["inside_share", "rotation_inside_share", "outliers", "rows", "acceptance"]
+MORE = [
+    "inside_share", "rotation_inside_share", "outside_points", "measured_range", "outliers", "rows", "acceptance",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("limit", "status", "decision"), [(0.5, 0, "pass"), (0.001, 1, "fail")])

@@ -28,7 +28,8 @@ def command(
 
     of = taskcal.load_robot(robot)
     readings = read_measurements(file, of, table.read_options)
-    whole = readings.q is not None and readings.points and (not readings.rotations or len(readings.points) == 1)
+    whole = readings.q is not None and readings.points and readings.stations is None
+    whole = whole and (not readings.rotations or len(readings.points) == 1)
     text = campaign_text(campaign_of(readings, of), of) if whole else readings_text(readings, of)
     outputs.write({output: as_parquet(text) if output.suffix.lower() == ".parquet" else text})
     for note in readings.notes:

@@ -20,7 +20,9 @@ from taskcal.report.content import Column, Table, millimetres
 
 def command(
     *,
-    campaign: Path | None = argument(None, "[CAMPAIGN.csv]", "Measurements to diagnose."),
+    campaign: list[Path] | None = argument(
+        None, "[CAMPAIGN.csv…]", "Measurements to diagnose; of several files each is a station of the tracker."
+    ),
     robot: str | None = option(None, "ROBOT", "The campaign's robot: catalogue name, or file.", also="-r"),
     fix: Path | None = option(None, "OUT.csv", "Output CSV: the campaign with the mistakes fixed."),
     out: OutputOptions,
@@ -30,7 +32,7 @@ def command(
     Tests the usual mistakes, one by one and in pairs, on held-out rows: units, signs, zeros, couplings, the order of joints and
     rows, frames, poses, targets that slipped, a tracker that moved, drift, gross errors, the robot.
     """
-    if campaign is None:
+    if not campaign:
         for name, given in (("--robot", robot), ("--fix", fix)):
             if given is not None:
                 raise typer.BadParameter("give the campaign as well: taskcal doctor CAMPAIGN.csv", param_hint=name)
@@ -38,17 +40,20 @@ def command(
         return
     if robot is None:
         raise typer.BadParameter("--robot is required with a campaign", param_hint="--robot")
-    outputs = out.begin("doctor", [("--fix", fix)], [campaign, robot])
+    outputs = out.begin("doctor", [("--fix", fix)], [*campaign, robot])
     from taskcal.reading.writer import campaign_text
 
     found = diagnose_file(campaign, taskcal.load_robot(robot))
     if found.scope:
-        info(f"{campaign.name}: {found.scope}")
+        info(f"{', '.join(path.name for path in campaign)}: {found.scope}")
     if fix is not None and len(found.findings) > len(found.unmended):
         outputs.write({fix: campaign_text(found.campaign, found.robot)})
     elif fix is not None:
         info(f"{fix} is not written: no finding can be fixed in a file")
-    out.give({"findings": [finding.as_json() for finding in found.findings]}, lambda: _show(found, campaign))
+    out.give(
+        {"findings": [finding.as_json() for finding in found.findings]},
+        lambda: _show(found, " ".join(map(str, campaign))),
+    )
 
 
 MAX_SUBJECTS = 6
@@ -69,7 +74,7 @@ MAX_USEFUL_RATIO = 0.99
 """Ratio of the error if fixed to the error, up to which a finding is a hint: one that changes nothing is not the cause."""
 
 
-def _show(diagnosis: "taskcal.diagnosis.Diagnosis", campaign: Path) -> None:
+def _show(diagnosis: "taskcal.diagnosis.Diagnosis", campaign: str) -> None:
     if not diagnosis.findings:
         tell(f"{campaign}: no mistake found")
         return
@@ -78,8 +83,8 @@ def _show(diagnosis: "taskcal.diagnosis.Diagnosis", campaign: Path) -> None:
         tell(f"{finding.id}: {finding.fix}")
 
 
-def diagnose_file(path: Path, robot: "taskcal.Robot") -> "taskcal.diagnosis.Diagnosis":
-    """The diagnosis of a file, which may be outside the robot's limits, with progress on a terminal.
+def diagnose_file(path: Path | Sequence[Path], robot: "taskcal.Robot") -> "taskcal.diagnosis.Diagnosis":
+    """The diagnosis of a file or of several stations' files, which may be outside the robot's limits, with progress on a terminal.
 
     Raises:
         FileError: it cannot be read as a campaign of so many joints.
@@ -91,7 +96,7 @@ def diagnose_file(path: Path, robot: "taskcal.Robot") -> "taskcal.diagnosis.Diag
         return taskcal.diagnose(campaign, robot, progress=progress)
 
 
-def with_first_finding(refusal: TaskcalError, path: Path, robot: "taskcal.Robot") -> str:
+def with_first_finding(refusal: TaskcalError, path: Sequence[Path], robot: "taskcal.Robot") -> str:
     """A refusal's message, with the doctor's first finding if it reduces the error."""
     message = str(refusal)
     if isinstance(refusal, UnitError):  # it has to be fixed before anything else can be tested

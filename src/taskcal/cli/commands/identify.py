@@ -14,12 +14,12 @@ import typer
 import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.campaign import CampaignOptions
-from taskcal.cli.options.common import CampaignArgument, OutputOptions, RobotOption, read_effects
+from taskcal.cli.options.common import CampaignsArgument, OutputOptions, RobotOption, read_effects
 from taskcal.cli.options.fit import FitCommandOptions, HoldoutOptions
 from taskcal.cli.output import info, placement, say, show, show_facts, started_as, tell
 from taskcal.cli.progress import bar_by_parts, bar_over
 from taskcal.errors import CampaignError, FileError, FitError, TaskcalError
-from taskcal.report.content import Column, Table, millimetres
+from taskcal.report.content import Column, Table, describe_effective, millimetres
 
 if TYPE_CHECKING:
     from taskcal.identification.chunked_fit import ChunkedFit, ErrorsOfMany
@@ -46,7 +46,7 @@ class SearchOptions:
 
 def command(
     *,
-    campaign: CampaignArgument,
+    campaign: CampaignsArgument,
     robot: RobotOption,
     output: Path = option(..., "CAL.json", "Output: the calibration.", also="-o"),
     holdout: HoldoutOptions,
@@ -74,11 +74,16 @@ def command(
             param_hint="--effects / --prior",
         )
     effects = read_effects(search.effects) if search.searching else []
-    inputs = [campaign, robot, reading.points, reading.rows, fitting.registration_file]
+    inputs = [*campaign, robot, reading.points, reading.rows, fitting.registration_file, fitting.like]
     outputs = out.begin("identify", [("--output", output)], inputs)
-    if has_too_many_rows(campaign):
+    if any(map(has_too_many_rows, campaign)):
+        if len(campaign) > 1:
+            raise typer.BadParameter(
+                f"a file of more than {WHOLE_ROWS} rows is fitted in parts, and alone; thin out its rows to join stations",
+                param_hint="CAMPAIGN.csv",
+            )
         refuse_what_needs_all_rows([reading, holdout, fitting, search], but=["mpe_to_sigma"])
-        chunked, result = identify_parts(campaign, robot, fitting.noise())
+        chunked, result = identify_parts(campaign[0], robot, fitting.noise())
         outputs.write({output: chunked.calibration.to_text()})
         result = {"calibration": output, **result}
         out.give(result, lambda: show_parts(result, chunked, parameters=parameters))
@@ -112,12 +117,14 @@ def command(
 
 
 @contextmanager
-def _explained(campaign: Path, robot: "taskcal.Robot", *refusals: type[TaskcalError]) -> Generator[None, None, None]:
+def _explained(
+    campaign: Sequence[Path], robot: "taskcal.Robot", *refusals: type[TaskcalError]
+) -> Generator[None, None, None]:
     """Add to a refusal of the campaign what the doctor finds."""
     try:
         yield
     except refusals as refusal:
-        if isinstance(refusal, FileError) and refusal.path != str(campaign):
+        if isinstance(refusal, FileError) and refusal.path not in map(str, campaign):
             raise  # of another file, of rows or points, which no diagnosis explains
         from taskcal.cli.commands.doctor import with_first_finding
 
@@ -270,7 +277,11 @@ def show_report(
     steps = next_steps(calibration, result, tracker_mm)
     show_facts([("next" if number == 0 else "", step) for number, step in enumerate(steps)])
     tell()
-    for table in (tables.tabulate_left_out(calibration), tables.tabulate_outliers(calibration)):
+    for table in (
+        tables.tabulate_stations(calibration),
+        tables.tabulate_left_out(calibration),
+        tables.tabulate_outliers(calibration),
+    ):
         if len(table):
             show(table)
     if parameters:
@@ -388,7 +399,8 @@ def _facts(result: Mapping[str, Any], *, parameters: bool) -> list[tuple[str, st
         ended = f"{result['reason']}; {result['iterations']} iterations in the last of {result['rounds']} rounds"
         facts.append(("convergence", ended))
     else:
-        facts.append(("parameters", f"{len(result['parameters'])} identified: --parameters lists them"))
+        effective = describe_effective(result["effective_parameters"], result["parameter_groups"])
+        facts.append(("parameters", f"{len(result['parameters'])} identified{effective}; --parameters lists them"))
     facts.append(("calibration", f"wrote {result['calibration']}"))
     return facts
 

@@ -139,6 +139,8 @@ def _show(found: "taskcal.correction.PartPlacements", *, calibrated: bool) -> No
     if found.ranked:
         facts.append(("best placement", state_placement(found.ranked[0])))
         facts.append(("cost of the best", state_cost(found.now, found.ranked[0])))
+        if found.ranked[0].outside:
+            facts.append(("measured range", f"at the best placement, {found.ranked[0].outside}"))
     else:
         facts.append(
             ("feasible", next((p.obstacle for p in found.all if p.obstacle), "none: all are near singularities"))

@@ -173,6 +173,7 @@ class PlanOptions:
         "task", help="Expected error over the task, or a classical criterion."
     )
     candidates: int = option(10_000, "N", "Candidate poses.", min=1)
+    stations: int = option(1, "N", "Places that the tracker is moved to, as many poses at each.", min=1)
     model_error_mm: ModelErrorOption = None
 
 
@@ -268,6 +269,8 @@ def _text(chosen: "taskcal.Plan", setting: Setting) -> str:
     from taskcal.reading.writer import joints_text
 
     columns = {} if chosen.of is None else chosen.instrument.columns(chosen.of)
+    if chosen.stations > 1:
+        columns = {"station": [f"{k + 1}" for k in chosen.station]}
     return joints_text(chosen.q, setting.model.robot, columns)
 
 
@@ -286,6 +289,11 @@ def _check_sources(
         )
     if measured.campaign is None:
         observing.check(measured)
+    if choice.stations > 1 and (observing.fixed or measured.campaign or of.calibration):
+        raise typer.BadParameter(
+            "stations are those of a tracker and of a plan that begins anew; leave out --observe, --campaign and --calibration",
+            param_hint="--stations",
+        )
     check_one_model_error(choice.model_error_mm, measured.campaign, of.calibration)
     if of.calibration is not None and measured.campaign is not None:
         raise typer.BadParameter("give --calibration or --campaign, not both", param_hint="--calibration / --campaign")
@@ -335,6 +343,7 @@ def _plan(
             model_error=metres(choice.model_error_mm),
             progress=progress,
             observe=setting.instrument,
+            stations=choice.stations,
         )
     except CampaignError as error:
         if source is None:

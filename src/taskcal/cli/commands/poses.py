@@ -52,9 +52,11 @@ def command(
         raise columns.error("has no rows below its header")
     q = read_joints(columns, model.robot)
     if reverse or q is None:
-        header, rows = _joints_for(columns, q, model, calibration)
+        q, header, rows = _joints_for(columns, q, model, calibration)
     else:
         header, rows = _poses_at(columns, q, model, calibration, angles)
+    if calibration is not None:
+        header, rows = _with_range(calibration.measured_range, q, ids, header, rows)
     outputs.write({output: _csv(ids, header, rows)})
     entries = [{"id": name, **dict(zip(header, row, strict=True))} for name, row in zip(ids, rows, strict=True)]
     result = {"robot": model.robot.name, "calibrated": calibration is not None, "rows": entries}
@@ -64,7 +66,23 @@ def command(
         out.give(result, lambda: tell(f"wrote {output}: {len(rows)} rows"))
 
 
-def _csv(ids: list[str], header: list[str], rows: list[list[float]]) -> str:
+def _with_range(
+    measured: "taskcal.identification.MeasuredRange",
+    q: "np.ndarray",
+    ids: list[str],
+    header: list[str],
+    rows: list[list[Any]],
+) -> tuple[list[str], list[list[Any]]]:
+    """The rows with the joint that lies farthest outside of what was measured, and how far; and one line about all."""
+    from taskcal.identification.measured_range import name_rows
+
+    outside = measured.farthest(q)
+    if warning := measured.warning(q, name_rows(range(len(ids)), ids)):
+        info(warning)
+    return [*header, *outside[0]], [[*row, *entry.values()] for row, entry in zip(rows, outside, strict=True)]
+
+
+def _csv(ids: list[str], header: list[str], rows: list[list[Any]]) -> str:
     import pandas as pd
 
     frame = pd.DataFrame(rows, columns=header)
@@ -72,14 +90,22 @@ def _csv(ids: list[str], header: list[str], rows: list[list[float]]) -> str:
     return frame.to_csv(index=False, float_format="%.9f", lineterminator="\n")
 
 
-def _show(robot: str, ids: list[str], header: list[str], rows: list[list[float]]) -> None:
-    kept = [k for k in range(len(header)) if len(header) <= MAX_COLUMNS or header[k] in IN_A_TERMINAL]
+def _show(robot: str, ids: list[str], header: list[str], rows: list[list[Any]]) -> None:
+    from taskcal.identification.measured_range import describe_outside
+
+    shown = [k for k in range(len(header)) if not header[k].startswith("outside_")]
+    kept = [k for k in shown if len(shown) <= MAX_COLUMNS or header[k] in IN_A_TERMINAL]
     columns = (
         Column("id", ids.__getitem__),
         *(Column(header[k], lambda number, k=k: rows[number][k], ".4f") for k in kept),
+        Column(
+            "outside range",
+            lambda number: describe_outside(dict(zip(header, rows[number], strict=True))),
+            optional=True,
+        ),
     )
     show(Table.of(f"{robot}, tool in the base", columns, range(min(len(rows), MAX_SHOWN_ROWS))))
-    if len(kept) < len(header):
+    if len(kept) < len(shown):
         info("nominal poses and orientations are in the file (--output) and in --json")
     if len(rows) > MAX_SHOWN_ROWS:
         info(f"{len(rows) - MAX_SHOWN_ROWS} more rows; write them all with --output")
@@ -91,7 +117,7 @@ def _poses_at(
     model: "taskcal.ErrorModel",
     calibration: "taskcal.Calibration | None",
     angles: Angles,
-) -> tuple[list[str], list[list[float]]]:
+) -> tuple[list[str], list[list[Any]]]:
     """Poses at joints, and with a calibration how they differ."""
     import numpy as np
 
@@ -132,7 +158,7 @@ def _pose_cells(prefix: str, T: "np.ndarray", angles: Angles) -> tuple[list[str]
 
 def _joints_for(
     columns: "Read", seed: "np.ndarray | None", model: "taskcal.ErrorModel", calibration: "taskcal.Calibration | None"
-) -> tuple[list[str], list[list[float]]]:
+) -> tuple["np.ndarray", list[str], list[list[Any]]]:
     """Joints for poses: nominal, and with a calibration those of the calibrated robot."""
     import numpy as np
 
@@ -155,6 +181,6 @@ def _joints_for(
     units = ["mm" if slides else "deg" for slides in robot.prismatic]
     names = [f"{name}_{unit}" for name, unit in zip(robot.joint_names, units, strict=True)]
     if joints.calibrated is None:
-        return names, (joints.nominal * scale).tolist()
+        return joints.nominal, names, (joints.nominal * scale).tolist()
     both = np.concatenate([joints.calibrated, joints.nominal], axis=1) * np.tile(scale, 2)
-    return [*names, *(f"nominal_{name}" for name in names)], both.tolist()
+    return joints.calibrated, [*names, *(f"nominal_{name}" for name in names)], both.tolist()

@@ -47,6 +47,7 @@ class ReflectorOptions:
 
     targets: int | None = option(None, "1|3", "Reflectors on the tool; 1 by default.")
     pose: bool = option(False, help="Measure poses instead of points.")
+    stations: int = option(1, "N", "Places that the tracker is moved to, as many rows at each.", min=1)
 
     def __post_init__(self) -> None:
         if self.targets not in (None, 1, 3):
@@ -121,8 +122,10 @@ def command(
     out: OutputOptions,
 ) -> None:
     """Simulate a campaign of a simulated robot drawn from its tolerances."""
-    if (reflectors.pose or reflectors.targets is not None) and not how.tracked:
-        raise typer.BadParameter("only for a tracker; omit them", param_hint="--targets / --pose / --observe")
+    if (reflectors.pose or reflectors.targets is not None or reflectors.stations > 1) and not how.tracked:
+        raise typer.BadParameter(
+            "only for a tracker; omit them", param_hint="--targets / --pose / --stations / --observe"
+        )
     if reflectors.targets is not None and truth_from is not None:
         raise typer.BadParameter("the truth has its own targets", param_hint="--targets / --truth-from")
     outputs = out.begin(
@@ -140,6 +143,7 @@ def command(
     options = taskcal.virtual.SimulationOptions(
         targets=targets if drawn is None else drawn.targets,
         pose=reflectors.pose,
+        stations=reflectors.stations,
         observe=how.observe,
         places=how.places,
         model_error=how.model_error_mm * 1e-3,
@@ -167,6 +171,7 @@ def command(
         "distances": how.distances,
         "targets": campaign.targets,
         "pose": reflectors.pose,
+        "stations": reflectors.stations,
         "unreachable_share": float(poses.unreachable.mean()),
     }
     out.give(result, lambda: _tell(result, how.lengths))

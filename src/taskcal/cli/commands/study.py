@@ -55,6 +55,7 @@ class StudyOptions:
         "MODEL,…",
         "Identified models: all, selected, published, published-damped, geometry (no effects), or auto (significant effects).",
     )
+    stations: int = option(1, "N", "Places that the tracker is moved to, as many poses at each.", min=1)
     model_error_mm: ModelErrorOption = None
     seed: SeedOption = 0
 
@@ -145,6 +146,7 @@ def _run(
             plans=kinds,
             models=models,
             observe=instruments,
+            stations=choice.stations,
             seed=choice.seed,
             model_error=metres(choice.model_error_mm),
             engine=running.engine_name,

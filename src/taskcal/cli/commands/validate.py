@@ -8,7 +8,7 @@ import typer
 import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.campaign import CampaignOptions
-from taskcal.cli.options.common import CalibrationArgument, CampaignArgument, JsonOption, above_zero
+from taskcal.cli.options.common import CalibrationArgument, CampaignsArgument, JsonOption, above_zero
 from taskcal.cli.output import info, show, show_facts, write_json
 
 MAX_WORST = 10
@@ -39,7 +39,7 @@ class AcceptanceOptions:
 def command(
     *,
     calibration: CalibrationArgument,
-    campaign: CampaignArgument,
+    campaign: CampaignsArgument,
     reregister: bool = option(
         False, help="Refit tracker frame and targets to this campaign, with the robot's geometry fixed."
     ),
@@ -64,7 +64,7 @@ def command(
         if measured.observations:
             frames = "fixed objects located by the calibrated robot, from these rows"
         statistic = "Position error" if examination.validation.has_axes else "Error"
-        title = f"{statistic} of {calibrated.model.robot.name} on {campaign} ({frames})"
+        title = f"{statistic} of {calibrated.model.robot.name} on {' '.join(map(str, campaign))} ({frames})"
         _show(title, examination, decision, None if all_rows else MAX_WORST)
     if decision is not None and not decision.accepted:
         raise typer.Exit(1)
@@ -79,7 +79,8 @@ def _show(
     from taskcal.report import comparison as tables
     from taskcal.report.calibration import are_most, describe_outliers, tabulate_errors
 
-    show(tabulate_errors({"predicted": examination.validation.summary()}, title))
+    parts = {label.replace("_", " measured "): part.summary() for label, (part, _) in examination.by_range().items()}
+    show(tabulate_errors({"predicted": examination.validation.summary(), **parts}, title))
     show(tables.tabulate_points(examination, worst))
     if examination.outliers:
         show(tables.tabulate_examined_outliers(examination, worst))

@@ -87,6 +87,18 @@ class CampaignRead:
         return self.whole if self.rows == tuple(range(len(self.whole))) else self.whole.take(list(self.rows))
 
 
+def stations_in_words(campaign: "taskcal.Campaign") -> list[str]:
+    """Say how many stations a tracker had, and the rows of each; nothing where none is named."""
+    stations = campaign.stations
+    if stations is None:
+        return []
+    count, rows = len(stations.names), zip(stations.names, stations.rows, strict=True)
+    named = ", ".join(f"{name} ({number} rows)" for name, number in rows)
+    if count == 1:
+        return [f"the tracker had one station: {named}"]
+    return [f"the tracker had {count} stations, each with a frame of its own: {named}"]
+
+
 def compensate(
     campaign: "taskcal.Campaign", noise: "taskcal.TrackerNoise | None" = None
 ) -> tuple["taskcal.Campaign", dict[str, Any] | None]:
@@ -127,7 +139,7 @@ class CampaignOptions(TableOptions):
 
     def read(
         self,
-        path: Path,
+        path: Path | Sequence[Path],
         robot: "taskcal.Robot",
         *,
         targets: Sequence[str] | None = None,
@@ -136,7 +148,7 @@ class CampaignOptions(TableOptions):
         """Read a campaign of a robot.
 
         Args:
-            path: its file.
+            path: its file, or those of several stations.
             robot: that was measured.
             targets: those to read where the user names none; None for all that are not reference points.
             noise: the tracker's, by which reference points are judged.
@@ -152,10 +164,11 @@ class CampaignOptions(TableOptions):
             reference_points=split_names(self.reference_points, "--reference-points"),
             options=self.read_options,
         )
-        for note in whole.notes:
-            info(f"{path.name}: {note}")
+        name = whole.source or "campaign"
+        for note in (*whole.notes, *stations_in_words(whole)):
+            info(f"{name}: {note}")
         whole, drift = compensate(whole, noise) if self.drift == "follow" else (whole, None)
-        rows = range(len(whole)) if self.rows is None else choose_rows(self.rows, len(whole), path)
+        rows = range(len(whole)) if self.rows is None else choose_rows(self.rows, len(whole), Path(name))
         return CampaignRead(whole=whole, rows=tuple(rows), drift=drift)
 
 

@@ -42,6 +42,17 @@ def look_at(path: Path | None) -> Path | None:
     return path
 
 
+def look_at_all(paths: list[Path]) -> list[Path]:
+    """The paths of files that exist.
+
+    Raises:
+        FileError: one of them does not.
+    """
+    for path in paths:
+        look_at(path)
+    return paths
+
+
 def look_at_calibration(path: Path) -> Path:
     """The path of a file that may be a calibration.
 
@@ -74,6 +85,16 @@ CampaignArgument = Annotated[
         metavar="CAMPAIGN.csv",
         help="Measurements: joint values and measured points or poses.",
         more={"callback": look_at},
+    ),
+]
+CampaignsArgument = Annotated[
+    list[Path],
+    Declared(
+        kind=typer.Argument,
+        metavar="CAMPAIGN.csv…",
+        help="Measurements: joint values and measured points or poses. Of several files each is a station of the tracker, unless a "
+        "column 'station' names them.",
+        more={"callback": look_at_all},
     ),
 ]
 CalibrationArgument = Annotated[

@@ -27,7 +27,7 @@ def register_by(
     Raises:
         CampaignError: the campaign does not determine it, or is not of this robot.
     """
-    from taskcal.registration.consensus import check_plausible
+    from taskcal.registration.plausibility import check_plausible
 
     registered = (
         taskcal.registration.register_from_circles(model, campaign)
@@ -70,6 +70,12 @@ class FitCommandOptions:
     prior_scale: float | None = option(
         None, "FACTOR", "Factor of the tolerances; estimated by default.", callback=within(1e-6, 1e6)
     )
+    like: Path | None = option(
+        None,
+        "OTHER.json",
+        "Calibration of a robot of the same make: its sizes and model error are expected of this one, unless this robot's rows "
+        "contradict them.",
+    )
     mpe_to_sigma: float | None = option(
         None,
         "FACTOR",
@@ -80,6 +86,10 @@ class FitCommandOptions:
     def __post_init__(self) -> None:
         if self.prior == "none" and self.prior_scale is not None:
             raise typer.BadParameter("without a prior there is nothing to scale", param_hint="--prior-scale / --prior")
+        if self.prior == "none" and self.like is not None:
+            raise typer.BadParameter(
+                "a sibling tells the size of the prior; keep the prior, or omit --like", param_hint="--like / --prior"
+            )
         names = self._names
         if self.lengths_only and names == ["published"]:
             raise typer.BadParameter(
@@ -105,7 +115,7 @@ class FitCommandOptions:
 
         Raises:
             CampaignError: the campaign does not determine the registration.
-            FileError: the registration's file is of another robot, or of other targets.
+            FileError: the registration's file is of another robot, or of other targets; or that of --like is no calibration.
             TaskcalError: nothing is published of the robot.
         """
         registration = register_by("circles", model, campaign) if self.registration == "circles" else None
@@ -124,6 +134,7 @@ class FitCommandOptions:
             prior_scale="estimate" if self.prior_scale is None else self.prior_scale,
             gross_errors=self.gross_errors,
             target_within=self.target_within_mm * 1e-3,
+            like=None if self.like is None else taskcal.load_calibration(self.like),
         )
 
 

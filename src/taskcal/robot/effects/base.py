@@ -388,6 +388,15 @@ class Effect:
         """Return the effect for another load, or None if it does not depend on load."""
         return None
 
+    def participation(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " p"]:
+        """How far rows can determine each parameter of `term`: factors of the tolerances with which it competes; 1 by default.
+
+        Args:
+            robot: the robot.
+            q: joint positions of the rows, radians (metres where a joint slides).
+        """
+        return np.ones(len(self.term(robot).names))
+
     def remarks(self, robot: Robot, estimates: Mapping[str, tuple[float, float]]) -> list[str]:
         """Warnings about unusual estimates, in words; none by default.
 

@@ -51,6 +51,10 @@ def _waves(joints: Sequence[int], orders: Sequence[int | float]) -> list[tuple[i
     return [(j, order, part, phase) for j in joints for order in orders for part, phase in parts]
 
 
+MIN_PARTICIPATION = 0.01
+"""Share of its tolerance, at least, with which an order competes. A convention: next to nothing, and still a tolerance."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Harmonics(Effect):
     """Gear and encoder eccentricity: cosine and sine of each joint's own angle and its multiples."""
@@ -116,6 +120,17 @@ class Harmonics(Effect):
             lambda q: np.cos(robot.joint_map(q)[:, columns] * orders - phases),
             by_joint=lambda q: -np.sin(robot.joint_map(q)[:, columns] * orders - phases)[:, :, None] * turns,
         )
+
+    def participation(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " p"]:
+        """The share of each order's period that the joint's range covers, 1 at most.
+
+        Orders of which a joint went through a part of a period are a polynomial together: among the rows that follows everything,
+        beyond them it runs away.
+        """
+        turning = [j for j in self.chosen(robot) if not robot.prismatic[j]]
+        periods = np.ptp(robot.joint_map(q), axis=0) / (2.0 * np.pi)
+        covered = [order * periods[j] for j, order, *_ in _waves(turning, self.orders)]
+        return np.clip(covered, MIN_PARTICIPATION, 1.0)
 
 
 SPECTRUM = Harmonics(orders=tuple(range(1, 31)), tolerance=1e-4, falling=True)

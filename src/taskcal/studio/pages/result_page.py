@@ -19,6 +19,7 @@ from taskcal.report.calibration import (
     tabulate_left_out,
     tabulate_outliers,
     tabulate_parameters,
+    tabulate_range,
 )
 from taskcal.report.content import Column, Table, millimetres
 from taskcal.studio.controls import ValueInput, facts, message, tabulated, text
@@ -71,6 +72,9 @@ async def build(studio: Studio, texts: Texts) -> None:
     errors = await asyncio.to_thread(measured_errors, calibration)
     if errors is not None:
         figure(texts("result.by_joint"), draw_over_joints(calibration, errors), texts("result.by_joint_note"))
+    with ui.element("details"):
+        text("summary", texts("result.range"))
+        tabulated(tabulate_range(calibration))
     with ui.element("details"):
         text("summary", texts("result.parameters"))
         tabulated(tabulate_parameters(calibration))
