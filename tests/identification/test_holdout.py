@@ -113,6 +113,7 @@ def test_the_standard_error_counts_parts_whose_rows_err_together():
     held_out = replace(
         calibration.held_out,
         rows=np.arange(120), part=np.repeat(np.arange(30), 4), residuals=together, nominal=together,
+        inside=None, rotation_inside=None,
     )  # fmt: skip
     assert held_out.standard_error == pytest.approx(own.std(ddof=1) / np.sqrt(30))
     apart = replace(held_out, part=np.arange(120))

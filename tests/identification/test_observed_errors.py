@@ -188,7 +188,7 @@ def test_stated_covariance_matches_errors_over_robots():
         model, campaign, _ = observed("socket", 100 + seed, rows=60)
         calibration = identify(model, campaign.take(np.arange(50)), gross_errors="keep")
         rest = campaign.take(np.arange(50, 60))
-        C = covariance_on(calibration, rest) + rest.covariances()
+        C = covariance_on(calibration, rest, rest.covariances())
         r = residuals_on(calibration, rest)
         squares.append(np.einsum("nti,ntij,ntj->nt", r, np.linalg.inv(C), r).ravel())
     assert 2.4 < np.mean(np.concatenate(squares)) < 3.8

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from pydantic import Field, ValidationError
 
 from taskcal.campaigns.campaign import Campaign, Stations, named_file
@@ -193,6 +193,8 @@ def _describe_held_out(held_out: "HeldOut") -> dict[str, Any]:
         "part": held_out.part.tolist(),
         "residuals": _without_nan(held_out.residuals),
         "nominal": _without_nan(held_out.nominal),
+        "inside": _truths(held_out.inside),
+        "rotation_inside": _truths(held_out.rotation_inside),
     }
 
 
@@ -206,6 +208,10 @@ def _describe_observations(calibration: "Calibration") -> list[dict[str, Any]]:
         {"kind": kind.key, "options": kind.describe(), "unknowns": unknown.tolist()}
         for kind, unknown in zip(layout.kinds, unknowns, strict=True)
     ]
+
+
+def _truths(array: Float[np.ndarray, "n targets"] | None) -> list[list[bool | None]] | None:
+    return None if array is None else [[None if np.isnan(v) else bool(v) for v in row] for row in array]
 
 
 def _without_nan(array: np.ndarray) -> list[Any]:
@@ -484,50 +490,112 @@ def unknowns_of(
         campaign: observations of them.
         settled: take all from the campaign's rows.
     """
+    return tuple(unknown for unknown, _ in _located(calibration, campaign, settled=settled))
+
+
+def _located(
+    calibration: "Calibration", campaign: Campaign, *, settled: bool
+) -> list[tuple[Float[np.ndarray, " _"], Bool[np.ndarray, " _"]]]:
+    """Unknowns of each kind, and which of them are from the campaign's own rows."""
     numbers, layout = calibration.rows_of(campaign.targets), calibration.layout
     ends = calibration.target_poses(campaign.q, campaign.conditions)[:, numbers]
-    out: list[np.ndarray] = []
+    out: list[tuple[np.ndarray, np.ndarray]] = []
     for t, kind in enumerate(observed_kinds(calibration, campaign)):
         known, own = np.full(len(kind.unknowns), np.nan), layout.kinds[numbers[t]]
         if own.key == kind.key:
             known = kind.named_like(own, layout.unknowns(calibration.z)[numbers[t]])
         if not settled and np.isfinite(known).all():
-            out.append(known)
+            out.append((known, np.zeros(len(known), dtype=bool)))
             continue
         found = kind.settle(ends[:, t], campaign.read(t), known)
-        first, second = (found, known) if settled else (known, found)
-        out.append(np.where(np.isnan(first), second, first))
-    return tuple(out)
+        # what the rows do not show, such as an instrument's scale, a kind hands back as it was known
+        located = ~np.isnan(found) & (found != known) if settled else np.isnan(known)
+        out.append((np.where(located, found, known), located))
+    return out
 
 
-def covariance_on(calibration: "Calibration", campaign: Campaign) -> Float[np.ndarray, "n targets b b"]:
-    """Covariance of each observation about what the calibration predicts, its own noise not included.
+def covariance_on(
+    calibration: "Calibration", campaign: Campaign, noise: Float[np.ndarray, "n targets b b"], *, settled: bool = False
+) -> Float[np.ndarray, "n targets b b"]:
+    """Covariance of each residual, as of `residuals_on`: of what the calibration predicts, and of the measurement.
+
+    Args:
+        calibration: of these targets.
+        campaign: observations of them.
+        noise: covariance of the measurements, m² and rad².
+        settled: as of `residuals_on`. What the campaign's own rows locate follows them, and leaves them the less to err.
 
     Raises:
         ClosureError: a closed loop cannot be assembled at some pose.
     """
     layout, stations = calibration.layout, campaign.stations
-    if layout.tracked and (layout.stations is None or stations is None):
-        return calibration.predict_covariance(campaign.q, campaign.conditions)
-    if layout.stations is not None and stations is not None:
+    if not layout.tracked:
+        return _covariance_by_kind(calibration, campaign, noise, settled=settled)
+    if layout.stations is None or stations is None:
+        out = calibration.predict_covariance(campaign.q, campaign.conditions)
+    else:
         out = np.zeros((len(campaign), len(layout.targets), *2 * (layout.block_size,)))
         for k, name in enumerate(stations.names):
             part, names = campaign.take(stations.of == k), layout.stations.names
             there = replace(calibration, layout=replace(layout, station=names.index(name) if name in names else 0))
             out[stations.of == k] = there.predict_covariance(part.q, part.conditions)
-        return out
-    kinds = tuple(
-        kind.numbered_like(layout.kinds[t])
-        for kind, t in zip(campaign.observations, calibration.rows_of(campaign.targets), strict=True)
-    )
-    at = layout.walked(campaign.q, calibration.z, calibration.model.prepare(campaign.q, campaign.conditions))
-    seen = replace(Seen.of(campaign, layout), kinds=kinds)
-    covariance = Rows(layout, calibration.z, at, seen).propagate(calibration.z_covariance)[1]
-    for t, kind in enumerate(kinds):
-        block, error = kind.block(), np.repeat(np.square(calibration.model_error), 3)
-        covariance[:, t, block, block] += error[block]
-    covariance *= calibration.growth_at(campaign.q)[:, None, None, None]
-    return np.where(campaign.valid[..., None, None], covariance, np.eye(covariance.shape[2]))
+    b = block_size(observed_kinds(calibration, campaign))
+    return out[:, calibration.rows_of(campaign.targets), :b, :b] + noise[..., :b, :b]
+
+
+def _covariance_by_kind(
+    calibration: "Calibration", campaign: Campaign, noise: Float[np.ndarray, "n targets b b"], *, settled: bool
+) -> Float[np.ndarray, "n targets b b"]:
+    """The same where not a tracker alone measured.
+
+    With D the covariance of what errs at single rows, noise and model error, and B the derivative by the unknowns that the rows
+    locate, least squares leave D − B·M·Bᵀ of D, where M = (Bᵀ·D⁻¹·B + P)⁻¹ and P is what is known of them beforehand, next to
+    nothing; of the derivative J by what the calibration knows they leave J − B·M·Bᵀ·D⁻¹·J.
+    """
+    kinds, numbers = observed_kinds(calibration, campaign), calibration.rows_of(campaign.targets)
+    located = _located(calibration, campaign, settled=settled)
+    rows, n, b = _rows_on(calibration, campaign, [unknown for unknown, _ in located]), len(campaign), block_size(kinds)
+    layout, growth = rows.layout, calibration.growth_at(campaign.q)[:, None]
+    by_entry = rows.linearise().by_entry.reshape(n, len(layout.targets), -1, len(rows.z))[:, numbers, :b]
+    single = noise[..., :b, :b].copy()
+    if any(calibration.joint_error):
+        moved = rows.propagate_joints(np.square(calibration.joint_error))[:, numbers, :b, :b]
+        single += growth[..., None, None] * moved
+    free, deviation = np.zeros(len(rows.z), dtype=bool), np.ones(len(rows.z))
+    error = np.repeat(np.square(calibration.model_error), 3)
+    for t, (kind, (_, own)) in enumerate(zip(kinds, located, strict=True)):
+        block, columns = kind.block(), layout.own[numbers[t]]
+        single[:, t, block, block] += growth * error[block]
+        free[columns], deviation[columns] = own, kind.deviations
+    entry = {name: k for k, name in enumerate(calibration.all_names)}
+    known = [entry[layout.names[k]] for k in np.flatnonzero(~free)]
+    J, B = np.sqrt(growth)[..., None, None] * by_entry[..., ~free], by_entry[..., free]
+    if free.any():
+        L = np.linalg.cholesky(single)
+        white = np.linalg.solve(L, B).reshape(-1, B.shape[3])
+        Q = np.linalg.qr(np.concatenate([white, np.diag(1.0 / deviation[free])]))[0][: len(white)]
+        W = np.linalg.solve(L, J).reshape(len(Q), -1)
+        J, B = L @ (W - Q @ (Q.T @ W)).reshape(J.shape), L @ Q.reshape(B.shape)
+        single = single - B @ np.swapaxes(B, 2, 3)
+    return single + (J @ calibration.z_covariance[np.ix_(known, known)]) @ np.swapaxes(J, 2, 3)
+
+
+def _rows_on(calibration: "Calibration", campaign: Campaign, unknowns: Sequence[Float[np.ndarray, " _"]]) -> Rows:
+    """The rows of a campaign in the calibration's layout, with unknowns of the campaign's own kinds."""
+    layout, numbers, n = calibration.layout, calibration.rows_of(campaign.targets), len(campaign)
+    kinds = [replace(kind, of=np.zeros(n, dtype=int)) if kind.things else kind for kind in layout.kinds]
+    points, valid = np.zeros((n, len(kinds), 3)), np.zeros((n, len(kinds)), dtype=bool)
+    points[:, numbers], valid[:, numbers] = campaign.points, campaign.valid
+    for t, kind in zip(numbers, observed_kinds(calibration, campaign), strict=True):
+        kinds[t] = kind
+    there = replace(layout, kinds=tuple(kinds))
+    entry = dict(zip(calibration.all_names, calibration.z, strict=True))
+    z = np.array([entry.get(name, 0.0) for name in there.names])
+    for t, unknown in zip(numbers, unknowns, strict=True):
+        z[there.own[t]] = unknown
+    rotations = np.tile(np.eye(3), (n, 1, 1)) if campaign.rotations is None else campaign.rotations
+    at = there.walked(campaign.q, z, calibration.model.prepare(campaign.q, campaign.conditions))
+    return Rows(there, z, at, Seen(position=points, rotation=rotations, valid=valid, kinds=there.kinds))
 
 
 # What is uncertain of a pose where it is not known how it is reached, or how warm the robot is.
@@ -1019,6 +1087,8 @@ class HeldOutSection(Section):
     part: list[Count]
     residuals: list[list[list[Finite | None]]]
     nominal: list[list[list[Finite | None]]]
+    inside: list[list[bool | None]] | None = None
+    rotation_inside: list[list[bool | None]] | None = None
 
     def held_out(self, targets: int, width: int, kinds: tuple[type[Observation], ...]) -> HeldOut:
         """Held-out errors that it describes, of targets with these observations.
@@ -1041,6 +1111,10 @@ class HeldOutSection(Section):
             part=np.array(self.part),
             residuals=residuals,
             nominal=array_of("held_out, nominal", self.nominal, shape),
+            inside=None if self.inside is None else array_of("held_out, inside", self.inside, shape[:2]),
+            rotation_inside=None
+            if self.rotation_inside is None
+            else array_of("held_out, rotation_inside", self.rotation_inside, shape[:2]),
             kinds=kinds,
         )
 

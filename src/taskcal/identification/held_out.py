@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.campaigns.performance import group_postures
+from taskcal.errors import CampaignError
 from taskcal.estimation.matrices import inverse_factors
 from taskcal.observations import Compared, Observation, error_lengths
 from taskcal.short_repr import short_repr
@@ -180,6 +181,10 @@ class HeldOut:
     """Measured less predicted in the axes of the robot's base, metres (then radians, for poses); NaN for lost beams."""
     nominal: Float[np.ndarray, "n targets b"]
     """The same of the nominal robot, with tracker frame and targets found from the rows that were fitted."""
+    inside: Float[np.ndarray, "n targets"] | None = None
+    """Whether each is in the 95 % region that was stated for it, as of `in_regions`; None where none was stated."""
+    rotation_inside: Float[np.ndarray, "n targets"] | None = None
+    """The same of rotations."""
     kinds: tuple[type[Observation], ...] = ()
     """Of observation of each target; none where a tracker measured all."""
 
@@ -230,6 +235,8 @@ class HeldOut:
             "largest_mm": float(means.max()),
             "standard_error_mm": self.standard_error * 1e3,
             "part_means_mm": means.tolist(),
+            "inside_share": share_inside(self.inside),
+            "rotation_inside_share": share_inside(self.rotation_inside),
         }
 
 
@@ -289,6 +296,72 @@ def _cut(
         *_cut(centres, rows, members[order[:cut]], first),
         *_cut(centres, rows, members[order[cut:]], count - first),
     ]
+
+
+# Stated regions, and whether what was measured lies in them.
+
+REGION = 0.95
+"""Share of points that a stated region is to hold."""
+
+FOLLOWED = 1e-6
+"""Variance of a residual over that of the measurement, below which the fit follows the measurement entirely: there is no residual
+to judge. A convention: far above rounding."""
+
+FOLLOWED_BY_PLACE = 1e-3
+"""The same of rows that locate what they refer to, such as an anchor by four lengths to it. A convention: the place is found by a
+search, and the region from derivatives there; both are as exact as a hundredth of the noise, and not much more."""
+
+
+def in_regions(
+    residual: Float[np.ndarray, "n targets b"],
+    own: Float[np.ndarray, "n targets b b"],
+    noise: Float[np.ndarray, "n targets b b"],
+    kinds: Sequence[Observation],
+    *,
+    rotations: bool = False,
+) -> Float[np.ndarray, "n targets"]:
+    """Whether each residual is in the region that holds 95 % of a normal distribution of its covariance: 1 or 0.
+
+    Degrees of freedom are the numbers that the kind measures, less those that the fit follows entirely.
+
+    Args:
+        residual: measured less predicted, metres (then radians).
+        own: covariance of the residuals.
+        noise: of the measurements.
+        kinds: of observation of each target.
+        rotations: of the angles, of kinds that measure some; else of the lengths, or of the angles of kinds that measure these
+            alone.
+
+    Returns:
+        NaN where nothing was measured, or nothing is left to judge.
+
+    Raises:
+        CampaignError: no uncertainty is stated.
+    """
+    from scipy.special import chdtri
+
+    out = np.full(residual.shape[:2], np.nan)
+    for t, kind in enumerate(kinds):
+        lengths, angles = ([k for k in kind.block() if (k >= 3) == turn] for turn in (False, True))
+        block = angles if rotations else lengths or angles
+        seen, part = np.flatnonzero(np.isfinite(residual[:, t, 0])), np.ix_(block, block)
+        if not (len(block) and len(seen)):
+            continue
+        covariance, error = own[seen, t][:, *part], np.trace(noise[seen, t][:, *part], axis1=1, axis2=2)
+        if (np.trace(covariance, axis1=1, axis2=2) + error <= 0.0).any():
+            raise CampaignError(
+                "the calibration and the campaign state no uncertainty at some point; state one (column u_mm)"
+            )
+        square, count = _squared_lengths(
+            residual[seen, t][:, block], covariance, FOLLOWED_BY_PLACE * error / len(block)
+        )
+        out[seen, t] = np.where(count > 0, square <= chdtri(np.maximum(count, 1), 1.0 - REGION), np.nan)
+    return out
+
+
+def share_inside(inside: Float[np.ndarray, "..."] | None) -> float | None:
+    """Share of those that were judged; None where none was."""
+    return None if inside is None or np.isnan(inside).all() else float(np.nanmean(inside))
 
 
 # Measured points that the fit cannot believe.
@@ -352,6 +425,7 @@ def studentise(
     covariance: Float[np.ndarray, "n targets b b"],
     campaign: Campaign,
     level: float,
+    followed: float = FOLLOWED,
 ) -> tuple[Float[np.ndarray, "n targets"], tuple[Outlier, ...]]:
     """Length of each residual over its own standard deviation, and the points too long for chance.
 
@@ -363,6 +437,7 @@ def studentise(
         covariance: of the measurements, model error included: the scale below which a direction has no residual to judge.
         campaign: the measurements.
         level: chance of naming any where there is none.
+        followed: share of the covariance that is too small a residual to judge.
     """
     valid, out = campaign.valid, np.full(campaign.valid.shape, np.nan)
     whole = list(range(residual.shape[2]))
@@ -370,8 +445,8 @@ def studentise(
     widths = np.array([len(block) for block in blocks])
     for t, block in enumerate(blocks):  # numbers that were measured
         judged, part = valid[:, t], np.ix_(block, block)
-        floor = 1e-6 * np.trace(covariance[judged, t][:, *part], axis1=1, axis2=2) / len(block)
-        square = _squared_lengths(residual[judged, t][:, block], own[judged, t][:, *part], floor)
+        floor = followed * np.trace(covariance[judged, t][:, *part], axis1=1, axis2=2) / len(block)
+        square, _ = _squared_lengths(residual[judged, t][:, block], own[judged, t][:, *part], floor)
         out[judged, t] = np.sqrt(square)
     from scipy.special import chdtri
 
@@ -394,20 +469,22 @@ def studentise(
 
 def _squared_lengths(
     residual: Float[np.ndarray, "k b"], own: Float[np.ndarray, "k b b"], floor: Float[np.ndarray, " k"]
-) -> Float[np.ndarray, " k"]:
-    """Squared lengths of residuals in units of their own covariances; directions whose variance is below the floor do not count.
+) -> tuple[Float[np.ndarray, " k"], Int[np.ndarray, " k"]]:
+    """Squared lengths of residuals in units of their own covariances, and in how many directions.
 
-    The fit follows those entirely: they have no residual to judge.
+    Those whose variance is below the floor do not count: the fit follows them entirely.
     """
     W = inverse_factors(own)
     square = np.sum((W @ residual[:, :, None])[:, :, 0] ** 2, axis=1)
     # the smallest variance is at least 1/tr(own⁻¹) = 1/|W|²
     doubtful = ~(np.einsum("kij,kij->k", W, W) * floor < 1.0)
+    count = np.full(len(own), own.shape[1])
     if doubtful.any():
         values, vectors = np.linalg.eigh(own[doubtful])
         along, least = np.einsum("kij,ki->kj", vectors, residual[doubtful]), floor[doubtful, None]
         square[doubtful] = np.sum(np.where(values > least, along**2 / np.maximum(values, least), 0.0), axis=1)
-    return square
+        count[doubtful] = (values > least).sum(axis=1)
+    return square, count
 
 
 def shared_with_neighbours(

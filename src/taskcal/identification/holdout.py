@@ -15,7 +15,7 @@ from taskcal.campaigns.performance import group_postures
 from taskcal.errors import CampaignError
 from taskcal.estimation.group_variances import Evidence, GroupEquations, find_sizes
 from taskcal.estimation.prior import GaussianPrior
-from taskcal.identification.calibration import Calibration
+from taskcal.identification.calibration import Calibration, covariance_on, in_its_frames, observed_kinds
 from taskcal.identification.group_model import (
     GroupFit,
     PoseNoise,
@@ -25,11 +25,19 @@ from taskcal.identification.group_model import (
     spread_to_all,
     weigh,
 )
-from taskcal.identification.held_out import GROUPINGS, SAME_POSTURE_RAD, Grouping, HeldOut, group_neighbours
+from taskcal.identification.held_out import (
+    GROUPINGS,
+    SAME_POSTURE_RAD,
+    Grouping,
+    HeldOut,
+    group_neighbours,
+    in_regions,
+)
 from taskcal.identification.layout import prior_of
 from taskcal.identification.measured_range import LEAST_RANGE, MeasuredRange
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem
+from taskcal.observations.base import TrackerNoise
 
 GROUPS = 20
 """Into which the rows are divided, unless a small share or many folds need more."""
@@ -113,7 +121,9 @@ class Holdout:
         return [np.flatnonzero(fold[group] == k) for k in range(folds)]
 
 
-def hold_out(fit: Fit, campaign: Campaign, holdout: Holdout, nominal: Fit) -> Calibration:
+def hold_out(
+    fit: Fit, campaign: Campaign, holdout: Holdout, nominal: Fit, *, noise: TrackerNoise | None = None
+) -> Calibration:
     """Fit a campaign, and keep with the calibration how well rows were predicted that a fit had not seen.
 
     Args:
@@ -121,6 +131,7 @@ def hold_out(fit: Fit, campaign: Campaign, holdout: Holdout, nominal: Fit) -> Ca
         campaign: the measurements.
         holdout: what is held out.
         nominal: the same of the nominal robot, whose tracker frame and targets alone are fitted.
+        noise: the tracker's, where the campaign does not state uncertainties.
 
     Raises:
         CampaignError: too few rows or poses, or nothing was measured in the rows held out.
@@ -130,11 +141,11 @@ def hold_out(fit: Fit, campaign: Campaign, holdout: Holdout, nominal: Fit) -> Ca
         out = holdout.choose(campaign)
         calibration = fit(_without(campaign, out))
         group = np.unique(holdout.groups(campaign)[out], return_inverse=True)[1].reshape(-1)
-        return with_held_out(calibration, campaign, out, nominal, by=holdout.by, part=group)
+        return with_held_out(calibration, campaign, out, nominal, noise=noise, by=holdout.by, part=group)
     calibration, parts = fit(campaign), holdout.divide(campaign)
     fits = [fit(_without(campaign, part)) for part in parts]
     part = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-    return _with_errors(calibration, campaign, parts, fits, nominal, by=holdout.by, folds=len(parts), part=part)
+    return _with_errors(calibration, campaign, parts, fits, nominal, noise, by=holdout.by, folds=len(parts), part=part)
 
 
 def with_held_out(
@@ -143,6 +154,7 @@ def with_held_out(
     out: Int[np.ndarray, " k"],
     nominal: Fit,
     *,
+    noise: TrackerNoise | None = None,
     by: Grouping | None = None,
     part: Int[np.ndarray, " k"] | None = None,
 ) -> Calibration:
@@ -153,12 +165,15 @@ def with_held_out(
         campaign: all rows.
         out: those that were held out.
         nominal: the fit of the nominal robot's tracker frame and targets.
+        noise: the tracker's, where the campaign does not state uncertainties.
         by: how they were chosen; None where the user named the rows to fit.
         part: the group of each; None to group neighbours.
     """
     if part is None:
         part = group_neighbours(campaign.q[out], GROUPS)
-    return _with_errors(calibration, campaign, [out], [calibration], nominal, by=by or "chosen", folds=0, part=part)
+    return _with_errors(
+        calibration, campaign, [out], [calibration], nominal, noise, by=by or "chosen", folds=0, part=part
+    )
 
 
 def _with_errors(
@@ -167,6 +182,7 @@ def _with_errors(
     parts: Sequence[Int[np.ndarray, " _"]],
     fits: Sequence[Calibration],
     nominal: Fit,
+    noise: TrackerNoise | None,
     *,
     by: Grouping | Literal["chosen"],
     folds: int,
@@ -174,6 +190,7 @@ def _with_errors(
 ) -> Calibration:
     """The calibration with the errors of parts of a campaign, each predicted by the fit that has not seen it."""
     predicted = [_predict(one, campaign, part, nominal) for one, part in zip(fits, parts, strict=True)]
+    inside = [regions_on(one, campaign.take(part), noise) for one, part in zip(fits, parts, strict=True)]
     held_out = HeldOut(
         by=by,
         folds=folds,
@@ -181,9 +198,26 @@ def _with_errors(
         part=part,
         residuals=np.concatenate([own for own, _ in predicted]),
         nominal=np.concatenate([before for _, before in predicted]),
+        inside=np.concatenate([lengths for lengths, _ in inside]),
+        rotation_inside=np.concatenate([angles for _, angles in inside]),
         kinds=campaign.kinds,
     )
     return replace(calibration, held_out=held_out)
+
+
+def regions_on(
+    calibration: Calibration, campaign: Campaign, noise: TrackerNoise | None
+) -> tuple[Float[np.ndarray, "k targets"], Float[np.ndarray, "k targets"]]:
+    """Whether what was measured is in the region that is stated for it, and the same of rotations, as of `in_regions`.
+
+    NaN for all where a station is among the rows that the calibration does not know: its frame is found from them.
+    """
+    residual, errors = calibration.residuals_on(campaign), campaign.covariances(noise)
+    if in_its_frames(calibration, campaign)[1]:
+        nothing = np.full(campaign.valid.shape, np.nan)
+        return nothing, nothing
+    kinds, own = observed_kinds(calibration, campaign), covariance_on(calibration, campaign, errors)
+    return in_regions(residual, own, errors, kinds), in_regions(residual, own, errors, kinds, rotations=True)
 
 
 def _without(campaign: Campaign, out: Int[np.ndarray, " k"]) -> Campaign:

@@ -275,7 +275,7 @@ def target_errors(
 ) -> tuple[Float[np.ndarray, "n targets"], Float[np.ndarray, "n targets"]]:
     """Distance of each target from its prediction, metres, and in standard deviations; zero where it was not seen."""
     residual = np.nan_to_num(calibration.residuals_on(campaign))
-    covariance = covariance_on(calibration, campaign) + campaign.covariances(noise)
+    covariance = covariance_on(calibration, campaign, campaign.covariances(noise))
     return np.linalg.norm(residual[..., :3], axis=2), scaled_lengths(residual, covariance)
 
 

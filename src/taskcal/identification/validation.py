@@ -18,12 +18,20 @@ from taskcal.identification.calibration import (
     Calibration,
     covariance_on,
     in_its_frames,
+    observed_kinds,
     residuals_on,
     spread_of,
     unknowns_of,
 )
 from taskcal.identification.group_model import MIN_VARIANCE, PoseNoise, of_targets
-from taskcal.identification.held_out import Outlier, Validation, shared_with_neighbours, studentise
+from taskcal.identification.held_out import (
+    FOLLOWED_BY_PLACE,
+    Outlier,
+    Validation,
+    in_regions,
+    shared_with_neighbours,
+    studentise,
+)
 from taskcal.identification.hyperparameters import SLOW
 from taskcal.identification.identify import fit_nominal
 from taskcal.identification.layout import frame_precision, layout_of
@@ -189,9 +197,6 @@ def _fit_frames(problem: Problem, calibration: Calibration) -> tuple[Float[np.nd
 # A calibration put to the test by a campaign that it has not seen: point by point, with what it stated of its own
 # uncertainty.
 
-REGION = 0.95
-"""Share of points that a stated region is to hold."""
-
 
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -208,11 +213,14 @@ class Examination:
     """Each error with its sign where one number was measured, metres; NaN where more were."""
     studentised: Float[np.ndarray, " points"] | None
     """Length of each error (rotation included, for poses) over its stated standard deviation; None where the frames were
-    refitted, or what stands was found anew, for which the calibration states nothing."""
+    refitted, for which the calibration states nothing."""
     inside: Bool[np.ndarray, " points"] | None
-    """Whether each position is in the 95 % region that is stated for it, the tracker's noise included."""
-    rotation_inside: Bool[np.ndarray, " points"] | None
-    """The same of each rotation; None for points."""
+    """Whether each point is in the 95 % region that is stated for it, noise included; of kinds without a tracker what they measure,
+    and of what is located by these very rows no more than they leave."""
+    judged: Bool[np.ndarray, " points"]
+    """Points of which `inside` says anything: not those that alone locate what they refer to, such as a socket."""
+    rotation_inside: Bool[np.ndarray, " turned"] | None
+    """The same of each rotation that was measured and is judged; None for points."""
     outliers: tuple[Outlier, ...]
     """Points too far off for chance, the worst first."""
     shared: tuple[bool, ...] = ()
@@ -235,10 +243,15 @@ class Examination:
         return {
             name: (
                 self.validation.of_points(points),
-                None if self.inside is None else float(self.inside[points].mean()),
+                self.inside_share(points),
             )
             for name, points in (("inside_range", ~self.outside), ("outside_range", self.outside))
         }
+
+    def inside_share(self, points: Bool[np.ndarray, " points"] | None = None) -> float | None:
+        """Share of the points, or of some, that are in their regions; None where none is judged."""
+        judged = self.judged if points is None else self.judged & points
+        return None if self.inside is None or not judged.any() else float(self.inside[judged].mean())
 
     @cached_property
     def _farthest(self) -> list[dict[str, Any]]:
@@ -275,7 +288,8 @@ class Examination:
         if validation.rotations is not None and np.isfinite(validation.rotations[k]):
             out["error_mrad"] = float(validation.rotations[k]) * 1e3
         if self.studentised is not None and self.inside is not None:
-            out |= {"studentised": float(self.studentised[k]), "inside": bool(self.inside[k])}
+            inside = bool(self.inside[k]) if self.judged[k] else None
+            out |= {"studentised": float(self.studentised[k]), "inside": inside}
         return out
 
     def summary(self) -> dict[str, Any]:
@@ -289,7 +303,7 @@ class Examination:
         ]
         return {
             **self.validation.summary(),
-            "inside_share": None if self.inside is None else float(self.inside.mean()),
+            "inside_share": self.inside_share(),
             "rotation_inside_share": None if self.rotation_inside is None else float(self.rotation_inside.mean()),
             "outside_points": int(self.outside.sum()),
             **{name: {**part.summary(), "inside_share": share} for name, (part, share) in self.by_range().items()},
@@ -331,17 +345,20 @@ def examine(
     direction = error / np.maximum(np.linalg.norm(error, axis=1), 1e-300)[:, None]
     along = np.einsum("ki,kij,kj->k", direction, covariance[rows, targets, :3, :3], direction)
     studentised = inside = rotation_inside = None
+    judged = np.zeros(len(rows), dtype=bool)
     outliers: tuple[Outlier, ...] = ()
     shared: tuple[bool, ...] = ()
-    if not (reregister or campaign.observations or in_its_frames(calibration, campaign)[1]):
-        known = [calibration.targets.index(name) for name in campaign.targets]
-        stated = covariance_on(calibration, campaign)[:, known, :width, :width] + covariance
-        lengths, outliers = studentise(residual, stated, stated, campaign, level)
+    if not (reregister or in_its_frames(calibration, campaign)[1]):
+        kinds = observed_kinds(calibration, campaign)
+        stated = covariance_on(calibration, campaign, covariance, settled=True)
+        lengths, outliers = studentise(residual, stated, covariance, campaign, level, FOLLOWED_BY_PLACE)
         shared = shared_with_neighbours(outliers, residual, lengths, campaign.q)
         studentised = lengths[rows, targets]
-        inside = _is_inside(error, stated[rows, targets, :3, :3])
-        if width == 6:
-            rotation_inside = _is_inside(residual[rows, targets, 3:], stated[rows, targets, 3:, 3:])
+        within = in_regions(residual, stated, covariance, kinds)[rows, targets]
+        judged, inside = np.isfinite(within), within == 1.0
+        turned = in_regions(residual, stated, covariance, kinds, rotations=True)[rows, targets]
+        if np.isfinite(turned).any():
+            rotation_inside = turned[np.isfinite(turned)] == 1.0
     one_number = np.array(
         [kind.width == 1 and not kind.angles for kind in campaign.kinds] or [False] * len(campaign.targets)
     )
@@ -353,24 +370,12 @@ def examine(
         uncertainty=np.sqrt(along),
         studentised=studentised,
         inside=inside,
+        judged=judged,
         rotation_inside=rotation_inside,
         outliers=outliers,
         shared=shared,
         measured_range=calibration.measured_range,
     )
-
-
-def _is_inside(error: Float[np.ndarray, "points 3"], covariance: Float[np.ndarray, "points 3 3"]) -> np.ndarray:
-    """Whether each error is in the ellipsoid that holds 95 % of a normal distribution of this covariance."""
-    try:
-        solved = np.linalg.solve(covariance, error[..., None])[..., 0]
-    except np.linalg.LinAlgError as singular:
-        raise CampaignError(
-            "the calibration and the campaign state no uncertainty at some point; state one (column u_mm)"
-        ) from singular
-    from scipy.special import chdtri
-
-    return np.einsum("ki,ki->k", error, solved) <= chdtri(3, 1.0 - REGION)
 
 
 # Whether a calibrated robot is accurate enough: pass or fail by a limit and a guard band.

@@ -12,7 +12,7 @@ from taskcal.analysis.identifiability import Identifiability, describe_combinati
 from taskcal.analysis.sensitivity import sensitivity
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration, informed_parameters, largest_correlations, list_stations
-from taskcal.identification.held_out import HeldOut, Outlier, Validation
+from taskcal.identification.held_out import HeldOut, Outlier, Validation, share_inside
 from taskcal.identification.residual_analysis import (
     MAX_P_VALUE,
     MIN_SHARE,
@@ -150,12 +150,21 @@ def describe_held_out(held_out: HeldOut) -> str:
     kind = PARTS[held_out.by]
     folds = f"{held_out.folds} folds of {kind}" if held_out.folds else f"{len(means)} {kind}"
     seen = "each predicted by a fit of the others" if held_out.folds else "excluded from the fit"
+    coverage = "" if held_out.inside is None else f"; {describe_coverage(held_out.inside)}"
     if len(means) < 2:
-        return f"{folds}, {seen}: mean {mean:.3f} mm; a single part has no standard error"
+        return f"{folds}, {seen}: mean {mean:.3f} mm; a single part has no standard error{coverage}"
     return (
         f"{folds}, {seen}: mean {mean:.3f} mm, standard error {held_out.standard_error * 1e3:.3f} mm; parts from "
-        f"{means.min():.3f} to {means.max():.3f} mm"
+        f"{means.min():.3f} to {means.max():.3f} mm{coverage}"
     )
+
+
+def describe_coverage(inside: Float[np.ndarray, "..."]) -> str:
+    """State how many points are in their 95 % regions; NaN for those that have none."""
+    share = share_inside(inside)
+    if share is None:
+        return "95 % regions not judged: these rows suffice only to locate what they were measured from"
+    return f"coverage {100 * share:.1f} % ({int(np.nansum(inside))} of {np.isfinite(inside).sum()} points) of the 95 % regions"
 
 
 def held_out_section(calibration: Calibration) -> Section:

@@ -5,7 +5,7 @@ import numpy as np
 from taskcal.identification.comparison import Comparison
 from taskcal.identification.measured_range import describe_outside
 from taskcal.identification.validation import GUARD, Acceptance, Examination
-from taskcal.report.calibration import COUNTED, are_most, tabulate_judged
+from taskcal.report.calibration import COUNTED, are_most, describe_coverage, tabulate_judged
 from taskcal.report.content import Column, Table
 
 MIN_CHANGE_SIGMAS = 2.0
@@ -114,7 +114,9 @@ def tabulate_points(examination: Examination, count: int | None) -> Table:
         columns.append(Column("error mrad", "error_mrad", ".3f"))
     if stated:
         columns.append(Column("error / 1σ", "studentised", ".1f"))
-        columns.append(Column("in 95 % region", lambda p: "yes" if p["inside"] else "no", "s"))
+        columns.append(
+            Column("in 95 % region", lambda p: {True: "yes", False: "no"}.get(p["inside"], "not judged"), "s")
+        )
     columns.append(Column("outside range", describe_outside, optional=True))
     axes = "; x, y and z along the robot's base." if examination.validation.has_axes else "."
     title = "All points" if count is None else f"The {len(rows)} worst of {len(everything)} points"
@@ -129,12 +131,13 @@ def tabulate_examined_outliers(examination: Examination, count: int | None = Non
 
 def describe_regions(examination: Examination) -> str:
     """State the coverage of the 95 % regions."""
-    if examination.inside is None and examination.campaign.observations:
-        return "not judged: the fixed objects were located from these rows, for which the calibration states no uncertainty"
     if examination.inside is None:
         return "not judged: tracker frame and targets were refitted; the regions are those of the calibration's own"
-    inside, n = int(examination.inside.sum()), len(examination.inside)
-    text = f"coverage {100 * inside / n:.1f} % ({inside} of {n} points) of the 95 % regions"
+    text = describe_coverage(np.where(examination.judged, examination.inside, np.nan))
+    if any(kind.unknowns for kind in examination.campaign.observations):
+        text += ", which allow for fixed objects located from these rows"
+    if 0 < (left := int((~examination.judged).sum())) < len(examination.judged):
+        text += f"; {left} not judged: too few rows of their fixed object"
     if examination.rotation_inside is not None:
         text += f", {100 * examination.rotation_inside.mean():.1f} % of the rotations"
     for name, (part, share) in examination.by_range().items():

@@ -98,7 +98,7 @@ def command(
         info("--mpe-to-sigma has no effect: the campaign states its own uncertainties (u_mm)")
     fit = _Fit(model=model, fitting=fitting, search=search, effects=effects, seed=holdout.seed, fits=holdout.fits)
     with _explained(campaign, described, CampaignError, FitError):
-        calibration = holdout.fit(read, fit, fit.nominal)
+        calibration = holdout.fit(read, fit, fit.nominal, fitting.noise())
     for remark in calibration.remarks:
         info(remark)
     outputs.write({output: calibration.to_text()})

@@ -198,13 +198,16 @@ class HoldoutOptions:
 
         return taskcal.identification.Holdout(share=self.holdout, folds=self.folds, by=self.holdout_by, seed=self.seed)
 
-    def fit(self, read: CampaignRead, fit: "Fit", nominal: "Fit") -> "taskcal.Calibration":
+    def fit(
+        self, read: CampaignRead, fit: "Fit", nominal: "Fit", noise: "taskcal.TrackerNoise | None"
+    ) -> "taskcal.Calibration":
         """The calibration of the rows that are to be fitted, with its predictions of the others.
 
         Args:
             read: the campaign; rows that were not chosen are held out too.
             fit: of the rows of a campaign.
             nominal: of tracker frame and targets of the nominal robot.
+            noise: the tracker's; None for the default.
 
         Raises:
             CampaignError: too few rows.
@@ -215,12 +218,12 @@ class HoldoutOptions:
         from taskcal.identification.holdout import with_held_out
 
         if self.asked:
-            return taskcal.identification.hold_out(fit, read.whole, self._holdout(), nominal)
+            return taskcal.identification.hold_out(fit, read.whole, self._holdout(), nominal, noise=noise)
         calibration = fit(read.campaign)
         others = np.setdiff1d(np.arange(len(read.whole)), read.rows)
         if not read.whole.take(others).valid.any():
             return calibration
-        return with_held_out(calibration, read.whole, others, nominal)
+        return with_held_out(calibration, read.whole, others, nominal, noise=noise)
 
     def fitted_rows(self, read: CampaignRead) -> list[int]:
         """Rows that the calibration was fitted to, gross errors among them."""
