@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from taskcal.errors import CampaignError
 from taskcal.identification.calibration import covariance_on, load_calibration
 from taskcal.identification.held_out import REGION
 from taskcal.identification.holdout import Holdout, hold_out
@@ -107,3 +108,12 @@ def test_a_row_that_is_wrong_is_outside_and_named():
     assert not examined.inside[7]
     assert [outlier.row for outlier in examined.outliers][:1] == [other.row_of(7)]
     assert examined.validation.summary() == validate(calibration, replace(other, points=points)).summary()
+
+
+def test_rows_without_any_uncertainty_are_refused():
+    model, campaign = measured("socket", 4)
+    (kind,) = campaign.observations
+    calibration = fit_of(model)(campaign.take(np.flatnonzero(kind.of != 3)))
+    certain = replace(campaign, uncertainty=np.zeros((len(campaign), 1)))
+    with pytest.raises(CampaignError, match="state no uncertainty at some point"):
+        examine(calibration, certain)

@@ -112,7 +112,6 @@ def test_some_rows_keep_only_the_anchors_that_they_name():
     kind = Lengths(anchors=("a", "b", "c"), of=np.array([0, 1, 2, -1, 2]))
     some = kind.take(np.array([4, 3, 0]))
     assert (some.anchors, some.of.tolist()) == (("c", "a"), [0, -1, 1])
-    assert some.numbered_like(kind).of.tolist() == [2, -1, 0]
     assert Lengths.of_description(kind.describe()).describe() == kind.describe()
 
 

@@ -77,7 +77,6 @@ def test_some_rows_keep_only_the_landmarks_that_they_name():
     kind = Landmarks(landmarks=("a", "b", "c"), of=np.array([0, 1, 2, -1, 2]))
     some = kind.take(np.array([4, 3, 0]))
     assert (some.landmarks, some.of.tolist()) == (("c", "a"), [0, -1, 1])
-    assert some.numbered_like(kind).of.tolist() == [2, -1, 0]
     assert Landmarks.of_description(kind.describe()).describe() == kind.describe()
 
 

@@ -123,7 +123,6 @@ def test_take_keeps_sockets_and_distances_named_by_rows():
     assert some.sockets == ("c", "a")
     assert some.of.tolist() == [0, -1, 1]
     assert [(d.a, d.b) for d in some.distances] == [("a", "c")]
-    assert some.numbered_like(kind).of.tolist() == [2, -1, 0]
     assert some.named_like(kind, np.arange(9.0)).tolist() == [6, 7, 8, 0, 1, 2]
     assert Sockets.of_description(kind.describe()).describe() == kind.describe()
 

@@ -19,7 +19,7 @@ from taskcal.estimation.matrices import factor_positive, single_threaded
 from taskcal.geometry import se3
 from taskcal.geometry.se3 import array_of, of_shape, rigid
 from taskcal.identification.calibration_format import FORMAT, FORMAT_VERSION, read_envelope
-from taskcal.identification.held_out import HeldOut, LeftOut, Outlier, shared_with_neighbours
+from taskcal.identification.held_out import NO_UNCERTAINTY, HeldOut, LeftOut, Outlier, shared_with_neighbours
 from taskcal.identification.layout import Layout
 from taskcal.identification.measured_range import MeasuredRange
 from taskcal.identification.problem import Rows, Seen, joint_columns
@@ -526,6 +526,7 @@ def covariance_on(
         settled: as of `residuals_on`. What the campaign's own rows locate follows them, and leaves them the less to err.
 
     Raises:
+        CampaignError: no uncertainty is stated of rows that locate something.
         ClosureError: a closed loop cannot be assembled at some pose.
     """
     layout, stations = calibration.layout, campaign.stations
@@ -571,7 +572,10 @@ def _covariance_by_kind(
     known = [entry[layout.names[k]] for k in np.flatnonzero(~free)]
     J, B = np.sqrt(growth)[..., None, None] * by_entry[..., ~free], by_entry[..., free]
     if free.any():
-        L = np.linalg.cholesky(single)
+        try:
+            L = np.linalg.cholesky(single)
+        except np.linalg.LinAlgError as singular:
+            raise CampaignError(NO_UNCERTAINTY) from singular
         white = np.linalg.solve(L, B).reshape(-1, B.shape[3])
         Q = np.linalg.qr(np.concatenate([white, np.diag(1.0 / deviation[free])]))[0][: len(white)]
         W = np.linalg.solve(L, J).reshape(len(Q), -1)

@@ -303,6 +303,8 @@ def _cut(
 REGION = 0.95
 """Share of points that a stated region is to hold."""
 
+NO_UNCERTAINTY = "the calibration and the campaign state no uncertainty at some point; state one (column u_mm)"
+
 FOLLOWED = 1e-6
 """Variance of a residual over that of the measurement, below which the fit follows the measurement entirely: there is no residual
 to judge. A convention: far above rounding."""
@@ -349,9 +351,7 @@ def in_regions(
             continue
         covariance, error = own[seen, t][:, *part], np.trace(noise[seen, t][:, *part], axis1=1, axis2=2)
         if (np.trace(covariance, axis1=1, axis2=2) + error <= 0.0).any():
-            raise CampaignError(
-                "the calibration and the campaign state no uncertainty at some point; state one (column u_mm)"
-            )
+            raise CampaignError(NO_UNCERTAINTY)
         square, count = _squared_lengths(
             residual[seen, t][:, block], covariance, FOLLOWED_BY_PLACE * error / len(block)
         )

@@ -412,13 +412,6 @@ class Observation(ABC):
         """The file that `with_stated` reads; None for kinds of which nothing is stated."""
         return None
 
-    def numbered_like(self, other: "Observation") -> "Observation":
-        """The same rows, what they refer to numbered as another one of this kind does; −1 where that does not know it."""
-        if self.of is None:
-            return self
-        number = [other.named.index(name) if name in other.named else -1 for name in self.named]
-        return replace(other, of=np.array([*number, -1])[self.of])
-
     def take(self, rows: Int[np.ndarray, " k"]) -> "Observation":
         """The observation of some rows, with what these refer to."""
         if self.of is None:
