@@ -95,6 +95,19 @@ def test_the_variance_is_shared_out_among_its_sources(name, calibration, robot, 
         assert tool + part < geometry
 
 
+def test_what_is_stated_of_a_program_grows_beyond_the_measured_range(calibration, robot, measured, cutting):
+    """As the regions of predicted points do."""
+    within = replace(calibration, model_error=(1e-4, 0.0), range_growth=0.0)
+    beyond = replace(within, range_growth=2.0)
+    q = measured[:4] + 0.5 * np.ptp(measured, axis=0)
+    growth = beyond.growth_at(q)
+    assert growth.max() > 1.5
+    cell = cells(within, robot, measured)["as the controller has them"]
+    before, after = (calibrate_frames(one, cutting, cell) for one in (within, beyond))
+    np.testing.assert_allclose(after.variances(q), growth[:, None] * before.variances(q), rtol=1e-6)
+    np.testing.assert_allclose(after.spread(q), np.sqrt(growth)[:, None, None] * before.spread(q), rtol=1e-9)
+
+
 def test_part_in_hand_is_the_inverse_view(calibration, robot, measured, make_moves, middle):
     """A part in hand is the same robot seen from the other side."""
     tool, part = Frame(name="disc", T=middle), Frame(name="blade", T=robot.T_flange_tool)

@@ -370,7 +370,8 @@ class FrameCalibration:
         calibration, fixed, T = self.calibration, self.fixed, self._grasped_poses(q)
         J = self.grasped.twists(q, conditions)[:, :3]
         R = T[:, :3, :3]
-        by_estimate = J @ calibration.z_covariance @ np.swapaxes(J, 1, 2)
+        growth = calibration.growth_at(q)[:, None, None]
+        by_estimate = growth * (J @ calibration.z_covariance @ np.swapaxes(J, 1, 2))
         grasped = by_estimate + R @ self.grasped.covariance @ np.swapaxes(R, 1, 2)
         if fixed.follows_base:
             J = J.copy()
@@ -383,7 +384,7 @@ class FrameCalibration:
         R = R_fixed.T @ R
         arm = se3.carry(np.broadcast_to(np.eye(6), (len(q), 6, 6)), T[:, :3, 3])[:, :3]
         by_fixed = R_fixed.T @ (arm @ fixed.covariance @ np.swapaxes(arm, 1, 2)) @ R_fixed
-        by_estimate = J @ calibration.z_covariance @ np.swapaxes(J, 1, 2)
+        by_estimate = growth * (J @ calibration.z_covariance @ np.swapaxes(J, 1, 2))
         return grasped, by_estimate + R @ self.grasped.covariance @ np.swapaxes(R, 1, 2) + by_fixed
 
     def points(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3"]:
@@ -401,6 +402,7 @@ class FrameCalibration:
         R = (self.calibration.T_tracker_base @ self.fixed.T_base_fixed)[:3, :3].T
         values, vectors = np.linalg.eigh(self.calibration.z_covariance)
         by_estimate = R @ self.grasped.twists(q, None)[:, :3] @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+        by_estimate *= np.sqrt(self.calibration.growth_at(q))[:, None, None]
         values, vectors = np.linalg.eigh(self.grasped.covariance)
         held = R @ self._grasped_poses(q)[:, :3, :3] @ (vectors * np.sqrt(np.maximum(values, 0.0)))
         return np.concatenate([by_estimate, held], axis=2)
@@ -436,7 +438,7 @@ class FrameCalibration:
 
     def model_variance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
         """Variance of the model error at a new pose, in space, metres²."""
-        return np.full(len(q), 3.0 * self.calibration.model_error[0] ** 2)
+        return 3.0 * self.calibration.model_error[0] ** 2 * self.calibration.growth_at(q)
 
 
 def _total(covariance: Float[np.ndarray, "*b 3 3"]) -> Float[np.ndarray, "*b"]:
