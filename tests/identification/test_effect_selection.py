@@ -247,25 +247,30 @@ def test_explain_converges_at_fifteen_rows():
     assert explain(model, campaign, candidates=CHEAP).calibration.estimated.any()
 
 
-def test_effects_are_dropped_if_neighbours_are_predicted_worse(robot, monkeypatch):
-    """Effects are dropped if they worsen the prediction of groups of neighbouring poses."""
+def test_effects_are_dropped_if_neighbours_or_ends_are_predicted_worse(robot, monkeypatch):
+    """Effects are dropped if they worsen the prediction of groups of neighbouring poses, or of the ends of the joints' ranges."""
     from taskcal.identification import effects as module
 
     model, rng = ErrorModel(robot), np.random.default_rng(0)
     campaign, _ = simulate(model + Harmonics(orders=(1,)), poses(robot, rng, 60), rng=rng)
     assert explain(model, campaign, candidates=CHEAP).effects
-    whole = module.validate_groups
+    errors_of = module.errors_of_parts
 
-    def worse(*arguments):
-        errors = whole(*arguments)
-        return replace(errors, whole=100.0 * errors.whole)
+    def worse(fitted, parts, effects=()):
+        errors = errors_of(fitted, parts, effects)
+        at_ends = len(parts) > 5
+        return replace(errors, whole=errors.whole * (0.01 if at_ends == (which == "ends") and not effects else 1.0))
 
-    monkeypatch.setattr(module, "validate_groups", worse)
-    found = explain(model, campaign, candidates=CHEAP)
-    assert not found.effects
-    assert found.calibration.model == model
-    assert "neighbouring poses left out together worse" in found.steps[-1].reason
-    assert found.steps[-1].reason in found.calibration.remarks[-1]
+    monkeypatch.setattr(module, "errors_of_parts", worse)
+    for which, said in (
+        ("groups", "neighbouring poses left out together worse"),
+        ("ends", "ends of the joints' ranges worse"),
+    ):
+        found = explain(model, campaign, candidates=CHEAP)
+        assert not found.effects
+        assert found.calibration.model == model
+        assert said in found.steps[-1].reason
+        assert found.steps[-1].reason in found.calibration.remarks[-1]
 
 
 def test_a_socket_left_out_whole_is_found_from_its_own_rows():

@@ -7,7 +7,10 @@ import pytest
 from scipy.special import chdtri
 
 from taskcal.identification.effects import explain
+from taskcal.identification.holdout import about_calibration, end_parts, errors_of_parts
 from taskcal.identification.identify import identify
+from taskcal.identification.options import FitOptions
+from taskcal.identification.problem import problem_of
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import SPECTRUM, Harmonics, JointField
 from taskcal.robot.error_model import ErrorModel
@@ -57,6 +60,20 @@ def test_growth_leaves_the_measured_range_as_it_is():
     np.testing.assert_allclose(
         ratio, np.broadcast_to((1.0 + calibration.range_growth * u)[:, None, None, None], ratio.shape)
     )
+
+
+def test_errors_at_ends_are_those_of_fits_without_their_rows():
+    campaign, _ = measured(1)
+    options = FitOptions.of(model_error=3e-5, prior_scale=1.0)
+    calibration = identify(PLAIN, campaign, model_error=3e-5, prior_scale=1.0)
+    problem = problem_of(calibration.layout, campaign, None)
+    parts = end_parts(problem)
+    assert len(parts) == 12
+    errors = errors_of_parts(about_calibration(calibration, problem, options), parts[:4])
+    for part, error in zip(parts[:4], errors.whole, strict=True):
+        rest = campaign.take(np.setdiff1d(np.arange(len(campaign)), part))
+        fitted = identify(PLAIN, rest, model_error=3e-5, prior_scale=1.0)
+        assert error == pytest.approx(np.linalg.norm(fitted.residuals_on(campaign.take(part)), axis=2).mean(), rel=1e-2)
 
 
 def test_an_order_competes_as_far_as_its_period_was_covered():

@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from taskcal.analysis.identifiability import Collinearity, identifiability
 from taskcal.arguments import expect_kinds
 from taskcal.campaigns.campaign import Campaign
-from taskcal.errors import CampaignError, ClosureError, FitError, TaskcalError, shortened
+from taskcal.errors import ClosureError, FitError, TaskcalError, shortened
 from taskcal.estimation.matrices import single_threaded
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.group_search import (
@@ -28,9 +28,18 @@ from taskcal.identification.group_search import (
     find_group_model,
 )
 from taskcal.identification.held_out import group_neighbours
-from taskcal.identification.holdout import mean_over_rows, predict_left_out, split_postures, validate_groups
+from taskcal.identification.holdout import (
+    PartErrors,
+    about_calibration,
+    end_parts,
+    errors_of_parts,
+    mean_over_rows,
+    predict_left_out,
+    split_postures,
+)
 from taskcal.identification.identify import Attempt, attempt, hold_scale
 from taskcal.identification.options import FitChoices, FitOptions
+from taskcal.identification.problem import problem_of
 from taskcal.identification.sibling import check_sibling, has_own_sizes, with_unused_sibling
 from taskcal.observations.base import UNMEASURED, TrackerNoise
 from taskcal.robot.effects import SPECTRUM, Effect, JointField, kinds
@@ -275,8 +284,8 @@ def select_effects(
     parameters in common the model gets one.
 
     All effects together are kept where they predict rows better that were not fitted, both single postures and groups of
-    neighbouring ones (`group_neighbours`); else the geometry is, or tracker frame and targets alone where no parameter of the
-    geometry explains the rows. The calibration's remarks say so.
+    neighbouring ones (`group_neighbours`), and the ends of the joints' ranges (`end_parts`) not clearly worse; else the geometry
+    is, or tracker frame and targets alone where no parameter of the geometry explains the rows. The calibration's remarks say so.
 
     Args:
         model: the geometric model, possibly with effects that are certain, or expected whatever the data say.
@@ -360,16 +369,14 @@ class _Trial:
         """The fit of all rows."""
         return attempt(model, self.campaign, options)
 
-    def errors_left_out(
-        self, model: ErrorModel, options: FitOptions, parts: list[Int[np.ndarray, " _"]] | None = None
-    ) -> Float[np.ndarray, "rows targets"]:
-        """Errors where a row was not fitted, metres; of the folds, or of other parts."""
+    def errors_left_out(self, model: ErrorModel, options: FitOptions) -> Float[np.ndarray, "rows targets"]:
+        """Errors where a row was not fitted, metres."""
 
         def fit(campaign: Campaign) -> Calibration:
             self.progress(CHECK)
             return attempt(model, campaign, options).calibration
 
-        return predict_left_out(fit, self.campaign, self.parts if parts is None else parts)
+        return predict_left_out(fit, self.campaign, self.parts)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -443,14 +450,15 @@ def _find_all(
     reason = f"predicts held-out rows {'' if gain > 0.0 else 'no '}better"
     if gain > 0.0 and not for_it:
         reason += ", but without the evidence for it"
-    beside, own = _errors_of_neighbours(selection, trial, one, search)
-    better = bool(gain > 0.0 and for_it and own <= beside)
-    if gain > 0.0 and own > beside:
-        reason += f", but neighbouring poses left out together worse: {own * 1e3:.4f} in place of {beside * 1e3:.4f} mm"
+    outer = _Outer.of(selection, trial, one, search)
+    against = outer.against()
+    better = bool(gain > 0.0 and for_it and not against)
+    if gain > 0.0 and against:
+        reason += f", but {against}"
     together = _stage(
         "all effects", one.calibration, selection.calibration, whole, selection.errors, accepted=better, reason=reason
     )
-    worths = {effect: _worth(effect, one, enters=better) for effect in one.effects}
+    worths = {effect: _worth(effect, one, outer, enters=better) for effect in one.effects}
     stages = sorted(worths.values(), key=lambda stage: -(stage.worth or 0.0))
     selection = replace(selection, stages=(*selection.stages, together, *stages))
     if not better:
@@ -466,24 +474,59 @@ def _find_all(
     )
 
 
-def _errors_of_neighbours(
-    selection: _Selection, trial: _Trial, one: GroupModelFound, search: EffectSearch
-) -> tuple[float, float]:
-    """Mean errors, metres, where neighbouring poses are left out together: of what is there, and of the one model.
-
-    Infinite where the other poses do not determine the frames.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Outer:
+    """Errors of the one model where rows have no neighbour on one side that was fitted, and of what is there, metres.
 
     Of two poses side by side, one in the fit tells the other's error: effects that follow the rows closely look good among them,
     and need not be so where the robot was not measured.
     """
-    group = group_neighbours(trial.campaign.q, search.folds)
-    parts = [np.flatnonzero(group == number) for number in range(group.max() + 1)]
-    try:
-        beside = trial.errors_left_out(selection.model, selection.options, parts)
-    except CampaignError:  # the others do not determine the frames
-        return np.inf, np.inf
-    own = validate_groups(one.fitted, parts, (), np.random.default_rng(search.seed)).whole
-    return mean_over_rows(beside)[0], mean_over_rows(own)[0]
+
+    clusters: PartErrors
+    """Of groups of neighbouring poses."""
+    beside_clusters: Float[np.ndarray, " clusters"]
+    """Of what is there."""
+    ends: PartErrors
+    """At the ends of the joints' ranges."""
+    beside_ends: Float[np.ndarray, " ends"]
+
+    @classmethod
+    def of(cls, selection: _Selection, trial: _Trial, one: GroupModelFound, search: EffectSearch) -> "_Outer":
+        """By the normal equations, no model is fitted again."""
+        calibration, options, fitted = selection.calibration, selection.options, one.fitted
+        problem = problem_of(calibration.layout, trial.campaign, options.noise)
+        there = about_calibration(calibration, problem, options)
+        group = group_neighbours(trial.campaign.q, search.folds)
+        clusters = [np.flatnonzero(group == number) for number in range(group.max() + 1)]
+        return cls(
+            clusters=errors_of_parts(fitted, clusters, [effect.name for effect in one.effects]),
+            beside_clusters=errors_of_parts(there, clusters).whole,
+            ends=one.errors.ends,
+            beside_ends=errors_of_parts(there, end_parts(problem)).whole,
+        )
+
+    def against(self) -> str:
+        """Why the one model is worse than what is there; empty where it is not."""
+        beside, own = float(np.nanmean(self.beside_clusters)), float(np.nanmean(self.clusters.whole))
+        if own > beside:
+            return f"neighbouring poses left out together worse: {own * 1e3:.4f} in place of {beside * 1e3:.4f} mm"
+        if _clearly_less(self.beside_ends, self.ends.whole):
+            beside, own = float(np.nanmean(self.beside_ends)), float(np.nanmean(self.ends.whole))
+            return f"ends of the joints' ranges worse: {own * 1e3:.4f} in place of {beside * 1e3:.4f} mm"
+        return ""
+
+    def harmed_by(self, effect: str) -> bool:
+        """Whether the ends, or the groups of neighbours, are predicted better without an effect."""
+        return any(_clearly_less(parts.without[effect], parts.whole) for parts in (self.clusters, self.ends))
+
+
+def _clearly_less(some: Float[np.ndarray, " parts"], others: Float[np.ndarray, " parts"]) -> bool:
+    """Whether errors are smaller in the mean over parts by more than the standard error of that.
+
+    A part counts once: its poses have in common what is wrong there.
+    """
+    fall = (others - some)[np.isfinite(others - some)]
+    return len(fall) > 1 and bool(fall.mean() > fall.std(ddof=1) / np.sqrt(len(fall)))
 
 
 def _shortly(refusal: TaskcalError) -> str:
@@ -491,21 +534,25 @@ def _shortly(refusal: TaskcalError) -> str:
     return str(refusal).partition(". ")[0].partition("; ")[0]
 
 
-def _worth(effect: Effect, one: GroupModelFound, *, enters: bool) -> Stage:
+def _worth(effect: Effect, one: GroupModelFound, outer: _Outer, *, enters: bool) -> Stage:
     """Loss of the model without an effect."""
     groups = one.fitted.group_model.of_effect(effect.name)
     fall = one.fitted.found.log_integrated() - one.fitted.found.log_integrated(groups)
     errors = one.errors.without[effect.name]
     worth, error = mean_over_rows(errors - one.errors.whole)
-    gained = f"Δ log evidence {fall:.1f} (threshold {MIN_EVIDENCE_GAIN:g})"
+    gained, harms = f"Δ log evidence {fall:.1f} (threshold {MIN_EVIDENCE_GAIN:g})", outer.harmed_by(effect.name)
+    if fall > MIN_EVIDENCE_GAIN and worth <= error:
+        gained += "; error increase not significant"
+    elif fall > MIN_EVIDENCE_GAIN and harms:
+        gained += "; ends of the joints' ranges or neighbouring poses left out together are predicted better without"
     return Stage(
         name=effect.name,
         parameters=len(effect.term(one.calibration.model.robot).names),
         log_evidence=float(fall),
         cross_validated=mean_over_rows(errors)[0],
         standard_error=error,
-        accepted=bool(enters and fall > MIN_EVIDENCE_GAIN and worth > error),
-        reason=gained if worth > error or fall <= MIN_EVIDENCE_GAIN else f"{gained}; error increase not significant",
+        accepted=bool(enters and fall > MIN_EVIDENCE_GAIN and worth > error and not harms),
+        reason=gained,
         worth=worth,
         among_others=True,
     )

@@ -331,6 +331,16 @@ size beside the others."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class PartErrors:
+    """Mean errors of parts of the rows, each left out as a whole, metres."""
+
+    whole: Float[np.ndarray, " parts"]
+    """Of the one model; NaN of a part in which nothing was measured."""
+    without: Mapping[str, Float[np.ndarray, " parts"]]
+    """The same with each effect left out."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class LeftOutErrors:
     """Errors where rows were not fitted."""
 
@@ -342,6 +352,8 @@ class LeftOutErrors:
     """Factor of the covariance, but for the instrument's noise, that makes 95 % regions hold 95 %."""
     growth: float
     """How it grows beyond the measured range (`Calibration.range_growth`)."""
+    ends: PartErrors
+    """At the ends of the joints' ranges (`end_parts`)."""
 
 
 def validate_groups(
@@ -370,12 +382,40 @@ def validate_groups(
         values[~seen] = np.nan
     noise = fitted.group_model.problem.noise[:, :, :3, :3][seen]
     stretch = stretch_of(error[seen], noise, predicted[seen] - noise)
+    growth, ends = judge_ends(fitted, stretch, effects)
     return LeftOutErrors(
         whole=errors[""],
         without={name: errors[name] for name in effects},
         stretch=stretch,
-        growth=growth_at_ends(fitted, stretch),
+        growth=growth,
+        ends=ends,
     )
+
+
+def errors_of_parts(
+    fitted: GroupFit, parts: Sequence[Int[np.ndarray, " _"]], effects: Sequence[str] = ()
+) -> PartErrors:
+    """Mean error of each part where it is left out.
+
+    Args:
+        fitted: the fit.
+        parts: rows of each, which may have rows in common.
+        effects: names of those whose worth is asked for.
+    """
+    return _by_part(effects, [_means(fitted, part, at, effects) for part, at in _folds(fitted, parts)])
+
+
+def _by_part(effects: Sequence[str], means: Sequence[Sequence[float]]) -> PartErrors:
+    columns = np.array(means).reshape(len(means), 1 + len(effects)).T
+    return PartErrors(whole=columns[0], without=dict(zip(effects, columns[1:], strict=True)))
+
+
+def _means(fitted: GroupFit, part: Int[np.ndarray, " k"], at: Evidence, effects: Sequence[str]) -> list[float]:
+    """Mean error of a part of the rows, and the same without each effect."""
+    seen = fitted.group_model.problem.seen.valid[part]
+    without = [at.without(fitted.group_model.of_effect(name)).mean for name in effects]
+    lengths = [_lengths(fitted, part, mean)[seen] for mean in (at.mean, *without)]
+    return [float(some.mean()) if len(some) else np.nan for some in lengths]
 
 
 def _folds(
@@ -553,32 +593,36 @@ def end_parts(problem: Problem) -> list[Int[np.ndarray, " _"]]:
     return out
 
 
-def growth_at_ends(fitted: GroupFit, stretch: float) -> float:
-    """Growth g of the covariance beyond the measured range, from folds that leave out ends.
+def judge_ends(fitted: GroupFit, stretch: float, effects: Sequence[str] = ()) -> tuple[float, PartErrors]:
+    """Growth g of the covariance beyond the measured range, and the errors of each end where it is left out.
 
     Args:
         fitted: the fit.
         stretch: factor of the covariance among the poses.
+        effects: names of those whose worth is asked for.
     """
     problem = fitted.group_model.problem
     seen, robot = problem.seen.valid, problem.layout.model.robot
     ends: list[tuple[np.ndarray, ...]] = []
+    means: list[list[float]] = []
     for part, at in _folds(fitted, end_parts(problem)):
         rest = np.setdiff1d(np.flatnonzero(seen.any(axis=1)), part)
+        means.append(_means(fitted, part, at, effects))
         u = MeasuredRange.of_rows(robot, problem.q[rest]).extrapolation(problem.q[part])
         error, predicted = _judge(fitted, part, at.mean, at.covariance)
         row, target = np.nonzero(seen[part])
         noise = problem.noise[part][row, target][:, :3, :3]
         v, square = _diagonal(error[row, target], noise, stretch * (predicted[row, target] - noise))
         ends.append((v, square, u[row], np.full(len(row), min(1.0, ERRORS_OF_AN_END / len(row)))))
+    errors = _by_part(effects, means)
     if not ends:
-        return EXPECTED_GROWTH
+        return EXPECTED_GROWTH, errors
     v, square, u, weight = (np.concatenate(parts) for parts in zip(*ends, strict=True))
     scales = 1.0 + (1.0 + GROWTH[:, None] * u)[..., None] * v
     best, longer = _likeliest(square, scales, (np.log(GROWTH / EXPECTED_GROWTH) / GROWTH_WIDTH) ** 2, weight)
     # longer tails are held where ends lie, in the mean
     reach = float(u.mean())
-    return float((longer * (1.0 + GROWTH[best] * reach) - 1.0) / reach)
+    return float((longer * (1.0 + GROWTH[best] * reach) - 1.0) / reach), errors
 
 
 def about_calibration(calibration: Calibration, problem: Problem, options: FitOptions) -> GroupFit:
@@ -619,4 +663,4 @@ def growth_of(calibration: Calibration, problem: Problem, options: FitOptions) -
     """
     n = len(problem.q)
     some = problem if n <= MAX_END_ROWS else problem.take(np.linspace(0, n - 1, MAX_END_ROWS).astype(int))
-    return growth_at_ends(about_calibration(calibration, some, options), 1.0)
+    return judge_ends(about_calibration(calibration, some, options), 1.0)[0]
