@@ -247,8 +247,15 @@ def test_explain_converges_at_fifteen_rows():
     assert explain(model, campaign, candidates=CHEAP).calibration.estimated.any()
 
 
-def test_effects_are_dropped_if_neighbours_or_ends_are_predicted_worse(robot, monkeypatch):
-    """Effects are dropped if they worsen the prediction of groups of neighbouring poses, or of the ends of the joints' ranges."""
+@pytest.mark.parametrize(
+    ("at_ends", "said"),
+    [
+        pytest.param(False, "neighbouring poses left out together worse", id="groups"),
+        pytest.param(True, "ends of the joints' ranges worse", id="ends"),
+    ],
+)
+def test_effects_are_dropped_if_neighbours_or_ends_are_predicted_worse(robot, monkeypatch, at_ends, said):
+    """Effects are dropped if geometry predicts groups of neighbouring poses, or the ends of the joints' ranges, better."""
     from taskcal.identification import effects as module
 
     model, rng = ErrorModel(robot), np.random.default_rng(0)
@@ -256,21 +263,37 @@ def test_effects_are_dropped_if_neighbours_or_ends_are_predicted_worse(robot, mo
     assert explain(model, campaign, candidates=CHEAP).effects
     errors_of = module.errors_of_parts
 
-    def worse(fitted, parts, effects=()):
+    def better_without(fitted, parts, effects=()):
         errors = errors_of(fitted, parts, effects)
-        at_ends = len(parts) > 5
-        return replace(errors, whole=errors.whole * (0.01 if at_ends == (which == "ends") and not effects else 1.0))
+        return replace(errors, whole=0.01 * errors.whole) if not effects and (len(parts) == 12) == at_ends else errors
 
-    monkeypatch.setattr(module, "errors_of_parts", worse)
-    for which, said in (
-        ("groups", "neighbouring poses left out together worse"),
-        ("ends", "ends of the joints' ranges worse"),
-    ):
-        found = explain(model, campaign, candidates=CHEAP)
-        assert not found.effects
-        assert found.calibration.model == model
-        assert said in found.steps[-1].reason
-        assert found.steps[-1].reason in found.calibration.remarks[-1]
+    monkeypatch.setattr(module, "errors_of_parts", better_without)
+    found = explain(model, campaign, candidates=CHEAP)
+    assert not found.effects
+    assert found.calibration.model == model
+    assert said in found.steps[-1].reason
+    assert found.steps[-1].reason in found.calibration.remarks[-1]
+
+
+def test_an_effect_that_harms_the_ends_is_not_proven(robot, monkeypatch):
+    from taskcal.identification import group_search as module
+
+    model, rng = ErrorModel(robot), np.random.default_rng(0)
+    campaign, _ = simulate(model + EncoderGain(), poses(robot, rng, 60), rng=rng)
+    assert explain(model, campaign, candidates=CHEAP).effects == (EncoderGain(),)
+    validate = module.validate_groups
+
+    def harmed(*arguments):
+        errors = validate(*arguments)
+        without = dict.fromkeys(errors.ends.without, 0.5 * errors.ends.whole)
+        return replace(errors, ends=replace(errors.ends, without=without))
+
+    monkeypatch.setattr(module, "validate_groups", harmed)
+    found = explain(model, campaign, candidates=CHEAP)
+    assert not found.effects
+    assert "predicted better without" in next(
+        stage.reason for stage in found.worths if stage.name == EncoderGain().name
+    )
 
 
 def test_a_socket_left_out_whole_is_found_from_its_own_rows():

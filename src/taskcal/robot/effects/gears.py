@@ -54,6 +54,10 @@ def _waves(joints: Sequence[int], orders: Sequence[int | float]) -> list[tuple[i
 MIN_PARTICIPATION = 0.01
 """Share of its tolerance, at least, with which an order competes. A convention: next to nothing, and still a tolerance."""
 
+WIDE_RAD = 1.0
+"""Range of a joint, radians, from which on orders compete by the share of their period alone: over a radian what geometry has of a
+joint, 1, cos θ and sin θ, is no longer a parabola. Chosen among such laws by measured robots (docs/decisions/0029-one-model.md)."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Harmonics(Effect):
@@ -122,14 +126,17 @@ class Harmonics(Effect):
         )
 
     def participation(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " p"]:
-        """The share of each order's period that the joint's range covers, 1 at most.
+        """A power of the share of each order's period that the joint's range covers, 1 at most.
 
         Orders of which a joint went through a part of a period are a polynomial together: among the rows that follows everything,
-        beyond them it runs away.
+        beyond them it runs away. Over less than a radian geometry has constant, slope and curvature in every joint, and what a part
+        of a wave adds to these falls with the third power of that part: orders that are free to be more take from geometry what
+        goes on beyond the rows. The power therefore grows from 1, of joints that moved a radian, to 3.
         """
         turning = [j for j in self.chosen(robot) if not robot.prismatic[j]]
-        periods = np.ptp(robot.joint_map(q), axis=0) / (2.0 * np.pi)
-        covered = [order * periods[j] for j, order, *_ in _waves(turning, self.orders)]
+        ranges = np.ptp(robot.joint_map(q), axis=0)
+        powers = np.clip(WIDE_RAD / np.maximum(ranges, MIN_PARTICIPATION), 1.0, 3.0)
+        covered = [(order * ranges[j] / (2.0 * np.pi)) ** powers[j] for j, order, *_ in _waves(turning, self.orders)]
         return np.clip(covered, MIN_PARTICIPATION, 1.0)
 
 
