@@ -308,7 +308,8 @@ def mean_over_rows(values: Float[np.ndarray, "rows targets"]) -> tuple[float, fl
 # Among the measured poses the factor is one number, s = f. What a model leaves is not white: a smooth error is followed among the
 # poses by parameters that do not have it, and beyond them they go on where it does not. There s = f·(1 + g·u²), with u how far a
 # pose lies beyond the measured range, in ranges (`MeasuredRange.extrapolation`), and g found in the same way from folds that leave
-# out the ends of the joints' ranges.
+# out the ends of the joints' ranges, and no less than regions need to hold 95 % there. Ends tell nothing of f: among the poses
+# u = 0, and an f that held the ends too would be too large where nothing is extrapolated.
 
 FOLD_STEPS = 2
 """Steps of the scoring in a fold. A convention: sizes of nearly the same rows are near at the start."""
@@ -622,7 +623,26 @@ def judge_ends(fitted: GroupFit, stretch: float, effects: Sequence[str] = ()) ->
     best, longer = _likeliest(square, scales, (np.log(GROWTH / EXPECTED_GROWTH) / GROWTH_WIDTH) ** 2, weight)
     # longer tails are held where ends lie, in the mean
     reach = float(u.mean())
-    return float((longer * (1.0 + GROWTH[best] * reach) - 1.0) / reach), errors
+    likeliest = float((longer * (1.0 + GROWTH[best] * reach) - 1.0) / reach)
+    return max(likeliest, _growth_that_holds(ends)), errors
+
+
+def _growth_that_holds(ends: Sequence[tuple[np.ndarray, ...]]) -> float:
+    """The least growth with which 95 % regions hold 95 % of the errors of an end, in the mean over the ends; or the largest tried.
+
+    What ends have in common is one law of one g, and they differ: the likeliest g is that of most of them.
+
+    Args:
+        ends: variances of what is predicted and squares of the errors, in units of the noise, and how far outside they lie.
+    """
+    from scipy.special import chdtri
+
+    held = [
+        ((square / (1.0 + (1.0 + GROWTH[:, None] * u)[..., None] * v)).sum(axis=2) < chdtri(3.0, 0.05)).mean(axis=1)
+        for v, square, u, _ in ends
+    ]
+    enough = np.mean(held, axis=0) >= 0.95
+    return float(GROWTH[int(enough.argmax())] if enough.any() else GROWTH[-1])
 
 
 def about_calibration(calibration: Calibration, problem: Problem, options: FitOptions) -> GroupFit:
