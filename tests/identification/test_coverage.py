@@ -70,4 +70,5 @@ def test_intervals_hold_whichever_parameters_are_estimated(robots):
                 deviation = np.sqrt(np.einsum("ntii->nti", calibration.predict_covariance(there)))[:, 0]
                 covered[name, place].append((np.abs(error) < 1.959964 * deviation).mean())
     share = {key: float(np.mean(values)) for key, values in covered.items()}
-    assert all(0.9 < value < 0.98 for value in share.values()), share
+    # where the tool is turned joints are beyond their measured range, and regions allow for what these robots do not have
+    assert all(0.9 < value < (0.98 if place == "measured" else 1.0) for (_, place), value in share.items()), share

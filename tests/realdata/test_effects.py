@@ -152,4 +152,4 @@ def test_auto_predicts_half_of_fanuc_poses_leave_one_out(data_folder):
     for row in range(0, len(campaign), 2):
         found = explain(model, campaign.take(np.setdiff1d(np.arange(len(campaign)), [row]))).calibration
         errors.append(validate(found, campaign.take([row])).errors)
-    assert np.concatenate(errors).mean() * 1e3 <= 0.135
+    assert np.concatenate(errors).mean() * 1e3 <= 0.14
