@@ -221,7 +221,7 @@ def search_steps(model: ErrorModel, campaign: Campaign, search: EffectSearch) ->
         if competing:
             steps += [TOGETHER, *(effect.name for effect in instead)]
             steps += [SHARPENING] * (SHARPENINGS if SPECTRUM in [*competing, *instead] else 0)
-            steps += [LEAVING_OUT, *folds]
+            steps.append(LEAVING_OUT)
     return tuple(steps)
 
 
