@@ -26,7 +26,7 @@ def rows(page: str, begins: str) -> list[list[float]]:
 def printed(tmp_path, monkeypatch, capsys):
     """What the block of a page prints in a folder with the task files that the pages tell of, robots being few."""
 
-    def run(page: str) -> list[str]:
+    def run(page: str, robots: int = ROBOTS) -> list[str]:
         (task,) = blocks("one-reflector-or-three.md", "toml")
         (here,) = blocks("worse-elsewhere.md", "toml")
         single = re.sub(r"(cone|spin)_deg.*\n", "", task).replace('"tilted"', '"one"')
@@ -36,7 +36,7 @@ def printed(tmp_path, monkeypatch, capsys):
             (tmp_path / f"{name}.toml").write_text(text, encoding="utf-8")
         monkeypatch.chdir(tmp_path)
         (block,) = blocks(page, "python")
-        fewer, replaced = re.subn(r"for seed in range\(\d+\)", f"for seed in range({ROBOTS})", block)
+        fewer, replaced = re.subn(r"for seed in range\(\d+\)", f"for seed in range({robots})", block)
         assert replaced == 1
         exec(compile(fewer, page, "exec"), {"__name__": page})
         return capsys.readouterr().out.splitlines()
@@ -55,12 +55,11 @@ def test_one_reflector_or_three(printed):
 
 
 def test_worse_elsewhere(printed):
-    found = [[float(n) for n in re.findall(NUMBER, line)] for line in printed("worse-elsewhere.md")]
+    found = [[float(n) for n in re.findall(NUMBER, line)] for line in printed("worse-elsewhere.md", 5)]
     said = rows("worse-elsewhere.md", "(geometric errors only|gear errors)")
     assert len(found) == len(said) == 4
-    # of one robot in place of the page's median of twenty, whose uncertainty beyond the measured range scatters most
     for robot, page in zip(found, said, strict=True):
-        assert all(0.25 < one / other < 4.0 for one, other in zip(robot, page, strict=True))
+        assert all(0.5 < one / other < 2.0 for one, other in zip(robot, page, strict=True))
 
 
 @pytest.mark.filterwarnings("ignore:.*measured numbers for.*", "ignore:no model error could be told.*")

@@ -6,7 +6,7 @@ measures in two ways at once instead, and compares with each of both alone, robo
 """
 
 from argparse import ArgumentParser
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import process_time
 
 import numpy as np
@@ -30,6 +30,8 @@ class Covered:
 
     points: float
     """Share of the coordinates of predicted TCPs inside of their interval."""
+    alone: float
+    """The same without the growth beyond the measured range, which these robots, that the model describes, do not need."""
     parameters: float
     """The same of parameters."""
     stands: float
@@ -52,12 +54,16 @@ def covered(way: str, seed: int, rows: int) -> Covered:
     campaign, truth = simulate(MODEL, measured, rng=np.random.default_rng((seed, 2)), x=x, observe=way)
     calibration = identify(MODEL, campaign)
     error = truth.points(unseen) - calibration.predict(unseen)[..., :3]
-    deviation = np.sqrt(np.einsum("ntii->nti", calibration.predict_covariance(unseen)))[..., :3]
+    deviation, alone = (
+        np.sqrt(np.einsum("ntii->nti", one.predict_covariance(unseen)))[..., :3]
+        for one in (calibration, replace(calibration, range_growth=0.0))
+    )
     layout, deviations = calibration.layout, np.sqrt(np.diag(calibration.z_covariance))
     true = np.array([truth.unknowns.get(name, np.nan) for name in layout.names])
     stands = np.isfinite(true)
     return Covered(
         points=float((np.abs(error) < TWO_SIDED * deviation).mean()),
+        alone=float((np.abs(error) < TWO_SIDED * alone).mean()),
         parameters=float((np.abs(calibration.estimate - x) < TWO_SIDED * calibration.standard_errors).mean()),
         stands=float((np.abs(calibration.z - true) < TWO_SIDED * deviations)[stands].mean())
         if stands.any()
