@@ -1,10 +1,14 @@
 """Positive semidefinite matrices of very different scales, inverted and solved on unit diagonal."""
 
-from collections.abc import Callable
+import os
+from collections import Counter
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from functools import cache, wraps
 from importlib import import_module
-from threading import Lock
+from threading import Condition, get_ident
 from typing import Any, ParamSpec, TypeVar
+from warnings import warn
 
 import numpy as np
 from jaxtyping import Float
@@ -167,38 +171,98 @@ def _controller() -> ThreadpoolController:
     return ThreadpoolController()
 
 
+FORK_WAIT_S = 60.0
+"""Seconds that a fork waits for the fits of other threads; most fits take less than a tenth of that. A convention."""
+
+
 class _OneBlasThread:
-    """BLAS at one thread while any thread of the process wants it.
+    """BLAS at one thread while any thread of the process wants it, and no fork in the midst of another thread's fit.
 
     The setting is the process's: the first thread that is done would give it back while others still compute. OpenBLAS takes it
     from the main thread alone where that has set it before (seen in 0.3.31), so that who starts threads holds it there.
+
+    What a fit holds at a fork is held in the child for ever: BLAS, the compiler and, before Python 3.12, every cached property
+    have locks. So `os.fork` waits until the fits of other threads have ended, and new ones wait until it is done.
     """
 
     def __init__(self) -> None:
-        self._lock, self._within, self._limit = Lock(), 0, None
+        self._changed, self._limit = Condition(), None
+        self._entered = Counter[tuple[int, bool]]()
+        """How often each thread is within, in fits and otherwise."""
+        self._forking = set[int]()
+        """Threads that wait to fork, and compute nothing meanwhile."""
 
-    def __enter__(self) -> None:
-        with self._lock:
-            if self._within == 0:
+    @contextmanager
+    def held(self, *, fit: bool = False) -> Generator[None, None, None]:
+        """Hold BLAS at one thread.
+
+        Args:
+            fit: forks wait for it; not where a thread only waits for what others compute.
+        """
+        entry = (get_ident(), fit)
+        with self._changed:
+            if fit and entry not in self._entered:
+                self._changed.wait_for(lambda: not self._forking)
+            if not self._entered:
                 self._limit = _controller().limit(limits=1, user_api="blas")
-            self._within += 1
+            self._entered[entry] += 1
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._entered -= Counter([entry])
+                self._restore_after_last()
+                self._changed.notify_all()
 
-    def __exit__(self, *_: object) -> None:
-        with self._lock:
-            self._within -= 1
-            if self._within == 0 and self._limit is not None:
-                self._limit.restore_original_limits()
+    def _restore_after_last(self) -> None:
+        if not self._entered and self._limit is not None:
+            self._limit.restore_original_limits()
+            self._limit = None
+
+    def _fits_elsewhere(self) -> int:
+        return len({thread for thread, fit in self._entered if fit} - self._forking)
+
+    def before_fork(self) -> None:
+        """Wait for the fits of other threads, and let none begin or end during the fork."""
+        self._changed.acquire()
+        self._forking.add(get_ident())
+        self._changed.notify_all()  # another that waits to fork need not wait for this thread's fit
+        if not self._changed.wait_for(lambda: not self._fits_elsewhere(), FORK_WAIT_S):
+            warn(
+                f"os.fork() did not wait longer than {FORK_WAIT_S:g} s for fits in other threads ({self._fits_elsewhere()}), and "
+                "the child may hang; fork before they begin, or start processes by 'spawn'",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+
+    def after_fork(self) -> None:
+        """Let fits go on."""
+        self._forking.discard(get_ident())
+        self._changed.notify_all()
+        self._changed.release()
+
+    def after_fork_in_child(self) -> None:
+        """Forget the other threads, which the child does not have."""
+        self._changed, self._forking = Condition(), set()
+        self._entered = Counter({entry: n for entry, n in self._entered.items() if entry[0] == get_ident()})
+        self._restore_after_last()
 
 
 ONE_BLAS_THREAD = _OneBlasThread()
+if hasattr(os, "register_at_fork"):  # not on Windows
+    os.register_at_fork(
+        before=ONE_BLAS_THREAD.before_fork,
+        after_in_parent=ONE_BLAS_THREAD.after_fork,
+        after_in_child=ONE_BLAS_THREAD.after_fork_in_child,
+    )
 
 
 def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
-    """Run a function with BLAS held at one thread, and give the caller's setting back."""
+    """Run a function with BLAS held at one thread, and give the caller's setting back; a fork waits for its end."""
 
     @wraps(function)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
-        with ONE_BLAS_THREAD:
+        with ONE_BLAS_THREAD.held(fit=True):
             return function(*args, **kwargs)
 
     return wrapped

@@ -25,6 +25,10 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="taskcal-walk", initializer=_mark)
 
 
+if hasattr(os, "register_at_fork"):  # not on Windows
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # a child has no threads but the one that forked
+
+
 def in_chunks(walk_rows: Callable[[slice], Any], n: int, size: int = CHUNK) -> list[Any]:
     """Call `walk_rows` with slices that cover n poses, so many each, on a thread pool where there are several; results in order.
 

@@ -49,7 +49,7 @@ def side_by_side(
     elif engine in ("loky", "threading"):
         begin: dict[str, Any] = {"initializer": _end_with, "initargs": (os.getpid(),)} if engine == "loky" else {}
         parallel = Parallel(n_jobs=workers, backend=engine, return_as="generator_unordered", **begin)
-        with ONE_BLAS_THREAD:  # as each of the processes has, for the same last digits
+        with ONE_BLAS_THREAD.held():  # as each of the processes has, for the same last digits
             with _interrupts_blocked():
                 results = cast(Iterable[Result], parallel(delayed(function)(item) for item in items))
             yield from results
