@@ -48,8 +48,52 @@ def test_what_other_programs_write_is_read(tmp_path):
 @pytest.mark.parametrize("damage", [lambda c: c[:40], lambda c: c[:20] + c[30:], lambda c: c[:4] + bytes(len(c) - 4)])
 def test_a_damaged_file_is_refused(damage):
     content = parquet_of(["id", "x_mm"], [[str(k), "1.5"] for k in range(25)])
-    with pytest.raises(FileError, match=r"a\.parquet: is a damaged Parquet file"):
+    with pytest.raises(FileError, match=r"a\.parquet: is (a damaged Parquet file|damaged: its bytes)"):
         read_parquet(PATH, damage(content))
+
+
+def test_no_changed_byte_of_our_files_changes_a_cell():
+    rng = np.random.default_rng(0)
+    rows = [[f"p{k}", *(f"{x:.4f}" for x in rng.normal(size=3))] for k in range(60)]
+    content = parquet_of(["id", "x_mm", "y_mm", "z_mm"], rows)
+    whole, refused = list(read_parquet(PATH, content).rows), 0
+    for at in range(len(content)):
+        damaged = content[:at] + bytes([content[at] ^ 1 << int(rng.integers(8))]) + content[at + 1 :]
+        try:
+            assert list(read_parquet(PATH, damaged).rows) == whole
+        except FileError:
+            refused += 1
+    # all but those of the mark before the digest
+    assert refused == len(content) - len(parquet.SEAL)
+
+
+def test_parts_of_a_damaged_file_are_refused(tmp_path):
+    content = bytearray(parquet_of(["x_mm"], [[repr(k / 7)] for k in range(100)]))
+    content[100] ^= 1
+    path = tmp_path / "a.parquet"
+    path.write_bytes(content)
+    for reading in (parquet.count_rows, lambda p: next(parquet.parts_of(p, 10)), lambda p: parquet.every_row(p, 2, 10)):
+        with pytest.raises(FileError, match="is damaged: its bytes are not those that were written"):
+            reading(path)
+
+
+@pytest.mark.parametrize("checked", [True, False])
+def test_page_checksums_of_others_are_verified_or_missed(checked):
+    values = np.random.default_rng(0).normal(size=500)
+    out = io.BytesIO()
+    table = pyarrow.table({"x_mm": values})
+    pyarrow.parquet.write_table(
+        table, out, compression="none", use_dictionary=False, column_encoding="PLAIN", write_page_checksum=checked
+    )
+    content = out.getvalue()
+    assert (parquet.UNCHECKED in read_parquet(PATH, content).notes) != checked
+    at = content.index(values[250].tobytes())
+    damaged = content[:at] + b"\xff" + content[at + 1 :]
+    if checked:
+        with pytest.raises(FileError, match="is a damaged Parquet file"):
+            read_parquet(PATH, damaged)
+    else:
+        assert read_parquet(PATH, damaged).notes == (parquet.UNCHECKED,)
 
 
 def test_more_than_fits_is_refused_before_it_is_unpacked(monkeypatch):

@@ -1,7 +1,9 @@
 """Parquet files: columns of numbers with names, packed in groups of rows, so that a part can be read without the others."""
 
+import hashlib
 import io
 import os
+import re
 from collections.abc import Generator
 from contextlib import contextmanager
 from itertools import chain
@@ -35,6 +37,19 @@ MAX_DIRECTORY_MB = 8.0
 GROUP_ROWS = 65_536
 """Rows that are packed together."""
 
+SEAL = b"taskcal seal"
+"""Begins the digest of all other bytes of a file of ours, between its columns and its directory, where nobody reads: the checksums
+of Parquet itself leave out the directory, with the names of columns, their kinds and places."""
+
+SEAL_BYTES = len(SEAL) + hashlib.sha256().digest_size
+
+_WITH_CHECKSUM = re.compile(MARK + rb"(?:\x15[\x80-\xff]{0,4}[\x00-\x7f]){3}\x15", re.DOTALL)
+"""How a file begins whose pages have checksums: kind of the first page, its size unpacked and packed, and a fourth number.
+Source: PageHeader in parquet.thrift, by Thrift's compact protocol."""
+
+UNCHECKED = "the Parquet file has no checksums of its pages: damage to its numbers would not be noticed"
+"""Note on files of others."""
+
 NOTE = "columns as in a campaign's CSV, units in their names: mm, deg, s, C; empty cells are lost beams"
 """What a file of ours says of itself."""
 
@@ -61,7 +76,8 @@ def read_parquet(path: Path, content: bytes) -> Sheet:
         firsts = range(0, max(map(len, columns), default=0), at_once)
         parts = ([_texts(column.slice(first, at_once)) for column in columns] for first in firsts)
         rows = Cells.of(chain([header], chain.from_iterable(zip(*part, strict=True) for part in parts)))
-    return Sheet(path=path, rows=rows, lines=range(1, len(rows) + 1))
+    notes = () if _WITH_CHECKSUM.match(content) else (UNCHECKED,)
+    return Sheet(path=path, rows=rows, lines=range(1, len(rows) + 1), notes=notes)
 
 
 def _checked_names(path: Path, file: Any) -> list[str]:
@@ -104,6 +120,9 @@ def _check_size(path: Path, metadata: Any, size: int) -> None:
     _check_cells(path, metadata, FEW_CELLS + CELLS_A_BYTE * size)
     texts = 0
     for group in map(metadata.row_group, range(metadata.num_row_groups)):
+        # a directory whose sizes contradict each other ends the process where a column is asked for them (pyarrow 26)
+        if group.total_byte_size <= 1e6 * MAX_STATED_TEXT_MB / metadata.num_row_groups:
+            continue
         columns = map(group.column, range(metadata.num_columns))
         texts += sum(c.total_uncompressed_size for c in columns if c.physical_type == "BYTE_ARRAY")
     if texts > MAX_STATED_TEXT_MB * 1e6:
@@ -112,20 +131,42 @@ def _check_size(path: Path, metadata: Any, size: int) -> None:
 
 
 def _check_directory(path: Path, content: bytes | None) -> int:
-    """The size of a file whose directory is not too large, bytes.
+    """The size of a file whose directory is not too large, bytes, and which is as it was sealed.
 
     Raises:
-        FileError: it is.
+        FileError: it is not.
     """
     with open_ordinary(path) if content is None else io.BytesIO(content) as stream:
         size = stream.seek(0, os.SEEK_END)
         stream.seek(max(size - 8, 0))
         directory = int.from_bytes(stream.read(4), "little")
-    if MAX_DIRECTORY_MB * 1e6 < directory <= size:
-        raise FileError(
-            path, f"has a directory of {directory / 1e6:.0f} MB; save it with fewer columns, or larger groups of rows"
-        )
+        if MAX_DIRECTORY_MB * 1e6 < directory <= size:
+            raise FileError(
+                path,
+                f"has a directory of {directory / 1e6:.0f} MB; save it with fewer columns, or larger groups of rows",
+            )
+        if not _is_as_sealed(stream, size - 8 - directory):
+            raise FileError(path, "is damaged: its bytes are not those that were written; take it from where it came")
     return size
+
+
+def _is_as_sealed(stream: io.BufferedIOBase, directory: int) -> bool:
+    """Whether a file whose directory begins there has no seal, or the one of its bytes."""
+    left = directory - SEAL_BYTES
+    if left < len(MARK):
+        return True
+    stream.seek(left)
+    seal = stream.read(SEAL_BYTES)
+    if not seal.startswith(SEAL):
+        return True
+    end = stream.read()
+    stream.seek(0)
+    digest = hashlib.sha256()
+    while left and (block := stream.read(min(left, 1 << 20))):
+        digest.update(block)
+        left -= len(block)
+    digest.update(end)
+    return seal == SEAL + digest.digest()
 
 
 def _refuse_long(path: Path, name: str, column: Any) -> None:
@@ -213,7 +254,8 @@ def _opened(path: Path, content: bytes | None = None) -> Generator[Any, None, No
         texts = [field.name for field in schema if field.type in (pyarrow.string(), pyarrow.binary())]
         # read ahead, it would come to hold the whole file
         source = path if content is None else io.BytesIO(content)
-        with parquet.ParquetFile(source, metadata=metadata, pre_buffer=False, read_dictionary=texts) as file:
+        how: dict[str, Any] = {"pre_buffer": False, "page_checksum_verification": True, "read_dictionary": texts}
+        with parquet.ParquetFile(source, metadata=metadata, **how) as file:
             yield file
     except TaskcalError:
         raise
@@ -223,9 +265,12 @@ def _opened(path: Path, content: bytes | None = None) -> Generator[Any, None, No
 
 
 def _packed(table: Any) -> bytes:
+    """The bytes of a file, sealed."""
     out = io.BytesIO()
-    _pyarrow()[1].write_table(table, out, row_group_size=GROUP_ROWS, compression="zstd")
-    return out.getvalue()
+    _pyarrow()[1].write_table(table, out, row_group_size=GROUP_ROWS, compression="zstd", write_page_checksum=True)
+    content = out.getvalue()
+    directory = len(content) - 8 - int.from_bytes(content[-8:-4], "little")
+    return content[:directory] + SEAL + hashlib.sha256(content).digest() + content[directory:]
 
 
 def parquet_of(header: list[str], rows: list[list[str]]) -> bytes:
