@@ -1,13 +1,16 @@
 """Parameters of a task: their sensitivity, their identifiability, and the smallest sufficient set."""
 
+import numpy as np
+
 import taskcal as tc
 
 model = tc.ErrorModel(tc.load_robot("abb-irb6660-205-1.9"))
 task = tc.demo.reference_task()  # one tool orientation
 q = tc.reach_task(model, task, count=60).q
 
-table = tc.sensitivity(model, q).to_frame().nlargest(5, "max_space_um")
-print(table[["parameter", "symbol", "tolerance", "max_space_um"]].to_string(index=False))
+table = tc.sensitivity(model, q).columns()  # with pandas installed, .to_frame()
+for k in np.argsort(-table["max_space_um"])[:5]:
+    print(f"{table['parameter'][k]:>11}  {table['tolerance'][k]:8}  {table['max_space_um'][k]:6.1f} µm at most")
 
 found = tc.identifiability(model, q)
 print(f"\n{found.rank} of {len(model)} are identifiable; without effect: {', '.join(found.zero)}")

@@ -83,7 +83,7 @@ def test_constraints_pin_all_build_and_test_packages():
     """So that an installation takes only versions that were tried, and needs no other; of pip freeze, setuptools is left out."""
     lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
     stated = {canonicalize_name(line.split("==")[0]) for line in lines}
-    needed = closure([*STATED["build-system"]["requires"], "taskcal[test]"])
+    needed = closure([*STATED["build-system"]["requires"], "taskcal[test,browser]"])
     assert needed - stated == {"taskcal"}
 
 

@@ -1,5 +1,6 @@
 """Sensitivity of the TCP to every parameter, at every pose."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ from taskcal.geometry import se3
 from taskcal.observations.base import TrackerNoise
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import ModelError, model_error_of
+from taskcal.tables.frame import frame_of
 from taskcal.virtual.cell import TRACKER_POSE
 
 if TYPE_CHECKING:
@@ -57,28 +59,32 @@ class Sensitivity:
         return np.array([1e3 / p.shown.factor for p in self.model.parameters])
 
     def to_frame(self) -> "pd.DataFrame":
-        """A row per parameter: largest influences per unit (mm per mm, mm per mrad) and for its tolerance (µm)."""
-        import pandas as pd
+        """A row per parameter: `columns`.
 
+        Raises:
+            TaskcalError: pandas is not installed.
+        """
+        return frame_of(self.columns())
+
+    def columns(self) -> dict[str, Sequence[Any]]:
+        """Largest influences of the parameters per unit (mm per mm, mm per mrad) and for their tolerances (µm)."""
         to_shown = self.to_shown()
         raw, scaled = self.maximum() * to_shown, self.maximum(scaled=True) * 1e6
-        return pd.DataFrame(
-            {
-                "parameter": self.model.names,
-                "symbol": [p.symbol for p in self.model.parameters],
-                "unit": [p.shown.influence for p in self.model.parameters],
-                "max_x": raw[0],
-                "max_y": raw[1],
-                "max_z": raw[2],
-                "max_space": self.maximum_in_space() * to_shown,
-                "tolerance": [p.stated_tolerance for p in self.model.parameters],
-                "max_x_um": scaled[0],
-                "max_y_um": scaled[1],
-                "max_z_um": scaled[2],
-                "max_space_um": self.maximum_in_space(scaled=True) * 1e6,
-                "rms_space_um": self.rms(scaled=True) * 1e6,
-            }
-        )
+        return {
+            "parameter": self.model.names,
+            "symbol": [p.symbol for p in self.model.parameters],
+            "unit": [p.shown.influence for p in self.model.parameters],
+            "max_x": raw[0],
+            "max_y": raw[1],
+            "max_z": raw[2],
+            "max_space": self.maximum_in_space() * to_shown,
+            "tolerance": [p.stated_tolerance for p in self.model.parameters],
+            "max_x_um": scaled[0],
+            "max_y_um": scaled[1],
+            "max_z_um": scaled[2],
+            "max_space_um": self.maximum_in_space(scaled=True) * 1e6,
+            "rms_space_um": self.rms(scaled=True) * 1e6,
+        }
 
 
 def sensitivity(

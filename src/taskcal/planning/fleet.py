@@ -31,6 +31,7 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.parameter import ShownUnit
 from taskcal.short_repr import short_repr
 from taskcal.tables.forms import table_suffixes
+from taskcal.tables.frame import frame_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -387,23 +388,27 @@ def find_outliers(robots: Sequence[str], estimates: Sequence[Estimates]) -> list
         robots: names of the robots, `MIN_ROBOTS` or more.
         estimates: of each; all of one nominal robot. A parameter that fewer of them have is left out.
     """
-    import pandas as pd
-
     units = {name: unit for one in estimates for name, unit in zip(one.names, one.units, strict=True)}
-    table = pd.DataFrame([dict(zip(one.names, one.values, strict=True)) for one in estimates])
-    table = table.loc[:, table.notna().sum() >= MIN_ROBOTS]
-    if table.empty:
+    values = np.full((len(estimates), len(units)), np.nan)
+    errors = values.copy()
+    column = {name: at for at, name in enumerate(units)}
+    for row, one in enumerate(estimates):
+        at = [column[name] for name in one.names]
+        values[row, at], errors[row, at] = one.values, one.errors
+    many = (~np.isnan(values)).sum(axis=0) >= MIN_ROBOTS
+    if not many.any():
         return []
-    errors = pd.DataFrame([dict(zip(one.names, one.errors, strict=True)) for one in estimates])[
-        table.columns
-    ].to_numpy()
-    values = table.to_numpy()
+    names, values, errors = (
+        [name for name, kept in zip(units, many, strict=True) if kept],
+        values[:, many],
+        errors[:, many],
+    )
     centre, spread, z, chance = judge(values, errors)
     found = sorted(np.argwhere(chance < OUTLIER_LEVEL).tolist(), key=lambda at: (chance[*at], -abs(z[*at])))
     return [
         {
             "robot": robots[r],
-            "name": (name := table.columns[p]),
+            "name": (name := names[p]),
             "unit": units[name].name,
             "value": float(values[r, p]) * units[name].factor,
             "standard_error": float(errors[r, p]) * units[name].factor,
@@ -513,10 +518,12 @@ class Fleet:
         return tuple(robot for robot, error in errors.items() if error is not None and error > accuracy * 1e3)
 
     def to_frame(self) -> "pd.DataFrame":
-        """The calibrations as a table."""
-        import pandas as pd
+        """The calibrations as a table.
 
-        return pd.DataFrame(list(self.calibrations))
+        Raises:
+            TaskcalError: pandas is not installed.
+        """
+        return frame_of(list(self.calibrations))
 
     def summary(self) -> dict[str, Any]:
         """Everything, in millimetres and milliradians."""

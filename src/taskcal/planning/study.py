@@ -41,6 +41,7 @@ from taskcal.planning.workers import side_by_side
 from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import ModelError, model_error_of
+from taskcal.tables.frame import frame_of
 from taskcal.task.task import Task, enlarge, measuring_task, reach_task
 from taskcal.virtual.cell import SimulationOptions, Truth, simulate
 
@@ -420,10 +421,12 @@ class Study:
         return allow_geometry(self.accuracy, self.model_error)
 
     def to_frame(self) -> "pd.DataFrame":
-        """All rows."""
-        import pandas as pd
+        """All rows.
 
-        return pd.DataFrame(list(self.rows))
+        Raises:
+            TaskcalError: pandas is not installed.
+        """
+        return frame_of(list(self.rows))
 
     def summary(self) -> list[dict[str, Any]]:
         """Quantiles over the robots of the rms error, for each plan, count and model, in the order asked for.

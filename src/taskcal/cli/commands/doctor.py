@@ -173,7 +173,7 @@ def _catalogue() -> str:
 
 _LOOKS: dict[str, Callable[[], str]] = {
     "Python": _python,
-    **{name: _package(name) for name in ("taskcal", "numpy", "scipy", "numba", "pandas", "pydantic")},
+    **{name: _package(name) for name in ("taskcal", "numpy", "scipy", "numba", "pydantic")},
     "kernels": _kernels,
     "BLAS threads": _threads,
     "catalogue": _catalogue,

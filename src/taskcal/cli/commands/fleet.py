@@ -12,6 +12,7 @@ from taskcal.cli.command import argument, option
 from taskcal.cli.options.common import EngineOptions, OutputOptions, above_zero
 from taskcal.cli.output import count_as_written, info, show, show_facts, tell
 from taskcal.cli.progress import bar_by_parts
+from taskcal.tables.frame import csv_of
 
 MAX_NAMED = 20
 """Files that are named on standard error."""
@@ -71,7 +72,7 @@ def command(
             progress=lambda done, total: bar("robots", done, max(total, 1)),
         )
     if output is not None:
-        outputs.write({output: fleet.to_frame().to_csv(index=False)})
+        outputs.write({output: csv_of(fleet.calibrations)})
     beyond = [] if accuracy_mm is None else list(fleet.beyond(accuracy_mm * 1e-3))
     left_out = [*refused, *fleet.skipped]
     _tell_of(fleet, left_out)

@@ -13,6 +13,7 @@ from taskcal.cli.options.common import RobotOptions
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import files_of_task, info, show, show_facts, tell
 from taskcal.cli.progress import bar_over
+from taskcal.tables.frame import csv_of
 
 _NUMBER = r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*"
 
@@ -126,9 +127,7 @@ def _force(text: str | None) -> tuple[float, float, float] | None:
 
 
 def _csv(found: "taskcal.correction.PartPlacements") -> str:
-    import pandas as pd
-
-    return pd.DataFrame([placed.summary() for placed in found.all]).to_csv(index=False)
+    return csv_of(placed.summary() for placed in found.all)
 
 
 def _show(found: "taskcal.correction.PartPlacements", *, calibrated: bool) -> None:

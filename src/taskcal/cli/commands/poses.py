@@ -9,6 +9,7 @@ from taskcal.cli.options.common import OutputOptions, RobotOptions
 from taskcal.cli.output import info, show, tell
 from taskcal.errors import ReachError
 from taskcal.report.content import Column, Table
+from taskcal.tables.frame import csv_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -83,11 +84,8 @@ def _with_range(
 
 
 def _csv(ids: list[str], header: list[str], rows: list[list[Any]]) -> str:
-    import pandas as pd
-
-    frame = pd.DataFrame(rows, columns=header)
-    frame.insert(0, "id", ids)
-    return frame.to_csv(index=False, float_format="%.9f", lineterminator="\n")
+    named = (dict(zip(("id", *header), (name, *row), strict=True)) for name, row in zip(ids, rows, strict=True))
+    return csv_of(named, digits=9)
 
 
 def _show(robot: str, ids: list[str], header: list[str], rows: list[list[Any]]) -> None:

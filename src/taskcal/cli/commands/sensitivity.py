@@ -13,6 +13,7 @@ from taskcal.cli.options.common import REACHING, ModelErrorOption, RobotOption, 
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import files_of_task, show, show_facts, tell
 from taskcal.cli.progress import bar_over
+from taskcal.tables.frame import csv_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -62,8 +63,9 @@ def command(
             result["parameters"].sort(key=lambda p: -p["tolerance_scaled_um"]["space"])
         table: dict[Path, str] = {}
         if output is not None:
-            names = [p["name"] for p in result["parameters"]]
-            table[output] = influence.to_frame().set_index("parameter").loc[names].to_csv()
+            columns = influence.columns()
+            rows = {row[0]: dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)}
+            table[output] = csv_of(rows[p["name"]] for p in result["parameters"])
 
         def make() -> "Page":
             begin(MAPPING)

@@ -24,6 +24,7 @@ from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import count_as_written, files_of_task, info, show, show_facts
 from taskcal.cli.progress import bar_by_parts, is_watched
 from taskcal.observations import instrument_classes
+from taskcal.tables.frame import csv_of
 
 if TYPE_CHECKING:
     from taskcal.planning.study import PlanKind
@@ -106,7 +107,7 @@ def command(
 
         return study_page(model, described, study)
 
-    rows = {} if output is None else {output: study.to_frame().to_csv(index=False)}
+    rows = {} if output is None else {output: csv_of(study.rows)}
     made = page.write(outputs, rows, make)
     result = _result(model.robot.name, study) | ({} if output is None else {"rows": output})
     page.give(result, lambda: _show(study, result, described.name, page.in_words(made)))
