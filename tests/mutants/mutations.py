@@ -1,13 +1,18 @@
 """Small mistakes that could have been made in a module: one sign, number, comparison, condition or loop other than it is.
 
-The changes are Cosmic Ray's. Of those that differ only in how absurd they are (a product turned into a shift of bits), one is
-taken: all of them fail at the first run, and would raise the share of mistakes that are noticed without saying anything.
+The changes are Cosmic Ray's, and those of `operators`. Of those that differ only in how absurd they are (a product turned into a
+shift of bits), one is taken: all of them fail at the first run, and would raise the share of mistakes that are noticed without
+saying anything.
 """
 
 import ast
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cosmic_ray.operators.operator import Operator
 
 _BINARY = ["Add_Sub", "Sub_Add", "Mul_Div", "Div_Mul", "FloorDiv_Mul", "Mod_Mul", "Pow_Mul"]
 _OF_SETS_AND_BITS = ["BitOr_BitAnd", "BitAnd_BitOr", "LShift_RShift"]
@@ -20,6 +25,7 @@ OPERATORS = [
     *(f"core/Replace{name}" for name in ("TrueWithFalse", "FalseWithTrue", "AndWithOr", "OrWithAnd")),
     *(f"core/{name}" for name in ("ReplaceBreakWithContinue", "ReplaceContinueWithBreak", "ZeroIterationForLoop")),
     *(f"core/{name}" for name in ("AddNot", "NumberReplacer")),
+    *(f"own/{name}" for name in ("DropTranspose", "DropCall", "OtherFunction", "ExchangeFactors")),
 ]
 
 
@@ -35,11 +41,8 @@ class Mutation:
     def mutated(self, root: Path) -> str:
         """Text of the module with the change."""
         from cosmic_ray.mutating import mutate_code
-        from cosmic_ray.plugins import get_operator
 
-        text = mutate_code(
-            (root / self.path).read_text(encoding="utf-8"), get_operator(self.operator)(), self.occurrence
-        )
+        text = mutate_code((root / self.path).read_text(encoding="utf-8"), _operator(self.operator), self.occurrence)
         if text is None:
             raise LookupError(f"{self.path} has no occurrence {self.occurrence} of {self.operator}")
         return text
@@ -53,18 +56,23 @@ def mutations(root: Path, path: Path) -> Iterator[Mutation]:
         path: the module, from there.
     """
     from cosmic_ray.ast import ast_nodes, get_ast
-    from cosmic_ray.plugins import get_operator
 
     text = (root / path).read_text(encoding="utf-8")
     silent = list(silent_ranges(text))
     nodes = list(ast_nodes(get_ast(text)))
     for operator in OPERATORS:
-        positions = [
-            (*start, *end) for node in nodes for start, end in get_operator(operator)().mutation_positions(node)
-        ]
+        positions = [(*start, *end) for node in nodes for start, end in _operator(operator).mutation_positions(node)]
         for occurrence, (line, column, *_) in enumerate(positions):
             if not any(begin <= (line, column) < end for begin, end in silent):
                 yield Mutation(path, operator, occurrence, line)
+
+
+def _operator(name: str) -> "Operator":
+    from cosmic_ray.plugins import get_operator
+
+    from tests.mutants.operators import OWN
+
+    return OWN[name]() if name in OWN else get_operator(name)()
 
 
 def silent_ranges(text: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:

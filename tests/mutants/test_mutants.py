@@ -1,10 +1,14 @@
 """What chooses mistakes and tests, without making any."""
 
+import random
 from pathlib import Path
 
-from tests.mutants.__main__ import Trial, failing, trial_of
-from tests.mutants.covering_tests import CoveringTests
+import numpy as np
+from scipy.stats import binomtest
+
+from tests.mutants.__main__ import Trial, failing, trial_of, wilson
 from tests.mutants.mutations import Mutation, silent_ranges
+from tests.mutants.nearest_tests import nearest_tests, package_of, shares
 
 MODULE = Path("src/taskcal/geometry/se3.py")
 
@@ -22,21 +26,42 @@ def test_annotations_decorators_and_imports_are_silent() -> None:
     assert sorted(found) == ["'Float[3]'", "Literal[5]", "f(1)", "from a import b"]
 
 
-def test_tests_of_a_line_come_nearest_first_and_end_in_time() -> None:
-    tests = ["tests/laws/test_a.py::test_1", "tests/geometry/test_b.py::test_2", "tests/geometry/test_se3.py::test_3"]
-    covering = CoveringTests({MODULE: {7: frozenset(tests)}}, dict.fromkeys(tests, 1.0), {})
-    assert covering.of(MODULE, 7, longest=10) == tests[::-1]
-    assert covering.of(MODULE, 7, longest=2.5) == tests[:0:-1]
+def test_tests_of_a_module_are_its_own_then_the_nearest() -> None:
+    needs = {
+        "tests/geometry/test_a.py": {"tests/laws/b.py"},
+        "tests/laws/b.py": {str(MODULE)},
+        "tests/geometry/test_c.py": {str(MODULE)},
+        "tests/geometry/test_se3.py": {"tests/laws/b.py"},
+        "tests/robot/test_d.py": {"tests/geometry/test_c.py"},
+        "tests/cli/test_e.py": {str(MODULE)},
+        "tests/realdata/test_f.py": {str(MODULE)},
+        "tests/cli/test_g.py": {"src/taskcal/other.py"},
+    }
+    inside, others = nearest_tests(MODULE, needs)
+    assert inside == [f"tests/geometry/test_{name}.py" for name in ("se3", "c", "a")]
+    assert others == ["tests/cli/test_e.py", "tests/robot/test_d.py"]
 
 
-def test_kernel_mutant_runs_tests_of_importers_folder_and_above() -> None:
-    """The tests of a kernel are those of its importers, of its own folder and of the folders above."""
-    tests = [f"tests/{file}.py::test_{k}" for file in ("geometry/test_b", "robot/test_c", "cli/test_d") for k in (1, 2)]
-    importing = {MODULE: frozenset([Path("src/taskcal/robot/c.py")])}
-    chosen = CoveringTests({}, dict.fromkeys(tests, 1.0), importing).of(MODULE, 7, longest=10)
-    assert [test.partition("::")[0] for test in chosen] == ["tests/robot/test_c.py"] * 2 + [
-        "tests/geometry/test_b.py"
-    ] * 2
+def test_shares_are_whole_and_within_one_of_the_proportion() -> None:
+    rng = random.Random(3)
+    for _ in range(50):
+        weights = {str(k): rng.randint(1, 900) for k in range(rng.randint(1, 30))}
+        count = rng.randint(0, 400)
+        given = shares(count, weights)
+        assert sum(given.values()) == count
+        exact = count * np.array(list(weights.values())) / sum(weights.values())
+        assert np.all(np.abs(np.array(list(given.values())) - exact) < 1.0)
+
+
+def test_every_module_lies_in_a_package_and_kernels_in_theirs() -> None:
+    paths = ("src/taskcal/plugins.py", "src/taskcal/robot/effects/base.py", "src/robot_programs/krl/parse.py")
+    assert [package_of(Path(path)) for path in paths] == ["taskcal", "taskcal/robot", "robot_programs"]
+
+
+def test_the_interval_is_wilsons() -> None:
+    for noticed, tried in ((0, 4), (3, 6), (130, 153), (7, 7)):
+        interval = binomtest(noticed, tried).proportion_ci(0.95, "wilson")
+        np.testing.assert_allclose(wilson(noticed, tried), interval, atol=1e-4)
 
 
 def test_no_tests_notice_nothing(tmp_path: Path) -> None:
