@@ -6,6 +6,7 @@ import platform
 import re
 import shutil
 import stat
+import sys
 import time
 import zipfile
 import zlib
@@ -128,7 +129,7 @@ def remove_strays(path: Path) -> None:
 
 
 def _short(path: Path) -> str:
-    return os.fsencode(path.name)[:NAME_BYTES].decode("utf-8", "ignore")
+    return os.fsencode(path.name)[:NAME_BYTES].decode(sys.getfilesystemencoding(), "ignore")
 
 
 def _may_run(process: int, machine: str, stray: Path) -> bool:

@@ -18,7 +18,7 @@ import typer
 
 from taskcal.cli.progress import clear_line
 from taskcal.errors import FileError, printable, shortened
-from taskcal.io.files import write_all, write_whole
+from taskcal.io.files import to_bytes, write_all, write_whole
 from taskcal.report.content import Table, fold, lay_out_facts, lay_out_table
 
 if TYPE_CHECKING:
@@ -143,7 +143,12 @@ def show_facts(facts: Iterable[tuple[str, str]]) -> None:
 def write_json(result: Mapping[str, Any]) -> None:
     """Print the machine-readable result, alone on standard output."""
     clear_line()
-    text = json.dumps(plain(result), indent=1, ensure_ascii=False, allow_nan=False)
+    content = plain(result)
+    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
+    try:
+        text.encode(getattr(sys.stdout, "encoding", None) or "utf-8")
+    except UnicodeEncodeError:  # another locale, or a file's name that is not text
+        text = json.dumps(content, indent=1, allow_nan=False)
     print(re.sub("[\x7f-\x9f]", lambda control: f"\\u{ord(control[0]):04x}", text))  # JSON escapes those below 0x20
 
 
@@ -399,4 +404,4 @@ def _key(path: Path) -> bytes:
 def _digest(content: str | bytes) -> str:
     import hashlib
 
-    return hashlib.sha256(content.encode("utf-8") if isinstance(content, str) else content).hexdigest()
+    return hashlib.sha256(to_bytes(content)).hexdigest()

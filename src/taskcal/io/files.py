@@ -45,6 +45,11 @@ def write_all(contents: Mapping[str | Path, str | bytes] | Mapping[Path, str | b
             part.unlink(missing_ok=True)
 
 
+def to_bytes(content: str | bytes) -> bytes:
+    """The bytes of a file's content: text in UTF-8, where a file's name that is not text stands as JSON escapes it."""
+    return content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
+
+
 def _put_in_place(ready: list[tuple[str | Path, Path, Path]]) -> None:
     """Rename what lies beside, and take it from the list as it is done.
 
@@ -63,7 +68,7 @@ def _put_in_place(ready: list[tuple[str | Path, Path, Path]]) -> None:
 
 def _lay_beside(named: str | Path, path: Path, content: str | bytes) -> Path:
     """Write what a file is to hold beside it; returns where."""
-    data = content.encode("utf-8") if isinstance(content, str) else content
+    data = to_bytes(content)
     try:
         mode = path.stat().st_mode if path.exists() else None
         if mode is not None and not stat.S_ISREG(mode):

@@ -20,6 +20,7 @@ from markupsafe import Markup
 
 from taskcal.errors import TaskcalError, printable
 from taskcal.identification.provenance import package_version
+from taskcal.io.files import to_bytes
 from taskcal.report.content import Chart, Scene, Section
 
 if TYPE_CHECKING:
@@ -198,9 +199,8 @@ def draw_figures(page: "Page", kind: FigureFormat) -> dict[str, bytes]:
     with tempfile.TemporaryDirectory(prefix="taskcal-figures-") as folder:
         place = Path(folder)
         file = place / "figures.html"
-        file.write_text(
-            alone.html().replace("<html", f'<html data-export="{"svg" if kind == "svg" else "png"}"', 1), "utf-8"
-        )
+        text = alone.html().replace("<html", f'<html data-export="{"svg" if kind == "svg" else "png"}"', 1)
+        file.write_bytes(to_bytes(text))
         found = _DRAWN.search(run_browser(file, ["--dump-dom"]))
         if found is None:
             raise TaskcalError("the browser drew no figures; is it Chromium, Chrome or Edge of the last three years?")

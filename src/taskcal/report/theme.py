@@ -213,6 +213,6 @@ def figure_json(figure: "go.Figure") -> str:
     """The figure, for the library that draws it.
 
     Plotly takes some HTML in labels: emphasis, line feeds and links. None of ours is a link; one in the name of a target or a file
-    would lead whoever clicks on it elsewhere.
+    would lead whoever clicks on it elsewhere. Python's own encoder takes a file's name that is not text, and orjson does not.
     """
-    return _LINK.sub(r"\1&lt;", str(figure.to_json()))
+    return _LINK.sub(r"\1&lt;", str(figure.to_json(engine="json")))

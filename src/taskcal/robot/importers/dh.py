@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from taskcal.arguments import repeated
-from taskcal.errors import FileError, TaskcalError, UnknownName, shown
+from taskcal.errors import FileError, TaskcalError, UnknownName, printable, shown
 from taskcal.robot.importers.base import RobotImporter
 from taskcal.robot.robot import Robot
 from taskcal.robot.robot_file import MAX_JOINTS, robot_from
@@ -345,7 +345,8 @@ def describe_dh_table(
             joint["limits_deg"] = limits[i].tolist()
         joints.append(joint)
     path = columns.path
-    described = {"name": name or path.stem, "source": [f"imported from {path.name}", *told], "joint": joints}
+    source = [f"imported from {printable(path.name)}", *told]
+    described = {"name": name or printable(path.stem), "source": source, "joint": joints}
     try:
         robot_from(described)
     except TaskcalError as error:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from taskcal.errors import FileError, TaskcalError, shown
+from taskcal.errors import FileError, TaskcalError, printable, shown
 from taskcal.geometry import se3
 from taskcal.io.text_file import read_text
 from taskcal.robot.importers.base import RobotImporter
@@ -50,8 +50,8 @@ def describe_kinematics_yaml(path: str | Path, name: str | None = None) -> dict[
         T = se3.rotation("z", yaw) @ se3.rotation("y", pitch) @ se3.rotation("x", roll)
         joints.append({"name": joint, "steps": steps_of(se3.translation(x, y, z) @ T, str(i))})
     return {
-        "name": name or path.stem,
-        "source": [f"imported from {path.name}: kinematics of the ROS driver"],
+        "name": name or printable(path.stem),
+        "source": [f"imported from {printable(path.name)}: kinematics of the ROS driver"],
         "joint": joints,
     }
 
@@ -119,11 +119,13 @@ def describe_calibration_conf(
         }
         joints.append({"name": joint.get("name", JOINTS[i]), **joint})
     base: dict[str, Any] = {} if nominal is None else dict(nominal.description)
-    source = [f"imported from {path.name}" + ("" if nominal is None else f", its deltas added to {nominal.name}")]
+    source = [
+        f"imported from {printable(path.name)}" + ("" if nominal is None else f", its deltas added to {nominal.name}")
+    ]
     base.pop("model_error", None)
     return {
         **base,
-        "name": name or (path.stem if nominal is None else f"{nominal.name}-calibrated"),
+        "name": name or (printable(path.stem) if nominal is None else f"{nominal.name}-calibrated"),
         "source": source,
         "joint": joints,
     }

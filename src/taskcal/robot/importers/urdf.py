@@ -10,7 +10,7 @@ from typing import Any, Literal, cast, get_args
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.errors import FileError, TaskcalError, UnknownName, shown
+from taskcal.errors import FileError, TaskcalError, UnknownName, printable, shown
 from taskcal.geometry import se3
 from taskcal.io.xml_file import Element, parse_xml, read_xml
 from taskcal.robot.importers.base import RobotImporter
@@ -416,8 +416,11 @@ def describe_tree(
     begin = base or tree.root
     start, joints = _between(tree, begin, end)
     described: dict[str, Any] = {
-        "name": name or re.sub(r"[^\w.+-]+", "-", tree.name).strip("-") or tree.path.stem,
-        "source": [f"imported from {tree.path.name}: base {begin}, tip {end}", *(j.remark for j in joints if j.remark)],
+        "name": name or re.sub(r"[^\w.+-]+", "-", tree.name).strip("-") or printable(tree.path.stem),
+        "source": [
+            f"imported from {printable(tree.path.name)}: base {begin}, tip {end}",
+            *(j.remark for j in joints if j.remark),
+        ],
         **_Writer(tree, joints).written(start, end),
     }
     try:
