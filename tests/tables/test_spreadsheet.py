@@ -1,4 +1,6 @@
 import io
+import itertools
+import re
 import time
 import zipfile
 from pathlib import Path
@@ -7,10 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from openpyxl import Workbook
+from openpyxl.cell.rich_text import CellRichText, TextBlock
+from openpyxl.cell.text import InlineFont
+from openpyxl.styles import Font
 
 from taskcal.errors import FileError, TaskcalError
 from taskcal.tables.forms import TableForm, read_csv, read_table
-from taskcal.tables.spreadsheet import read_workbook
+from taskcal.tables.spreadsheet import _marks, read_workbook
 
 
 def book(*sheets):
@@ -23,6 +28,44 @@ def book(*sheets):
     out = io.BytesIO()
     made.save(out)
     return out.getvalue()
+
+
+def points(edit, rows=8):
+    """A sheet of numbers as a person changed it; its first row of numbers is row 2."""
+    made = Workbook()
+    sheet = made.active
+    sheet.title = "points"
+    sheet.append(["id", "J1_deg", "x_mm", "y_mm", "z_mm"])
+    for k in range(2, rows + 2):
+        sheet.append([f"p{k}", 1.25 * k, 100.5 + k, 200.25, 300.125])
+    edit(made, sheet)
+    out = io.BytesIO()
+    made.save(out)
+    return out.getvalue()
+
+
+def hide(_, sheet):
+    for row in (4, 5, 8):
+        sheet.row_dimensions[row].hidden = True
+
+
+def filter_out(_, sheet):
+    sheet.auto_filter.ref = "A1:E9"
+    sheet.auto_filter.add_filter_column(0, ["p2"])
+    sheet.row_dimensions[3].hidden = True
+
+
+def strike_row(_, sheet):
+    for cell in sheet[6]:
+        cell.font = Font(strike=True)
+
+
+def strike_cell(_, sheet):
+    sheet["C6"].font = Font(strike=True)
+
+
+def fold(_, sheet):
+    sheet.row_dimensions.group(3, 5, hidden=True)
 
 
 SHEET = ("points", [["made by hand"], [], ["id", "x_mm", "y_mm"], ["a", 1, 2.5], ["b", -3.25, None]])
@@ -91,8 +134,6 @@ def test_damaged_workbooks_are_refused_or_read(position, noise):
 
 
 def test_sheet_without_a_size_ends_with_its_last_cells():
-    from openpyxl import Workbook
-
     workbook, packed = Workbook(write_only=True), io.BytesIO()
     sheet = workbook.create_sheet("all")
     for k in range(1500):
@@ -123,3 +164,138 @@ def test_a_row_with_a_far_number_is_refused_soon(tmp_path):
     with pytest.raises(FileError, match=r"numbers a row beyond 1048576, the last of a workbook"):
         read_workbook(tmp_path / "a.xlsx", packed.getvalue())
     assert time.process_time() - began < 2.0
+
+
+@pytest.mark.parametrize(
+    ("edit", "said", "left"),
+    [
+        (hide, "hidden rows 4-5, 8;", {4, 5, 8}),
+        (filter_out, "hidden row 3;", {3}),
+        (fold, "hidden rows 3-5;", {3, 4, 5}),
+        (strike_row, "struck-out cells in row 6;", {6}),
+        (strike_cell, "struck-out cells in row 6;", {6}),
+    ],
+)
+def test_hidden_and_struck_out_rows_are_asked_about(tmp_path, edit, said, left):
+    path = tmp_path / "a.xlsx"
+    path.write_bytes(points(edit))
+    with pytest.raises(FileError, match=rf"a\.xlsx:{min(left)}: sheet 'points' has {said} state --hidden-rows drop"):
+        read_table(path)
+    kept, dropped = (read_table(path, TableForm(hidden_rows=what)) for what in ("keep", "drop"))
+    assert list(kept.lines) == list(range(2, 10))
+    assert list(dropped.lines) == [line for line in range(2, 10) if line not in left]
+    assert len(kept.notes) == len(dropped.notes) == 1
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda _, sheet: sheet.row_dimensions.group(3, 5, hidden=False),
+        lambda _, sheet: setattr(sheet.row_dimensions[1], "hidden", True),
+        lambda _, sheet: setattr(sheet["A1"], "font", Font(strike=True)),
+        lambda _, sheet: setattr(sheet.row_dimensions[40], "hidden", True),
+        lambda _, sheet: setattr(sheet["G1"], "value", "=TODAY()"),
+        lambda _, sheet: sheet.merge_cells("A1:B1"),
+    ],
+)
+def test_marks_that_touch_no_number_are_ignored(tmp_path, edit):
+    path = tmp_path / "a.xlsx"
+    path.write_bytes(points(edit))
+    assert len(read_table(path)) == 8
+    assert read_table(path).notes == ()
+
+
+def test_hidden_columns_and_sheets_are_noted(tmp_path):
+    def columns(_, sheet):
+        sheet.column_dimensions["C"].hidden = sheet.column_dimensions["AB"].hidden = True
+
+    def other(made, _):
+        hidden = made.create_sheet("raw", 0)
+        hidden.sheet_state = "hidden"
+        for k in range(30):
+            hidden.append([k, 1.5, 2.5])
+
+    def only(made, sheet):
+        made.create_sheet("about").append(["made by hand"])
+        made.active, sheet.sheet_state = 1, "hidden"
+
+    path = tmp_path / "a.xlsx"
+    for edit, note in (
+        (columns, "sheet 'points': hidden columns (C) are read as the others"),
+        (other, "sheet 'points' is read; others with cells: raw (hidden)"),
+        (only, "sheet 'points (hidden)' is read; others with cells: about"),
+    ):
+        path.write_bytes(points(edit))
+        assert read_table(path).notes == (note,)
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_partly_struck_out_text_is_refused(shared):
+    content = points(
+        lambda _, sheet: sheet.__setitem__("C4", CellRichText(TextBlock(InlineFont(strike=True), "12"), "13"))
+    )
+    if shared:
+        content = with_shared_texts(content)
+    with pytest.raises(FileError, match=r"a\.xlsx:4: sheet 'points': part of a cell's text is struck out \(row 4\)"):
+        read_workbook(Path("a.xlsx"), content)
+
+
+def with_shared_texts(content):
+    """The workbook with its inline text in the table of texts, where Excel keeps it."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as whole, zipfile.ZipFile(out, "w") as again:
+        sheet = whole.read("xl/worksheets/sheet1.xml")
+        inline = re.search(rb'<c r="C4"[^>]*><is>(.*?)</is></c>', sheet)
+        kind = "application/vnd.openxmlformats-officedocument.spreadsheetml.sharedStrings+xml"
+        listed = f'<Override PartName="/xl/sharedStrings.xml" ContentType="{kind}"/></Types>'.encode()
+        begin = b'<sst xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><si>'
+        again.writestr("xl/sharedStrings.xml", begin + inline[1] + b"</si></sst>")
+        for name in whole.namelist():
+            part = whole.read(name).replace(b"</Types>", listed)
+            part = part.replace(inline[0], b'<c r="C4" t="s"><v>0</v></c>')
+            again.writestr(name, part)
+    return out.getvalue()
+
+
+def test_formulas_without_values_are_refused():
+    content = points(lambda _, sheet: sheet.__setitem__("C4", "=C3+1"))
+    with pytest.raises(FileError, match=r"a\.xlsx:4: sheet 'points': formulas have no values \(row 4\); open the"):
+        read_workbook(Path("a.xlsx"), content)
+
+
+def test_cells_merged_over_rows_of_numbers_are_refused():
+    content = points(lambda _, sheet: sheet.merge_cells("B3:B5"))
+    with pytest.raises(FileError, match=r"a\.xlsx:4: sheet 'points': cells are merged over several rows \(B3:B5\)"):
+        read_workbook(Path("a.xlsx"), content)
+
+
+@given(st.lists(st.integers(1, 400), min_size=1, max_size=8), st.sampled_from([b"r", b"plain", b"prefix"]))
+def test_marks_are_those_of_the_whole_sheet_in_pieces(cuts, form):
+    rows = [
+        b'<row r="%d" hidden="1"><c r="A%d" s="3"><v>1</v></c></row>' % (k, k) if k % 3 == 0
+        else b'<row r="%d"><c r="A%d" s="2"><f>B1</f><v></v></c><c r="B%d" s="3"/></row>' % (k, k, k)
+        for k in range(1, 8)
+    ]  # fmt: skip
+    sheet = b"<sheetData>" + b"".join(rows) + b'</sheetData><mergeCells><mergeCell ref="A2:B4"/></mergeCells>'
+    if form == b"plain":
+        sheet = re.sub(rb' r="\w+"', b"", sheet)
+    if form == b"prefix":
+        sheet = re.sub(rb"<(/?)", rb"<\1x:", sheet)
+    places = sorted({0, len(sheet), *(min(cut, len(sheet)) for cut in cuts)})
+    pieces = [sheet[a:b] for a, b in itertools.pairwise(places)]
+    marks = _marks(pieces, frozenset({3}))
+    assert (marks.hidden, marks.struck, marks.unvalued) == ({3, 6}, {3, 6}, {1, 2, 4, 5, 7})
+    assert marks.merged == [(2, 4, "A2:B4")]
+
+
+def test_comma_of_a_text_is_not_decided_by_numbers(tmp_path):
+    path = tmp_path / "a.xlsx"
+    path.write_bytes(points(lambda _, sheet: sheet.__setitem__("C4", "1,025")))
+    with pytest.raises(FileError, match=r"a\.xlsx:4: '1,025' may be 1\.025 or 1025"):
+        read_table(path)
+    for decimal, read in ((",", "1.025"), (".", "1025")):
+        table = read_table(path, TableForm(decimal=decimal))
+        assert table.texts("x_mm")[:4] == ["102.5", "103.5", read, "105.5"]
+        assert table.texts("z_mm") == ["300.125"] * 8
+    path.write_bytes(points(lambda _, sheet: sheet.__setitem__("C4", "104,5")))
+    assert read_table(path).texts("x_mm")[2] == "104.5"

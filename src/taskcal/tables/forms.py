@@ -15,6 +15,7 @@ from taskcal.errors import MAX_MET, FaultyFile, FileError, shown
 from taskcal.io.text_file import read_bytes
 from taskcal.plugins import load_plugins
 from taskcal.tables.parquet import MARK, read_parquet
+from taskcal.tables.spreadsheet import HiddenRows, read_workbook
 from taskcal.tables.table import MAX_COLUMNS, UNITS, Cells, Row, Sheet, Table, refuse_wide, too_wide
 from taskcal.tables.text import (
     MAX_REMARKS,
@@ -29,7 +30,6 @@ from taskcal.tables.text import (
     parse_motion_capture,
     separator_of,
     split_line,
-    with_decimal_points,
 )
 
 # Which characters the bytes of a text file stand for.
@@ -129,6 +129,8 @@ class TableForm:
     """The decimal mark."""
     sheet: str | None = None
     """Of a workbook."""
+    hidden_rows: HiddenRows | None = None
+    """What becomes of rows of a workbook that are hidden or struck out."""
 
 
 T = TypeVar("T", bytes, str)
@@ -163,12 +165,6 @@ class TextForm(FileForm[str]):
     """A form whose content is text, decoded, with decimal digits of any script as plain ones."""
 
 
-def _read_workbook(path: Path, content: bytes, form: TableForm) -> Sheet:
-    from taskcal.tables.spreadsheet import read_workbook
-
-    return with_decimal_points(read_workbook(path, content, form.sheet), form.decimal)
-
-
 GROUP = "taskcal.table_forms"
 """Entry points of other packages: a `BinaryForm` or a `TextForm` each."""
 
@@ -186,7 +182,7 @@ _FORMS: dict[str, FileForm] = {
             suffixes=(".xlsx",),
             # whole or damaged: names of parts stand unpacked before their contents, so that one that was cut off is known too
             holds=lambda path, content: content.startswith(b"PK\x03\x04") and b"xl/workbook.xml" in content,
-            read=_read_workbook,
+            read=lambda path, content, form: read_workbook(path, content, form.sheet, form.hidden_rows, form.decimal),
         ),
         TextForm(
             name="motion capture",

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Bool
 
 from taskcal.errors import FileError, shown
 from taskcal.tables.table import ANGLES, LENGTHS, MAX_MARKS, NUMBER, PLURALS, TEXT, UNITS, Cells, Sheet, too_wide
@@ -269,16 +270,24 @@ def _commented(comments: Sequence[tuple[int, str]], separator: str, width: int, 
     return (f"numbers behind a comment mark are left out (line {listed})",)
 
 
-def with_decimal_points(sheet: Sheet, decimal: DecimalMark | None = None) -> Sheet:
+def with_decimal_points(
+    sheet: Sheet, decimal: DecimalMark | None = None, texts: Bool[np.ndarray, " cells"] | None = None
+) -> Sheet:
     """A sheet whose numbers have decimal points and no parted thousands.
+
+    Args:
+        sheet: whose cells they are.
+        decimal: the decimal mark; by default what the numbers themselves tell.
+        texts: the cells that are text in the file; the others are numbers of a workbook, and have no mark of their own.
 
     Raises:
         FileError: the decimal mark is not stated and cannot be told.
     """
     cells = Cells.of(sheet.rows)
-    if not cells.holding(",").any():
+    own = np.ones(len(cells.cells), dtype=bool) if texts is None else texts
+    if not (cells.holding(",") & own).any():
         return sheet
-    at = cells.holding(",.")
+    at = cells.holding(",.") & own
     lines = np.repeat(sheet.lines, cells.widths)[at]
     mark = find_decimal_mark(sheet.path, zip(lines, cells.texts(at), strict=True)) if decimal is None else decimal
     pointed = cells.mapped(lambda cell: with_point(cell, mark), at)

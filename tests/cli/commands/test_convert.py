@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from openpyxl import Workbook
 
 from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import write_campaign
@@ -72,6 +73,23 @@ def test_names_and_the_decimal_mark_can_be_stated(run: Run, plain: Path, tmp_pat
     ended = run("convert", "-r", "ur5", path, "--columns", "id x_mm", "-o", tmp_path / "more.csv")
     assert ended.status == 1
     assert "has 10 columns, and 2 names were given for them" in ended.err
+
+
+def test_rows_hidden_in_a_workbook_are_asked_about(run: Run, plain: Path, tmp_path: Path) -> None:
+    path, book = tmp_path / "a.xlsx", Workbook()
+    header, *rows = (line.split(",") for line in plain.read_text().splitlines())
+    for row in (header, *((name, *map(float, cells)) for name, *cells in rows)):
+        book.worksheets[0].append(row)
+    book.worksheets[0].row_dimensions[7].hidden = True
+    book.save(path)
+    ended = run("convert", "-r", "ur5", path, "-o", tmp_path / "out.csv")
+    assert ended.status == 1
+    assert "--hidden-rows drop" in ended.err
+    for what, rows in (("keep", 40), ("drop", 39)):
+        ended = run("convert", "-r", "ur5", path, "--hidden-rows", what, "-o", tmp_path / f"{what}.csv")
+        assert ended.status == 0, ended.err
+        assert "hidden row 7" in ended.err
+        assert len(read_campaign(tmp_path / f"{what}.csv", ROBOT)) == rows
 
 
 def test_convert_to_parquet_round_trips(run: Run, plain: Path, tmp_path: Path) -> None:

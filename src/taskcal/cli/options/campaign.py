@@ -44,6 +44,9 @@ class TableOptions:
         None, help="Decimal mark, where the numbers alone are ambiguous."
     )
     sheet: str | None = option(None, "NAME", "Sheet to read from a workbook.")
+    hidden_rows: Literal["keep", "drop"] | None = option(
+        None, help="Read or leave out rows that a workbook hides, as by a filter, or strikes out."
+    )
     angles: Angles | None = option(
         None, help="Convention of a pose's three angles, where the column names do not state it."
     )
@@ -63,7 +66,9 @@ class TableOptions:
         marks: dict[str | None, DecimalMark | None] = {None: None, "point": ".", "comma": ","}
         columns = None if self.columns is None else tuple(self.columns.split())
         return taskcal.reading.ReadOptions(
-            form=taskcal.tables.TableForm(columns=columns, decimal=marks[self.decimal], sheet=self.sheet),
+            form=taskcal.tables.TableForm(
+                columns=columns, decimal=marks[self.decimal], sheet=self.sheet, hidden_rows=self.hidden_rows
+            ),
             angles=self.angles,
             points=self.points,
             distances=self.distances,
