@@ -102,7 +102,7 @@ def test_calibration_file_is_json_with_format_version_and_units(saved):
     found, text = saved
     data = json.loads(text, parse_constant=lambda constant: pytest.fail(f"{constant} is not JSON"))
     assert data["format"] == "taskcal-calibration"
-    assert data["format_version"] == 9
+    assert data["format_version"] == 10
     assert data["units"] == "metres and radians"
     assert data["names"] == list(found.all_names)
     assert data["provenance"]["rows"] == 50
@@ -217,11 +217,11 @@ BROKEN = {
     "foreign": (lambda text: '{"format": "other"}', "is JSON, but not a calibration"),
     "later version": (
         lambda text: edit(text, "format_version", value=99),
-        "has format version 99, this Taskcal reads 9; identify again",
+        "has format version 99, this Taskcal reads 10; identify again",
     ),
     "earlier version": (
         lambda text: edit(text, "format_version", value=7),
-        "has format version 7, this Taskcal reads 9; identify again",
+        "has format version 7, this Taskcal reads 10; identify again",
     ),
     "no version": (lambda text: edit(text, "format_version", remove=True), "has format version None"),
     "no robot": (
@@ -291,7 +291,7 @@ def test_a_broken_file_is_refused_with_a_reason(tmp_path, saved, case):
     path = tmp_path / "cal.json"
     path.write_text(breaking(saved[1]), encoding="utf-8")
     with pytest.raises(FileError, match=message):
-        load_calibration(path)
+        load_calibration(path, unsealed=True)
 
 
 def test_a_missing_or_binary_file_says_so(tmp_path):

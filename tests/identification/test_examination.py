@@ -8,9 +8,18 @@ from scipy.stats import norm
 
 from taskcal.errors import CampaignError
 from taskcal.identification.identify import identify
-from taskcal.identification.validation import GUARD, STATISTICS, accept, examine, validate
+from taskcal.identification.validation import (
+    GUARD,
+    STATISTICS,
+    accept,
+    examine,
+    off_stored_residuals,
+    validate,
+)
+from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
+from taskcal.virtual.cell import simulate
 from tests.laws.campaigns import measure
 from tests.laws.robots import industrial, industrial_positions
 
@@ -108,3 +117,20 @@ def test_of_robots_right_at_the_limit_one_in_twenty_passes():
 def test_a_limit_that_is_none_is_refused(limit):
     with pytest.raises(ValueError, match="limit is"):
         accept(examine(*case()), limit)
+
+
+@pytest.mark.parametrize(
+    "measured",
+    [{}, {"pose": True}, {"observe": "socket+wire"}, {"stations": 2}],
+    ids=["points", "poses", "wire", "two"],
+)
+def test_fitted_campaign_has_the_stored_residuals(measured):
+    """To rounding, however it was measured; of other campaigns nothing is said."""
+    rng, model = np.random.default_rng(3), ErrorModel(load_robot("ur5"))
+    x = 0.5 * rng.normal(size=len(model)) * model.tolerances
+    campaign, _ = simulate(model, rng.uniform(-1.2, 1.2, (40, 6)), rng=rng, x=x, **measured)
+    calibration = identify(model, campaign)
+    assert off_stored_residuals(calibration, campaign) < 1e-12
+    assert off_stored_residuals(calibration, campaign.take(range(30))) is None
+    moved = replace(calibration, z=calibration.z + 1e-6)
+    assert off_stored_residuals(moved, campaign) > 1e-7

@@ -11,6 +11,7 @@ from taskcal.analysis.identifiability import published_kept
 from taskcal.demo.procedure import reference_task
 from taskcal.errors import FileError, TaskcalError, UnknownName
 from taskcal.identification.identify import identify
+from taskcal.io.json_file import sealed, without_seal
 from taskcal.planning import study as studying
 from taskcal.planning.expected_error import design
 from taskcal.planning.selection import select
@@ -96,7 +97,7 @@ def test_an_interrupted_study_goes_on_where_it_was(model, task, rows, tmp_path):
     # what is there is not computed again
     marked = json.loads(path.read_text())
     marked["robots"]["0"][0]["max_mm"] = 77.0
-    path.write_text(json.dumps(marked))
+    path.write_text(json.dumps(sealed(without_seal(marked)[0])))
     resumed = study(
         model, task, robots=4, engine="sequential", resume=path, progress=lambda done, _: seen.append(done), **CASES
     ).rows
@@ -161,6 +162,14 @@ def test_a_file_that_holds_no_study_is_refused(model, task, tmp_path, content):
     with pytest.raises(FileError, match="does not hold a study"):
         study(model, task, robots=1, engine="sequential", resume=path, **CASES)
     assert path.read_text() == content
+
+
+def test_an_edited_study_is_refused_by_the_key(model, task, begun, tmp_path):
+    path, content = tmp_path / "study.json", json.loads(begun)
+    content["robots"]["0"][0]["rms_mm"] *= 1e-3
+    path.write_text(json.dumps(content))
+    with pytest.raises(FileError, match=r"was edited .*: 'robots' changed; restore it, or remove it to start afresh"):
+        study(model, task, robots=1, engine="sequential", resume=path, **CASES)
 
 
 def test_unknown_names_are_refused_with_the_known_ones(model, task):

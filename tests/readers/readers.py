@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -191,8 +191,8 @@ READERS = {
     "poses": Reader(files=named("poses.csv", *POSE_TABLES), read=lambda path: read_tool_poses(read_csv(path))),
     "pose-cycles": Reader(files=named("cycles.csv", "\n".join([POSES, *POSE_ROWS])), read=read_pose_cycles),
     "path-cycles": Reader(files=named("path.csv", "\n".join([PATH, *PATH_ROWS])), read=read_path_cycles),
-    "calibration": Reader(files=_json("cal"), read=load_calibration),
-    "registration": Reader(files=_json("reg"), read=lambda path: load_registration(path, *_saved()[:2])),
+    "calibration": Reader(files=_json("cal"), read=partial(load_calibration, unsealed=True)),
+    "registration": Reader(files=_json("reg"), read=lambda path: load_registration(path, *_saved()[:2], unsealed=True)),
     "truth": Reader(files=_json("truth"), read=lambda path: read_truth(path, _saved()[0])),
     "rows": Reader(
         files=named("rows.txt", "0\n3\n5\n", "# rows\n1\n"), read=lambda path: choose_rows(str(path), 9, path)

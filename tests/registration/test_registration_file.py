@@ -55,7 +55,7 @@ def test_a_file_from_before_methods_were_written_is_of_poses(model, saved):
     content = json.loads(path.read_text())
     del content["registration"]["method"], content["registration"]["file"]
     path.write_text(json.dumps(content))
-    assert load_registration(path, model, campaign).method == "poses"
+    assert load_registration(path, model, campaign, unsealed=True).method == "poses"
 
 
 def test_another_robot_is_refused(saved):
@@ -89,7 +89,7 @@ def test_an_edited_file_is_refused(model, saved, change, message):
     path, _, campaign = saved
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises(FileError, match=message):
-        load_registration(path, model, campaign)
+        load_registration(path, model, campaign, unsealed=True)
 
 
 def test_a_frame_that_shears_is_refused(model, saved):
@@ -98,4 +98,4 @@ def test_a_frame_that_shears_is_refused(model, saved):
     content["registration"]["T_tracker_base"][0][0] += 0.01
     path.write_text(json.dumps(content))
     with pytest.raises(FileError, match="not a rigid transform"):
-        load_registration(path, model, campaign)
+        load_registration(path, model, campaign, unsealed=True)

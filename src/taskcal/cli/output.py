@@ -19,6 +19,7 @@ import typer
 from taskcal.cli.progress import clear_line
 from taskcal.errors import FileError, printable, shortened
 from taskcal.io.files import to_bytes, write_all, write_whole
+from taskcal.io.json_file import parse_json
 from taskcal.report.content import Table, fold, lay_out_facts, lay_out_table
 
 if TYPE_CHECKING:
@@ -143,7 +144,7 @@ def show_facts(facts: Iterable[tuple[str, str]]) -> None:
 def write_json(result: Mapping[str, Any]) -> None:
     """Print the machine-readable result, alone on standard output."""
     clear_line()
-    content = plain(result)
+    content = plain(with_edits(result))
     text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
     try:
         text.encode(getattr(sys.stdout, "encoding", None) or "utf-8")
@@ -192,8 +193,9 @@ def _note(kind: str, key: bytes) -> Path:
 
 def read_note(kind: str, key: bytes) -> dict[str, Any]:
     """The note of a kind and key; empty where there is none."""
-    with suppress(OSError, ValueError, RecursionError):
-        content = json.loads(_note(kind, key).read_text(encoding="utf-8"))
+    with suppress(OSError, ValueError, RecursionError, FileError):
+        path = _note(kind, key)
+        content = parse_json(path.read_text(encoding="utf-8"), path)
         if isinstance(content, dict):
             return content
     return {}
@@ -218,10 +220,12 @@ def keep_note(kind: str, key: bytes, content: Mapping[str, Any]) -> None:
 
 @dataclass
 class _Account:
-    """Files that this run is to write and has written, for the line that lists them where it is interrupted."""
+    """Files that this run is to write and has written, for the line that lists them where it is interrupted, and edited ones."""
 
     planned: list[Path] = field(default_factory=list[Path])
     written: list[Path] = field(default_factory=list[Path])
+    warnings: list[str] = field(default_factory=list[str])
+    """Files that were read although they were edited, in words."""
 
 
 _account = _Account()
@@ -302,6 +306,29 @@ def begin_account() -> None:
     """Forget the files of an earlier command of this process."""
     _account.planned.clear()
     _account.written.clear()
+    _account.warnings.clear()
+
+
+def warn_of_edits(warning: str) -> None:
+    """Note that a file which this run reads was edited: every result and page says so. Nothing where the warning is empty."""
+    if warning:
+        _account.warnings.append(warning)
+
+
+def edit_warnings() -> tuple[str, ...]:
+    """Which files of this run were edited, in words."""
+    return tuple(dict.fromkeys(_account.warnings))
+
+
+def with_edits(result: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A result for programs, with ``edited`` where a file was."""
+    return {**result, "edited": edit_warnings()} if edit_warnings() else result
+
+
+def tell_edits() -> None:
+    """Write above a result for people which files were edited."""
+    for warning in edit_warnings():
+        say(f"warning: {warning}")
 
 
 def count_as_written(path: Path) -> None:

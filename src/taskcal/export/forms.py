@@ -8,7 +8,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.errors import TaskcalError, UnknownName
+from taskcal.errors import TaskcalError, UnknownName, shown
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.kernels.chain import ErrorFrame, Fixed, JointKind
@@ -130,11 +130,13 @@ class CalibratedChain:
     matrix: Float[np.ndarray, "coordinates joints"]
     offset: Float[np.ndarray, " coordinates"]
     """Chain coordinates are matrix·q + offset, radians or metres."""
+    warning: str = ""
+    """What files say above the robot, such as that its calibration was edited; on one line."""
 
     @classmethod
     def of(cls, calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> "CalibratedChain":
         """The chain of a calibration; of what effects and loops add at joint positions q, the mean goes into the joints' zeros."""
-        return cls.of_model(calibration.model, calibration.estimate, q)
+        return replace(cls.of_model(calibration.model, calibration.estimate, q), warning=calibration.edit_warning)
 
     @classmethod
     def of_model(
@@ -271,6 +273,7 @@ def urdf_text(chain: CalibratedChain) -> str:
     robot = chain.robot
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
+        *([f"<!-- {shown(chain.warning, 200).replace('--', '- -')} -->"] if chain.warning else []),
         f"<robot name={quoteattr(robot.name)}>",
         '  <link name="base_link"/>',
     ]
@@ -399,6 +402,10 @@ def export_ur_yaml(
     return export_as("UR's YAML", _ur_yaml, calibration, q, accept_loss=accept_loss)
 
 
+def _comments(chain: CalibratedChain) -> list[str]:
+    return [f"# {shown(chain.warning, 200)}"] if chain.warning else []
+
+
 def _ur_yaml(chain: CalibratedChain) -> Written:
     robot = chain.robot
     alike = len(robot.joints) == len(LINKS) and not any(robot.prismatic) and not robot.driven
@@ -408,7 +415,7 @@ def _ur_yaml(chain: CalibratedChain) -> Written:
             "(--form urdf)"
         )
     origins, tool = _origins(chain)
-    lines = ["kinematics:"]
+    lines = [*_comments(chain), "kinematics:"]
     for link, T in zip(LINKS, origins, strict=True):
         values = [*T[:3, 3], *roll_pitch_yaw(T[:3, :3])]
         keys = ("x", "y", "z", "roll", "pitch", "yaw")
@@ -594,7 +601,7 @@ def _common_normal(
 
 def _text(chain: CalibratedChain, table: DHForm) -> str:
     names = chain.robot.joint_names
-    lines = [f"# {chain.robot.name}, calibrated; {table.convention}, millimetres and degrees"]
+    lines = [f"# {chain.robot.name}, calibrated; {table.convention}, millimetres and degrees", *_comments(chain)]
     for what, T in (("base of the table in the robot's base", table.base), ("tool in the last frame", table.tool)):
         place = placed(T)
         x, y, z = place["position_mm"]

@@ -25,6 +25,7 @@ from taskcal.identification.measured_range import MeasuredRange
 from taskcal.identification.problem import Rows, Seen, joint_columns
 from taskcal.identification.provenance import Provenance
 from taskcal.io.files import write_whole
+from taskcal.io.json_file import ON_PURPOSE, note_of_edits, parse_json, sealed, unseal, without_seal
 from taskcal.io.toml_file import Finite, NotNegative, Section, explain
 from taskcal.kernels import walk
 from taskcal.observations import Observation, Point, Pose, block_size, kind_of
@@ -165,6 +166,7 @@ def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
         "rounds": calibration.rounds,
         "reason": calibration.reason,
         "remarks": list(calibration.remarks),
+        "edited": list(calibration.edited),
     }
 
 
@@ -749,19 +751,30 @@ class Calibration:
     """What the fit predicted of rows that it had not seen, if any were held out."""
     source: str = ""
     """File that it was read from."""
+    edited: tuple[str, ...] = ()
+    """Keys of its file that were edited after it was written, and read all the same (``unsealed``); a file that is made of it names
+    them, too."""
 
     def __repr__(self) -> str:
         scale = "" if self.prior_scale is None else f", prior × {self.prior_scale:.2g}"
         return (
             f"Calibration({self.model.robot.name}: {len(self.estimated)} parameters from {len(self.residuals)} rows, "
-            f"model error {self.model_error[0] * 1e3:.3f} mm{scale})"
+            f"model error {self.model_error[0] * 1e3:.3f} mm{scale}{', edited' if self.edited else ''})"
         )
+
+    @property
+    def edit_warning(self) -> str:
+        """That its file was edited after it was identified, with the keys; empty where it was not."""
+        return f"not as it was identified: {note_of_edits(self.source, self.edited)}" if self.edited else ""
 
     @property
     def origin(self) -> dict[str, Any]:
         """File that it was read from, robot and campaign, as another calibration names it."""
         named = "robot", "robot_digest", "campaign", "campaign_digest", "rows"
-        return {"file": self.source, **{name: getattr(self.provenance, name) for name in named}}
+        return {
+            "file": note_of_edits(self.source, self.edited),
+            **{name: getattr(self.provenance, name) for name in named},
+        }
 
     @property
     def targets(self) -> tuple[str, ...]:
@@ -1017,8 +1030,8 @@ class Calibration:
         return text
 
     def to_json(self) -> dict[str, Any]:
-        """The content of the file."""
-        return describe_calibration(self)
+        """The content of the file, sealed."""
+        return sealed(describe_calibration(self))
 
 
 # How a target was observed without a tracker, as a calibration's file has it.
@@ -1201,6 +1214,7 @@ class CalibrationFile(Section):
     rounds: Count
     reason: str
     remarks: Texts
+    edited: Texts
 
     def calibration(self, effects: Sequence[Effect]) -> Calibration:
         """The calibration it describes, with its effects.
@@ -1257,6 +1271,7 @@ class CalibrationFile(Section):
             rounds=self.rounds,
             reason=self.reason,
             remarks=tuple(self.remarks),
+            edited=tuple(self.edited),
             provenance=Provenance(**self.provenance.model_dump()),
         )
 
@@ -1295,17 +1310,22 @@ class CalibrationFile(Section):
         return array_of("group_deviations", self.group_deviations, (parameters,))
 
 
-def load_calibration(path: str | Path) -> Calibration:
+def load_calibration(path: str | Path, *, unsealed: bool = False) -> Calibration:
     """Read a calibration saved by `Calibration.save`.
 
+    Args:
+        path: the file.
+        unsealed: read a file that was edited since it was written, too; `Calibration.edited` has the keys then.
+
     Raises:
-        FileError: the file is missing, truncated, of another format or version, or inconsistent in itself; the message
+        FileError: the file is missing, truncated, of another format or version, edited, or inconsistent in itself; the message
             names the key and its value.
     """
     path = Path(path)
-    data = read_envelope(path)
+    data, edited = unseal(path, read_envelope(path), f"restore it, or identify again; {ON_PURPOSE}", accept=unsealed)
     try:
-        return replace(calibration_from(data), source=path.name)
+        read = calibration_from(data)
+        return replace(read, source=path.name, edited=tuple(dict.fromkeys((*read.edited, *edited))))
     except TaskcalError as error:
         raise FileError(path, str(error)) from error
 
@@ -1346,7 +1366,10 @@ def expect_readable(text: str, calibration: Calibration) -> None:
         TaskcalError: it would be refused, or be another calibration.
     """
     try:
-        again = calibration_from(json.loads(text), [type(effect) for effect in calibration.model.effects])
+        content, changes = without_seal(parse_json(text, "its file"))
+        if changes:
+            raise TaskcalError(f"'{next(iter(changes))}' is read back as something else")
+        again = calibration_from(content, [type(effect) for effect in calibration.model.effects])
         for name in ("z", "z_spread", "T_tracker_base", "T_tool_target"):
             if not np.array_equal(getattr(again, name), getattr(calibration, name)):
                 raise TaskcalError(f"'{name}' is read back as something else")

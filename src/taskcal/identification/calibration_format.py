@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Any
 
-from taskcal.io.text_file import read_versioned
+from taskcal.io.json_file import read_versioned
 
 FORMAT = "taskcal-calibration"
-FORMAT_VERSION = 9
+FORMAT_VERSION = 10
 
 
 def read_envelope(path: Path) -> dict[str, Any]:

@@ -227,6 +227,9 @@ class Examination:
     """Whether neighbouring rows or poses have much the same error as each outlier, as those do that a model leaves."""
     measured_range: MeasuredRange
     """Where the calibration was measured."""
+    off_stored: float | None = None
+    """If this is the campaign that the calibration was fitted to: how far its residuals are off the calibration's own, metres or
+    radians."""
 
     @cached_property
     def outside(self) -> Bool[np.ndarray, " points"]:
@@ -306,6 +309,7 @@ class Examination:
             "inside_share": self.inside_share(),
             "rotation_inside_share": None if self.rotation_inside is None else float(self.rotation_inside.mean()),
             "outside_points": int(self.outside.sum()),
+            "off_stored_mm": None if self.off_stored is None else self.off_stored * 1e3,
             **{name: {**part.summary(), "inside_share": share} for name, (part, share) in self.by_range().items()},
             "measured_range": self.measured_range.summary(),
             "outliers": [outlier.summary() for outlier in self.outliers],
@@ -375,7 +379,32 @@ def examine(
         outliers=outliers,
         shared=shared,
         measured_range=calibration.measured_range,
+        off_stored=off_stored_residuals(calibration, campaign),
     )
+
+
+def off_stored_residuals(calibration: Calibration, campaign: Campaign) -> float | None:
+    """How far residuals are off those that the calibration has of its rows, metres or radians; infinite where it has other rows.
+
+    None for another campaign than the one that was fitted.
+
+    Args:
+        calibration: the calibration.
+        campaign: measurements.
+    """
+    if campaign.digest != calibration.provenance.campaign_digest:
+        return None
+    left = iter(enumerate(campaign.ids))
+    rows = [row for name in calibration.ids if (row := next((k for k, own in left if own == name), None)) is not None]
+    if len(rows) < len(calibration.ids) or campaign.targets != calibration.targets:
+        return float("inf")
+    if not np.array_equal(campaign.q[rows], calibration.q):
+        return float("inf")
+    found, stored = residuals_on(calibration, campaign)[rows], calibration.residuals
+    if campaign.stations is not None:  # the rows of further stations are stored along other axes
+        found, stored = (np.linalg.norm(one[..., :3], axis=2) for one in (found, stored))
+    off, lost = np.abs(found - stored), np.isnan(stored)
+    return float(np.max(off, where=~lost, initial=0.0)) if np.array_equal(np.isnan(off), lost) else float("inf")
 
 
 # Whether a calibrated robot is accurate enough: pass or fail by a limit and a guard band.

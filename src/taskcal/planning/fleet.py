@@ -24,6 +24,7 @@ from taskcal.identification.identify import fit_nominal, identify_parameters
 from taskcal.identification.options import FitOptions
 from taskcal.identification.uncertainty_budget import budget_at
 from taskcal.io.files import write_whole
+from taskcal.io.json_file import note_of_edits
 from taskcal.io.text_file import read_bytes
 from taskcal.planning.workers import side_by_side
 from taskcal.reading.reader import read_campaign
@@ -248,14 +249,14 @@ class RobotHistory:
     """What could not be compared, and why."""
 
 
-def _follow(robot: tuple[str, Sequence[SentFile]]) -> RobotHistory:
+def _follow(robot: tuple[str, Sequence[SentFile]], *, unsealed: bool) -> RobotHistory:
     """Read a robot's calibrations and compare each with the one before it."""
     name, files = robot
     read: list[tuple[Row, Calibration]] = []
     skipped: list[tuple[str, str]] = []
     for file in files:
         try:
-            calibration = _read_sent(file, load_calibration)
+            calibration = _read_sent(file, partial(load_calibration, unsealed=unsealed))
             read.append((_row(name, file.name, calibration), calibration))
         except TaskcalError as refusal:
             skipped.append((file.name, str(refusal)))
@@ -287,7 +288,7 @@ def _row(robot: str, file: str, calibration: Calibration) -> Row:
     some = np.unique(np.linspace(0, count - 1, min(count, MAX_STATED_POSES)).astype(int))
     return {
         "robot": robot,
-        "file": file,
+        "file": note_of_edits(file, calibration.edited),
         "model": calibration.model.robot.name,
         "date": date_of(file) or calibration.provenance.created,
         "rows": len(calibration.ids),
@@ -551,6 +552,7 @@ def review_fleet(
     engine: str = "loky",
     workers: int = -1,
     progress: Progress = lambda done, total: None,
+    unsealed: bool = False,
 ) -> Fleet:
     """Look at the calibrations of many robots.
 
@@ -562,6 +564,7 @@ def review_fleet(
         engine: ``loky``, ``threading``, ``sequential``, or ``dask:ADDRESS`` of a scheduler; a few files are read at once.
         workers: how many; −1 for one per core.
         progress: called with the robots done and their total.
+        unsealed: read calibrations that were edited after they were identified, too; their names tell.
 
     Raises:
         FileError: there is no such folder.
@@ -575,7 +578,7 @@ def review_fleet(
     histories: list[RobotHistory] = []
     common: dict[Any, Any] = {}
     progress(0, len(files.calibrations))
-    with closing(side_by_side(_follow, sent, engine, workers)) as results:
+    with closing(side_by_side(partial(_follow, unsealed=unsealed), sent, engine, workers)) as results:
         for history in results:
             if (one := history.latest) is not None:  # what thousands of robots have in common is held once
                 shared = {

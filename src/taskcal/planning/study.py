@@ -31,6 +31,7 @@ from taskcal.identification.effects import explain
 from taskcal.identification.identify import fit_nominal, identify
 from taskcal.identification.options import FitOptions
 from taskcal.io.files import write_whole
+from taskcal.io.json_file import parse_json, sealed, unseal
 from taskcal.io.text_file import read_text
 from taskcal.observations.base import TrackerNoise, check_lengths
 from taskcal.planning.expected_error import known_hyperparameters
@@ -627,11 +628,12 @@ def _read(resume: str | Path | None, setting: StudySetting) -> dict[int, list[di
     if resume is None or not Path(resume).exists():
         return {}
     try:
-        data = json.loads(read_text(resume))
+        data = parse_json(read_text(resume), resume)
         done = {int(index): [_row(row) for row in rows] for index, rows in data["robots"].items()}
         fingerprint = data["study"]
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise FileError(resume, "does not hold a study; name another file, or remove it") from error
+    unseal(resume, data, "restore it, or remove it to start afresh")
     if fingerprint != _fingerprint(setting):
         raise FileError(resume, "holds a study of other settings; name another file, or remove it to start afresh")
     return done
@@ -647,4 +649,4 @@ def _row(row: Mapping[str, Any]) -> dict[str, Any]:
 
 def _append(path: Path, setting: StudySetting, done: Mapping[int, list[dict[str, Any]]]) -> None:
     content = {"study": _fingerprint(setting), "robots": {str(index): done[index] for index in sorted(done)}}
-    write_whole(path, json.dumps(content))
+    write_whole(path, json.dumps(sealed(content)))

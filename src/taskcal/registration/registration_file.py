@@ -11,12 +11,12 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.geometry.se3 import array_of, rigid
 from taskcal.io.files import write_whole
-from taskcal.io.text_file import read_versioned
+from taskcal.io.json_file import ON_PURPOSE, note_of_edits, read_versioned, sealed, unseal
 from taskcal.io.toml_file import Finite, NotNegative, Section, explain
 from taskcal.registration.registration import Method, Registration
 from taskcal.robot.error_model import ErrorModel
 
-FORMAT, FORMAT_VERSION = "taskcal registration", 2
+FORMAT, FORMAT_VERSION = "taskcal registration", 3
 
 Matrix = list[list[Finite]]
 
@@ -81,7 +81,7 @@ def registration_text(registration: Registration, model: ErrorModel, campaign: C
         "targets": list(campaign.targets),
         "registration": describe_registration(registration),
     }
-    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(sealed(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def describe_registration(registration: Registration) -> dict[str, Any]:
@@ -105,20 +105,24 @@ def save_registration(path: str | Path, registration: Registration, model: Error
     write_whole(Path(path), registration_text(registration, model, campaign))
 
 
-def load_registration(path: str | Path, model: ErrorModel, campaign: Campaign) -> Registration:
+def load_registration(
+    path: str | Path, model: ErrorModel, campaign: Campaign, *, unsealed: bool = False
+) -> Registration:
     """Read a registration for a campaign of the same robot and the same targets.
 
     Args:
         path: written by `save_registration` or ``taskcal register``.
         model: of the robot.
         campaign: that is to be identified.
+        unsealed: read a file that was edited since it was written, too; `Registration.file` names the keys then.
 
     Raises:
-        FileError: the file is missing or no registration, or it is one of another robot, of other targets, or of points
+        FileError: the file is missing, edited or no registration, or it is one of another robot, of other targets, or of points
             where poses were measured.
     """
     path = Path(path)
     data = read_versioned(path, "registration", FORMAT, FORMAT_VERSION, "register")
+    data, edited = unseal(path, data, f"restore it, or register again; {ON_PURPOSE}", accept=unsealed)
     try:
         content = RegistrationFile.model_validate(data)
         registration = content.registration.registration(len(content.targets))
@@ -127,7 +131,7 @@ def load_registration(path: str | Path, model: ErrorModel, campaign: Campaign) -
     except TaskcalError as error:
         raise FileError(path, f"is inconsistent: {error}; it may have been edited: register again") from error
     _check_belongs(path, content, model, campaign)
-    return replace(registration, file=path.name)
+    return replace(registration, file=note_of_edits(path.name, edited))
 
 
 def _check_belongs(path: Path, content: RegistrationFile, model: ErrorModel, campaign: Campaign) -> None:

@@ -44,7 +44,7 @@ from taskcal.report.content import (
     signed,
     with_interval,
 )
-from taskcal.report.page import Page
+from taskcal.report.page import Page, edited_entry
 from taskcal.report.scene import robot_scene
 from taskcal.report.sensitivity import MAX_TICKED, draw_effects
 from taskcal.report.task import draw_bands, draw_maps
@@ -1177,4 +1177,5 @@ def calibration_page(
         lead=f"{len(calibration.kept)} of {len(model)} parameters from {source.rows} rows of {source.campaign or 'a campaign'}"
         f"{describe_effective(calibration.effective_parameters, calibration.parameter_groups)}. All lengths are in millimetres.",
         source=f"calibration by Taskcal {source.version}, {source.created}",
+        header=(edited_entry(calibration.edit_warning),) if calibration.edited else (),
     )

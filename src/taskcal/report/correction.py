@@ -17,7 +17,7 @@ from taskcal.identification.measured_range import describe_outside
 from taskcal.identification.uncertainty_budget import evaluation_of_model_error
 from taskcal.report.calibration import corrected_uncertainty_section
 from taskcal.report.content import Block, Chart, Column, Numbers, Points, Scene, Section, Table
-from taskcal.report.page import Page
+from taskcal.report.page import Page, edited_entry
 from taskcal.report.scene import coloured_points, spread_rows, strokes
 from taskcal.report.theme import BLUE, GREY, ORANGE, VERMILION, add_series, styled, with_decades
 
@@ -295,6 +295,7 @@ def correction_page(correction: Correction, calibration: Calibration) -> Page:
         sections=sections,
         lead=f"For the {robot.title or robot.name}, by the calibration of {calibration.provenance.campaign or 'a campaign'}.",
         source=f"calibration of {calibration.provenance.created}",
+        header=(edited_entry(calibration.edit_warning),) if calibration.edited else (),
     )
 
 

@@ -61,6 +61,11 @@ class Page:
         )
 
 
+def edited_entry(warning: str) -> tuple[str, str]:
+    """What a page's header says of a calibration that was edited."""
+    return "warning", warning
+
+
 def _chart_json(chart: Chart) -> Markup:
     from taskcal.report.theme import figure_json
 

@@ -1,6 +1,5 @@
 """Parts that pages share: a file is chosen, a command runs, and what it printed is kept and read again."""
 
-import json
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -12,6 +11,7 @@ from nicegui.elements.mixins.text_element import TextElement
 
 from taskcal.errors import TaskcalError
 from taskcal.io.files import write_whole
+from taskcal.io.json_file import parse_json
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.robot import Robot
 from taskcal.studio.controls import button, choice, command_line, message, set_attribute, text
@@ -150,7 +150,8 @@ def read_result(project: Project, path: str, *keys: str) -> Mapping[str, Any] | 
         keys: that the result must have.
     """
     with suppress(OSError, ValueError, TaskcalError):
-        content = json.loads(project.path(result_of(path)).read_text(encoding="utf-8"))
+        file = project.path(result_of(path))
+        content = parse_json(file.read_text(encoding="utf-8"), file)
         if isinstance(content, dict) and set(keys) <= content.keys():
             return content
     return None

@@ -11,12 +11,14 @@ from taskcal.cli.options.common import (
     CountOption,
     JsonOption,
     SeedOption,
+    UnsealedOption,
     above_zero,
     look_at_calibration,
     metres,
     read_and_reach,
+    read_calibration,
 )
-from taskcal.cli.output import info, say, show, show_facts, write_json
+from taskcal.cli.output import info, say, show, show_facts, tell_edits, write_json
 from taskcal.cli.progress import bar_over
 
 
@@ -28,6 +30,7 @@ def command(
         "Calibrations; each is compared with the first.",
         callback=lambda paths: [look_at_calibration(path) for path in paths],
     ),
+    unsealed: UnsealedOption = False,
     task: Path | None = option(
         None, "TASK.toml", "Compare over this task; by default at the measured poses.", also="-t"
     ),
@@ -48,7 +51,7 @@ def command(
     if len(calibrations) < 2:
         raise typer.BadParameter("name two calibrations or more", param_hint="CAL.json")
 
-    first, *others = [taskcal.load_calibration(path) for path in calibrations]
+    first, *others = [read_calibration(path, unsealed=unsealed) for path in calibrations]
     accuracy, q = metres(accuracy_mm), None
     names, compared = [f"comparing {path}" for path in calibrations[1:]], dict[Path, "taskcal.Comparison"]()
     with bar_over([*([] if task is None else [REACHING]), *names]) as begin:
@@ -66,6 +69,7 @@ def command(
         millimetres = None if accuracy is None else accuracy * 1e3
         write_json({"first": calibrations[0], "accuracy_mm": millimetres, "comparisons": entries})
         return
+    tell_edits()
     for path, comparison in compared.items():
         _show(f"{path} against {calibrations[0]}", comparison, accuracy, all_parameters=all_parameters)
 

@@ -10,7 +10,7 @@ import typer
 import taskcal
 from robot_programs.core.files import is_backup
 from taskcal.cli.command import argument, option
-from taskcal.cli.options.common import above_zero, look_at_calibration, metres
+from taskcal.cli.options.common import UnsealedOption, above_zero, look_at_calibration, metres, read_calibration
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import info, keep_note, read_note, show, show_facts, tell
 from taskcal.cli.progress import bar_over
@@ -123,6 +123,7 @@ def command(
     calibration: Path = option(
         ..., "CAL.json", "Calibration written by taskcal identify.", also="-c", callback=look_at_calibration
     ),
+    unsealed: UnsealedOption = False,
     destination: DestinationOptions,
     around: CellOptions,
     limits: BoundsOptions,
@@ -146,7 +147,7 @@ def command(
     outputs = page.begin("correct", named, [calibration, around.cell, *programs])
     from robot_programs.backup import check_place
 
-    calibrated = taskcal.load_calibration(calibration)
+    calibrated = read_calibration(calibration, unsealed=unsealed)
     cell, program = _read(programs, around, calibrated)
     if not again:
         check_not_corrected(program.sources)

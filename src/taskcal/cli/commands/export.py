@@ -14,9 +14,11 @@ from taskcal.cli.options.common import (
     CountOption,
     OutputOptions,
     SeedOption,
+    UnsealedOption,
     read_and_reach,
+    read_calibration,
 )
-from taskcal.cli.output import files_of_task, info, plain, show, show_facts, tell
+from taskcal.cli.output import files_of_task, info, plain, show, show_facts, tell, with_edits
 from taskcal.cli.progress import bar_over
 from taskcal.report.content import Column, Table
 
@@ -31,6 +33,7 @@ OFFSETS = "offsets"
 def command(
     *,
     calibration: CalibrationArgument,
+    unsealed: UnsealedOption = False,
     form: str = option(
         ...,
         "urdf|ur-yaml|dh|mdh|offsets|…",
@@ -52,7 +55,7 @@ def command(
         raise typer.BadParameter(f"name the file to write as {form}", param_hint="--output")
     outputs = out.begin("export", [("--output", output)], [calibration, *files_of_task(task)])
 
-    calibrated = taskcal.load_calibration(calibration)
+    calibrated = read_calibration(calibration, unsealed=unsealed)
     name, reached = calibrated.model.robot.name, None
     if task is not None:
         with bar_over([REACHING]) as begin:
@@ -61,7 +64,7 @@ def command(
         q, weights = _poses(reached)
         offsets = taskcal.export.fit_offsets(calibrated, q, weights)
         result: dict[str, Any] = {"robot": name, "form": form, **offsets.summary()}
-        outputs.write({output: json.dumps(plain(result), indent=1, allow_nan=False) + "\n"})
+        outputs.write({output: json.dumps(plain(with_edits(result)), indent=1, allow_nan=False) + "\n"})
         out.give(result, lambda: _show_offsets(name, offsets, task))
         return
     export = exporter.write(calibrated, _poses(reached)[0], accept_loss)

@@ -9,7 +9,7 @@ import typer
 
 import taskcal
 from taskcal.cli.command import argument, option
-from taskcal.cli.options.common import EngineOptions, OutputOptions, above_zero
+from taskcal.cli.options.common import EngineOptions, OutputOptions, UnsealedOption, above_zero
 from taskcal.cli.output import count_as_written, info, show, show_facts, tell
 from taskcal.cli.progress import bar_by_parts
 from taskcal.tables.frame import csv_of
@@ -54,6 +54,7 @@ def command(
         callback=above_zero,
     ),
     output: Path | None = option(None, "TABLE.csv", "Output CSV: a row per calibration.", also="-o"),
+    unsealed: UnsealedOption = False,
     running: EngineOptions,
     out: OutputOptions,
 ) -> None:
@@ -69,6 +70,7 @@ def command(
             robots,
             engine=running.engine_name,
             workers=running.max_workers,
+            unsealed=unsealed,
             progress=lambda done, total: bar("robots", done, max(total, 1)),
         )
     if output is not None:

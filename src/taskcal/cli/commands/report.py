@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.campaign import MeasuredOptions
-from taskcal.cli.options.common import CalibrationArgument, SeedOption
+from taskcal.cli.options.common import CalibrationArgument, SeedOption, UnsealedOption, read_calibration
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import files_of_task, show, tell
 from taskcal.cli.progress import bar_over
@@ -39,6 +39,7 @@ class ReportOptions(PageOptions):
 def command(
     *,
     calibration: CalibrationArgument,
+    unsealed: UnsealedOption = False,
     task: Path | None = option(None, "TASK.toml", "Show the TCP uncertainty over this task.", also="-t"),
     measured: MeasuredOptions,
     out: ReportOptions,
@@ -51,7 +52,7 @@ def command(
     """
     outputs = out.begin("report", [], [calibration, *files_of_task(task), *measured.inputs])
 
-    calibrated = taskcal.load_calibration(calibration)
+    calibrated = read_calibration(calibration, unsealed=unsealed)
     described = None if task is None else taskcal.load_task(task)
     from taskcal.planning.task_map import uncertainty_over  # after the files were read: figures take a while
     from taskcal.report.calibration import calibration_page

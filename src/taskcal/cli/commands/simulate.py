@@ -25,6 +25,7 @@ from taskcal.cli.options.observing import check_instruments
 from taskcal.cli.output import files_of_task, plain, tell
 from taskcal.cli.progress import bar_over
 from taskcal.errors import FileError
+from taskcal.io.json_file import parse_json
 from taskcal.io.text_file import read_text
 from taskcal.observations import Observation, instrument_classes, instrument_of
 from taskcal.robot.error_model import ErrorModel
@@ -226,7 +227,8 @@ def read_truth(path: Path, model: ErrorModel) -> KnownTruth:
         FileError: it is missing, no truth, or that of another robot.
     """
     try:
-        data: Any = json.loads(read_text(path, otherwise="is not JSON; write one with taskcal simulate --truth"))
+        text = read_text(path, otherwise="is not JSON; write one with taskcal simulate --truth")
+        data: Any = parse_json(text, path)
     except (ValueError, RecursionError) as error:
         raise FileError(path, f"is not JSON: {error}; write one with taskcal simulate --truth") from error
     try:

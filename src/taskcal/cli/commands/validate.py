@@ -8,8 +8,19 @@ import typer
 import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.campaign import CampaignOptions
-from taskcal.cli.options.common import CalibrationArgument, CampaignsArgument, JsonOption, above_zero
-from taskcal.cli.output import info, show, show_facts, write_json
+from taskcal.cli.options.common import (
+    CalibrationArgument,
+    CampaignsArgument,
+    JsonOption,
+    UnsealedOption,
+    above_zero,
+    read_calibration,
+)
+from taskcal.cli.output import error, info, show, show_facts, tell_edits, write_json
+
+MAX_OFF_STORED_M = 1e-9
+"""Difference between stored and computed residuals that rounding may leave, metres (radians): predictions some metres away are
+rounded by 1e-15 m in each of some thousand operations, and a tracker resolves 1e-7 m."""
 
 MAX_WORST = 10
 """Points that are listed, the largest errors."""
@@ -39,6 +50,7 @@ class AcceptanceOptions:
 def command(
     *,
     calibration: CalibrationArgument,
+    unsealed: UnsealedOption = False,
     campaign: CampaignsArgument,
     reregister: bool = option(
         False, help="Refit tracker frame and targets to this campaign, with the robot's geometry fixed."
@@ -49,7 +61,7 @@ def command(
     as_json: JsonOption = False,
 ) -> None:
     """Validate a calibration against a campaign; optional pass/fail decision."""
-    calibrated = taskcal.load_calibration(calibration)
+    calibrated = read_calibration(calibration, unsealed=unsealed)
     measured = reading.read(campaign, calibrated.model.robot).campaign
     if reading.targets is None and not reregister:
         measured = _shared_targets(measured, calibrated)
@@ -65,7 +77,14 @@ def command(
             frames = "fixed objects located by the calibrated robot, from these rows"
         statistic = "Position error" if examination.validation.has_axes else "Error"
         title = f"{statistic} of {calibrated.model.robot.name} on {' '.join(map(str, campaign))} ({frames})"
+        tell_edits()
         _show(title, examination, decision, None if all_rows else MAX_WORST)
+    if (off := examination.off_stored) is not None and off > MAX_OFF_STORED_M:
+        error(
+            f"{calibration}: its stored residuals of this campaign, to which it was fitted, are not met: by {off * 1e3:.3g} mm. "
+            "The file was edited, or an effect's code has changed since; identify again"
+        )
+        raise typer.Exit(1)
     if decision is not None and not decision.accepted:
         raise typer.Exit(1)
 

@@ -10,7 +10,7 @@ import typer
 
 import taskcal
 from taskcal.cli.command import Declared, option
-from taskcal.cli.output import Outputs, check_outputs, info, write_json
+from taskcal.cli.output import Outputs, check_outputs, info, tell_edits, warn_of_edits, write_json
 from taskcal.errors import FileError
 
 if TYPE_CHECKING:
@@ -71,6 +71,17 @@ def look_at_calibration(path: Path) -> Path:
     return path
 
 
+def read_calibration(path: Path, *, unsealed: bool) -> "taskcal.Calibration":
+    """A calibration; where it was edited, every result and page of this run says so.
+
+    Raises:
+        FileError: as `taskcal.load_calibration`.
+    """
+    calibration = taskcal.load_calibration(path, unsealed=unsealed)
+    warn_of_edits(calibration.edit_warning)
+    return calibration
+
+
 # Options of one value.
 
 ROBOT = "Catalogue name, or file: .toml, .urdf (or .urdf#TIP), .xacro."
@@ -109,6 +120,9 @@ CalibrationArgument = Annotated[
 CountOption = Annotated[
     int,
     Declared(metavar="N", help="Number of poses, distributed over the task's workspace.", also="-n", more={"min": 1}),
+]
+UnsealedOption = Annotated[
+    bool, Declared(help="Read calibrations that were edited after they were identified; every result says so.")
 ]
 SeedOption = Annotated[int, Declared(metavar="N", help="Seed of the random number generator.", more={"min": 0})]
 JsonOption = Annotated[bool, Declared(help="Print the result as JSON, alone on standard output.", named="--json")]
@@ -240,6 +254,7 @@ class OutputOptions:
         if self.as_json:
             write_json(result)
         else:
+            tell_edits()
             show()
 
 
@@ -263,6 +278,7 @@ class RobotOptions:
     calibration: Path | None = option(
         None, "CAL.json", "Use this calibration, with its effects, instead of --robot.", also="-c"
     )
+    unsealed: UnsealedOption = False
 
     def __post_init__(self) -> None:
         if (self.robot is None) == (self.calibration is None):
@@ -277,7 +293,7 @@ class RobotOptions:
             TaskcalError: there is no such robot.
         """
         if self.calibration is not None:
-            calibration = taskcal.load_calibration(self.calibration)
+            calibration = read_calibration(self.calibration, unsealed=self.unsealed)
             return calibration.model, calibration
         return taskcal.ErrorModel(taskcal.load_robot(self.robot or "")), None
 

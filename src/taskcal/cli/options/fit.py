@@ -10,7 +10,8 @@ import typer
 import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.campaign import CampaignRead
-from taskcal.cli.options.common import SeedOption, split_names, within
+from taskcal.cli.options.common import SeedOption, UnsealedOption, read_calibration, split_names, within
+from taskcal.cli.output import warn_of_edits
 
 if TYPE_CHECKING:
     Fit = Callable[[taskcal.Campaign], taskcal.Calibration]
@@ -76,6 +77,7 @@ class FitCommandOptions:
         "Calibration of a robot of the same make: its sizes and model error are expected of this one, unless this robot's rows "
         "contradict them.",
     )
+    unsealed: UnsealedOption = False
     mpe_to_sigma: float | None = option(
         None,
         "FACTOR",
@@ -120,7 +122,9 @@ class FitCommandOptions:
         """
         registration = register_by("circles", model, campaign) if self.registration == "circles" else None
         if self.registration_file is not None:
-            registration = taskcal.registration.load_registration(str(self.registration_file), model, campaign)
+            path = self.registration_file
+            registration = taskcal.registration.load_registration(path, model, campaign, unsealed=self.unsealed)
+            warn_of_edits("" if registration.file == path.name else f"not as it was registered: {registration.file}")
         return taskcal.identification.FitOptions(
             keep=_kept(model, self._names),
             prior=None if self.prior == "none" else "tolerances",
@@ -134,7 +138,7 @@ class FitCommandOptions:
             prior_scale="estimate" if self.prior_scale is None else self.prior_scale,
             gross_errors=self.gross_errors,
             target_within=self.target_within_mm * 1e-3,
-            like=None if self.like is None else taskcal.load_calibration(self.like),
+            like=None if self.like is None else read_calibration(self.like, unsealed=self.unsealed),
         )
 
 

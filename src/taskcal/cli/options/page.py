@@ -12,7 +12,7 @@ from pydantic import Field
 
 from taskcal.cli.command import option
 from taskcal.cli.options.common import OutputOptions
-from taskcal.cli.output import Outputs
+from taskcal.cli.output import Outputs, edit_warnings
 from taskcal.errors import FileError
 from taskcal.io.toml_file import Finite, Section, read_toml
 
@@ -102,9 +102,11 @@ class PageOptions(OutputOptions):
 
     def _compose(self, page: "Page") -> dict[Path, str | bytes]:
         """Every file that is asked for of a page."""
-        from taskcal.report.page import as_markdown, draw_figures, figures_of
+        from taskcal.report.page import as_markdown, draw_figures, edited_entry, figures_of
 
-        page, out, named = replace(page, header=tuple(self._labelled())), dict[Path, str | bytes](), dict[str, str]()
+        warnings = [edited_entry(warning) for warning in edit_warnings()]
+        head = tuple(dict.fromkeys([*page.header, *warnings, *self._labelled()]))
+        page, out, named = replace(page, header=head), dict[Path, str | bytes](), dict[str, str]()
         if self.report is not None:
             out[self.report] = page.html()
         if self.figures is not None:
