@@ -66,3 +66,34 @@ def test_over_fewer_poses_less_is_left(calibration):
     near = q[:1] + np.random.default_rng(0).uniform(-0.1, 0.1, (50, 6))
     assert fit_offsets(calibration, near).with_zeros.rms < 0.3 * fit_offsets(calibration, q).with_zeros.rms
     assert fit_offsets(calibration, near).poses == 50
+
+
+def test_a_weight_is_a_pose_that_is_repeated(calibration):
+    q = spread_poses(calibration, 40)
+    times = np.random.default_rng(2).integers(1, 5, len(q))
+    weighted, repeated = fit_offsets(calibration, q, 0.3 * times), fit_offsets(calibration, np.repeat(q, times, axis=0))
+    for one in ("joints", "base", "tool", "tool_in_flange"):
+        np.testing.assert_allclose(getattr(weighted, one), getattr(repeated, one), atol=1e-9)
+    for one in ("without_zeros", "with_zeros"):
+        assert getattr(weighted, one).rms == pytest.approx(getattr(repeated, one).rms, rel=1e-9)
+        assert getattr(weighted, one).maximum == pytest.approx(getattr(repeated, one).maximum, rel=1e-9)
+    assert weighted.uncertainty == pytest.approx(repeated.uncertainty, rel=1e-9)
+    each = [np.trace(calibration.predict_covariance(q[i : i + 1])[0, 0, :3, :3]) for i in range(len(q))]
+    assert weighted.uncertainty**2 == pytest.approx(np.average(each, weights=times), rel=1e-9)
+
+
+def test_what_is_said_has_the_units_that_it_names(calibration):
+    """Angles in degrees, lengths in millimetres; what is expected of a pose is what is left and what is not known of it."""
+    made = replace(fit_offsets(calibration), prismatic=(True, *(False,) * 5), joints=np.arange(1.0, 7.0) * 1e-3)
+    said = made.summary()
+    names = calibration.model.robot.joint_names
+    assert said["joint_offsets"][f"{names[0]}_mm"] == pytest.approx(1.0)
+    assert said["joint_offsets"][f"{names[5]}_deg"] == pytest.approx(np.degrees(6e-3))
+    np.testing.assert_allclose(said["base"]["position_mm"], 1e3 * made.base[:3, 3])
+    np.testing.assert_allclose(said["tool"]["position_mm"], 1e3 * made.tool_in_flange[:3, 3])
+    left = {"tool_and_base": made.without_zeros, "zeros_tool_and_base": made.with_zeros}
+    for key, remaining in left.items():
+        assert said[key]["left_rms_mm"] == pytest.approx(1e3 * remaining.rms)
+        assert said[key]["left_max_mm"] == pytest.approx(1e3 * remaining.maximum)
+        assert said[key]["expected_rms_mm"] ** 2 == pytest.approx(1e6 * (remaining.rms**2 + made.uncertainty**2))
+    assert said["program_correction"]["expected_rms_mm"] == pytest.approx(1e3 * made.uncertainty)

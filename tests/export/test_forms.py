@@ -5,9 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from scipy.spatial.transform import Rotation
 
 from taskcal.errors import TaskcalError
-from taskcal.export.forms import LINKS, CalibratedChain, export_dh, export_ur_yaml, export_urdf, spread_poses, urdf_text
+from taskcal.export.forms import (
+    LINKS,
+    CalibratedChain,
+    export_dh,
+    export_ur_yaml,
+    export_urdf,
+    placed,
+    spread_poses,
+    urdf_text,
+)
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.robot.catalogue import load_robot
@@ -162,3 +172,44 @@ def test_export_rejects_nearly_parallel_axes_for_dh_table(calibrations):
     ):
         export_dh(nearly, "dh")
     assert export_dh(nearly, "dh", accept_loss=True).loss.maximum < 1e-6
+
+
+def test_effects_at_a_single_pose_are_held_whole():
+    """What effects add there is its own mean, and goes into the joints' zeros."""
+    calibration = calibrated("ur5", Harmonics())
+    for q in spread_poses(calibration, 3):
+        at = q[None]
+        chain = CalibratedChain.of(calibration, at)
+        np.testing.assert_allclose(chain.poses(at), calibration.tool_in_base(at), atol=1e-12)
+        without = replace(chain, offset=chain.robot.joint_map.offset)
+        assert np.abs(without.poses(at) - calibration.tool_in_base(at))[:, :3, 3].max() > 1e-6
+
+
+@pytest.mark.parametrize("form", [export_urdf, lambda *args, **keys: export_dh(args[0], "mdh", *args[1:], **keys)])
+def test_the_stated_loss_is_that_of_the_file_that_is_read_back(form, tmp_path):
+    calibration = calibrated("ur5", Harmonics())
+    q = spread_poses(calibration, 40)
+    made = form(calibration, q, accept_loss=True)
+    if made.text.startswith("<?xml"):
+        (tmp_path / "robot.urdf").write_text(made.text, encoding="utf-8")
+        T = ErrorModel(load_robot(tmp_path / "robot.urdf")).poses(q)
+    else:
+        (tmp_path / "table.csv").write_text(made.text, encoding="utf-8")
+        robot = read_dh_table(tmp_path / "table.csv", "mdh")
+        T = made.frames["base"] @ ErrorModel(robot).poses(q) @ made.frames["tool"]
+    off = np.linalg.norm((T - calibration.tool_in_base(q))[:, :3, 3], axis=1)
+    assert made.loss.rms == pytest.approx(np.sqrt(np.mean(off**2)), rel=1e-4)
+    assert made.loss.maximum == pytest.approx(off.max(), rel=1e-4)
+    assert made.summary()["loss"]["max_mm"] == 1e3 * made.loss.maximum
+    assert made.loss.poses == 40
+
+
+def test_a_pose_is_stated_as_scipy_has_it():
+    """Position in millimetres, a quaternion with its scalar last, and angles about fixed x, y and z."""
+    rng = np.random.default_rng(5)
+    for turn in Rotation.random(20, random_state=1):
+        p = rng.normal(size=3)
+        stated = placed(se3.pose(turn.as_matrix(), p))
+        np.testing.assert_allclose(stated["position_mm"], 1e3 * p)
+        np.testing.assert_allclose(Rotation.from_quat(stated["quaternion"]).as_matrix(), turn.as_matrix(), atol=1e-12)
+        np.testing.assert_allclose(stated["rpy_deg"], turn.as_euler("xyz", degrees=True), atol=1e-9)

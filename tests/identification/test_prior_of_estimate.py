@@ -1,9 +1,13 @@
 """The prior of an estimate: its precision and covariance, and fits with and without it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from taskcal.errors import TaskcalError
 from taskcal.estimation.prior import GaussianPrior
+from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
 from taskcal.identification.layout import prior_of
 from tests.identification.arms import arm, defects, true_points
@@ -59,3 +63,43 @@ def test_the_precision_is_the_inverse_of_the_covariance(kind, factor):
     np.testing.assert_allclose(np.diag(C)[:p], factor * model.tolerances**2, rtol=1e-12)
     np.testing.assert_array_equal(C[p:, p:], prior.covariance(1.0)[p:, p:])
     assert not prior_of(layout, None).precision(factor)[:p].any()
+
+
+@pytest.mark.parametrize("found", [{}, {"model_error": 0.0, "prior_scale": 1.0}], ids=["estimated", "given"])
+def test_a_robot_that_its_prior_knows_is_left_where_that_has_it(found):
+    """About the prior's mean, far from zero, nothing is left that a model error would have to explain."""
+    rng, model = arm(4)
+    x = 5.0 * defects(rng, model)
+    campaign, truth = measure(rng, model, industrial_positions(rng, 40), x, sigma=1e-5, uncertainty=1e-5)
+    prior = GaussianPrior(x, np.diag((1e-3 * model.tolerances) ** 2))
+    calibration = identify(model, campaign, prior=prior, **found)
+    np.testing.assert_allclose(calibration.estimate, x, atol=0.05 * model.tolerances.min())
+    assert calibration.model_error[0] < 1e-5
+    q = industrial_positions(rng, 100)
+    assert np.abs(calibration.predict(q) - true_points(model, truth, q)).max() < 5e-5
+
+
+def test_a_prior_that_is_given_moves_with_its_mean():
+    """The fit of rows that were moved as much as the prior is the fit moved: to first order, all else alike."""
+    rng, model = arm(6)
+    q = industrial_positions(rng, 40)
+    d, root = 1e-3 * defects(rng, model), rng.normal(size=(len(model), len(model))) / np.sqrt(len(model))
+    covariance = (0.2 * root @ root.T + np.eye(len(model))) * np.outer(model.tolerances, model.tolerances)
+    options = {"model_error": 1e-4, "prior_scale": 1.0, "gross_errors": "keep"}
+    here, truth = measure(np.random.default_rng(1), model, q, defects(rng, model), sigma=1e-4, uncertainty=1e-4)
+    moved = true_points(model, replace(truth, x=truth.x + d), q) - true_points(model, truth, q)
+    zero = np.zeros(len(model))
+    first = identify(model, here, prior=GaussianPrior(zero, covariance), **options)
+    there = replace(here, points=here.points + moved)
+    second = identify(model, there, prior=GaussianPrior(d, covariance), **options)
+    np.testing.assert_allclose(second.estimate - first.estimate, d, atol=0.02 * np.abs(d).max())
+    alone = identify(model, there, prior=GaussianPrior(zero, covariance), **options)
+    assert np.abs(alone.estimate - first.estimate - d).max() > 0.2 * np.abs(d).max()
+
+
+def test_effects_are_not_sought_beside_a_prior_that_would_be_ignored():
+    rng, model = arm(0)
+    campaign, _ = measure(rng, model, industrial_positions(rng, 40))
+    prior = GaussianPrior.of_deviations(model.tolerances)
+    with pytest.raises(TaskcalError, match="not with one that is given"):
+        explain(model, campaign, prior=prior)

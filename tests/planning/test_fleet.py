@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import taskcal as tc
 from taskcal.errors import FileError, TaskcalError
-from taskcal.planning.fleet import date_of, find_fleet, identify_campaigns, review_fleet
+from taskcal.identification.held_out import HeldOut
+from taskcal.planning.fleet import MIN_CHANGE_SIGMA, date_of, find_fleet, identify_campaigns, review_fleet
 from tests.laws.fleets import MOVED_RAD, lay_calibrations, lay_campaigns, small_model
 
 
@@ -34,6 +37,52 @@ def test_fleet_flags_only_changed_robot_and_its_joint(fleet):
     assert moved["resembles"][0]["amount"] == pytest.approx(1e3 * MOVED_RAD, rel=0.1)
     pair = [tc.load_calibration(fleet / "b" / f"2026-0{month}-01.json") for month in (3, 9)]
     assert (moved["rms_mm"], moved["chance"]) == (1e3 * tc.compare(*pair).rms, tc.compare(*pair).chance)
+
+
+def test_a_change_told_the_other_way_round_has_the_other_sign(fleet):
+    """What has grown has shrunk where the earlier file is the later one: all of it, and nothing else."""
+    forth = review_fleet(fleet).changes
+    for robot in ("a", "b"):
+        folder = fleet / robot
+        (folder / "2026-03-01.json").rename(folder / "2027-01-01.json")
+    for there, back in zip(forth, review_fleet(fleet).changes, strict=True):
+        assert there["rms_mm"] == pytest.approx(back["rms_mm"], rel=1e-3)
+        changed = [{one["name"]: one["over_sigma"] for one in way["parameters"]} for way in (there, back)]
+        assert changed[0].keys() == changed[1].keys()
+        for name, value in changed[0].items():
+            assert changed[1][name] == pytest.approx(-value, rel=1e-3)
+        pair = [tc.load_calibration(fleet / there["robot"] / f"{date}.json") for date in ("2027-01-01", "2026-09-01")]
+        every = tc.compare(*pair).summary()["parameters"]
+        assert set(changed[0]) == {one["name"] for one in every if one["over_sigma"] ** 2 >= MIN_CHANGE_SIGMA**2}
+    assert any(change["parameters"] for change in forth)
+
+
+def test_a_robot_s_row_states_what_its_calibration_does(fleet):
+    """In millimetres; the uncertainty that of single poses, model error with it."""
+    file = fleet / "a" / "2026-03-01.json"
+    calibration = tc.load_calibration(file)
+    variance = np.trace(calibration.predict_covariance(calibration.q)[:, 0, :3, :3], axis1=1, axis2=2)
+    (row,) = [one for one in review_fleet(fleet).calibrations if one["file"] == "a/2026-03-01.json"]
+    assert row["stated_mm"] == pytest.approx(1e3 * np.sqrt(variance.mean()), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("nominal", "predicted", "verdict"),
+    [(5.0, 1.5, "good"), (5.0, 1.7, "too few rows"), (1.5, 1.5, "no better"), (1.4, 1.5, "no better")],
+)
+def test_held_out_rows_judge_a_calibration(fleet, nominal, predicted, verdict):
+    """By their error over that of the fitted rows, and beside that of the nominal robot."""
+    file = fleet / "a" / "2026-03-01.json"
+    calibration = tc.load_calibration(file)
+    rows = np.arange(len(calibration.q))
+    off = np.nanmean(np.linalg.norm(calibration.residuals, axis=2)) * np.array([0.6, 0.0, -0.8])
+    left, by_nominal = (np.tile(share * off, (len(rows), 1, 1)) for share in (predicted, nominal))
+    held_out = HeldOut(by="rows", folds=2, rows=rows, part=rows % 2, residuals=left, nominal=by_nominal)
+    replace(calibration, held_out=held_out).save(file)
+    (row,) = [one for one in review_fleet(fleet).calibrations if one["file"] == "a/2026-03-01.json"]
+    assert row["verdict"] == verdict
+    shares = [row[key] / row["fitted_mm"] for key in ("nominal_mm", "held_out_mm")]
+    assert shares == pytest.approx([nominal, predicted])
 
 
 def test_the_more_comparisons_the_smaller_a_chance_has_to_be(fleet):

@@ -1,5 +1,6 @@
 """The choice of parameters for a task, and its reasons."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.identify import identify
 from taskcal.planning.selection import MAX_ERROR_RATIO, select, selection_steps
 from taskcal.robot.catalogue import load_robot
+from taskcal.robot.effects import Harmonics
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, reach_task
 from taskcal.virtual.cell import simulate
@@ -146,3 +148,33 @@ def test_pose_campaign_states_model_error_in_mrad(model, listed):
     assert chosen.summary()["model_error_mrad"] == pytest.approx(found[1] * 1e3)
     assert found[1] > 1e-4
     assert "model_error_mrad" not in select(model, listed).summary()
+
+
+@pytest.mark.parametrize(
+    ("effect", "expected"),
+    [
+        (Harmonics(orders=(1, 2, 3, 4)), ("costs", False)),
+        (Harmonics(orders=(1, 2, 3, 4), tolerance=1e-6), ("moves", True)),
+    ],
+    ids=["harmonics", "small harmonics"],
+)
+def test_the_figures_of_every_reason_are_those_of_the_design(listed, effect, expected):
+    """What a group moves is the root of its members' squares; what a step costs is the next size's error over this one's."""
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"), effects=(effect,))
+    chosen = select(model, listed, count=40)
+    seen = set()
+    steps = {nested.dropped_next: k for k, nested in enumerate(chosen.ladder)}
+    for group, members in chosen.groups.items():
+        reason = chosen.dropped.get(members[0], "")
+        own = model.indices(members)
+        alone = np.sqrt(max(np.diag(chosen.design.influence)[own] @ chosen.design.prior[own] ** 2, 0.0))
+        k = steps[group]
+        if found := re.search(r"moves the task by ([\d.e-]+) mm rms", reason):
+            assert float(found[1]) == pytest.approx(1e3 * alone, rel=0.06)
+            seen.add(("moves", len(own) > 1))
+        elif found := re.search(r"error of ([\d.]+) mm changes by ([+-][\d.]+) %", reason):
+            now, then = chosen.ladder[k].expected, chosen.ladder[k + 1].expected
+            assert float(found[1]) == pytest.approx(1e3 * now, abs=6e-4)
+            assert float(found[2]) == pytest.approx(100.0 * (then - now) / now, abs=6e-3)
+            seen.add(("costs", len(own) > 1))
+    assert expected in seen

@@ -255,3 +255,26 @@ def test_a_row_says_how_many_poses_were_asked_for(model, task, monkeypatch):
     monkeypatch.setattr("taskcal.planning.study.POOL_POSES", 25)
     made = study(model, task, robots=1, counts=(40,), plans=("random",), engine="sequential")
     assert [row["count"] for row in made.rows] == [40]
+
+
+def test_an_accuracy_is_judged_at_single_poses():
+    """With the model error that each of them has, not by the geometry alone; and its quantiles are those of the robots."""
+    rng = np.random.default_rng(0)
+    geometry = rng.uniform(0.1, 0.3, 20)
+    single = np.hypot(geometry, 0.25)
+    rows = tuple(
+        {"robot": i, "observe": "tracker", "plan": plan, "count": 10, "model": "all", "max_mm": 1.0}
+        | {"rms_mm": factor * geometry[i], "rms_with_model_error_mm": factor * single[i]}
+        for i in range(20)
+        for plan, factor in (("grid", 1.0), ("random", 2.0))
+    )
+    accuracy = float(np.median(single))
+    made = studying.Study(rows=rows, robots=20, seed=0, accuracy=1e-3 * accuracy, before=tuple(1e-3 * single))
+    for line, factor in zip(made.summary(), (1.0, 2.0), strict=True):
+        assert line["share_accurate"] == np.mean([value <= accuracy for value in factor * single])
+        assert line["rms_with_model_error_mm"] ** 2 == pytest.approx(np.mean((factor * single) ** 2))
+        assert line["p05_mm"] == pytest.approx(factor * np.quantile(geometry, 0.05))
+        assert line["p95_mm"] == pytest.approx(factor * np.quantile(geometry, 0.95))
+    assert made.summary()[0]["share_accurate"] == 0.5
+    spread = [made.spread_before()[key] for key in ("p05", "median", "p95")]
+    np.testing.assert_allclose(spread, 1e-3 * np.quantile(single, [0.05, 0.5, 0.95]))

@@ -260,7 +260,7 @@ def explain(
     Raises:
         CampaignError: too few rows.
         FitError: a fit did not converge.
-        TaskcalError: effects are to be found by evidence, without a prior.
+        TaskcalError: effects are to be found by evidence, without a prior or with one that is given.
     """
     names = [f.name for f in fields(EffectSearch)]
     search = EffectSearch(**{name: value for name, value in choices.items() if name in names})  # pyright: ignore[reportArgumentType]
@@ -297,7 +297,7 @@ def select_effects(
     Raises:
         CampaignError: too few rows.
         FitError: nothing explains the rows, and they are farther off than the robot's tolerances allow.
-        TaskcalError: effects are to be found by evidence, without a prior.
+        TaskcalError: effects are to be found by evidence, without a prior or with one that is given.
     """
     expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
     expect_kinds({"search": EffectSearch | None, "options": FitOptions | None}, search=search, options=options)
@@ -305,6 +305,11 @@ def select_effects(
     if search.effects is None and options.prior is None:
         raise TaskcalError(
             "effects are found by their evidence, which needs a prior; name the effects, or keep the prior"
+        )
+    if (search.effects is None or search.field) and options.prior not in (None, "tolerances"):
+        raise TaskcalError(
+            "effects are found with the robot's tolerances as prior, not with one that is given; name the effects, or leave out "
+            "the prior"
         )
     options = hold_scale(model, campaign, options)
     like = options.like
