@@ -9,13 +9,14 @@ import pytest
 
 from taskcal.analysis.identifiability import published_kept
 from taskcal.demo.procedure import reference_task
-from taskcal.errors import FileError, TaskcalError, UnknownName
+from taskcal.errors import FileError, FitError, TaskcalError, UnknownName
 from taskcal.identification.identify import identify
 from taskcal.io.json_file import sealed, without_seal
 from taskcal.planning import study as studying
 from taskcal.planning.expected_error import design
 from taskcal.planning.selection import select
 from taskcal.planning.study import study
+from taskcal.report.study import describe_failed, draw_study, tabulate_study
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, reach_task
@@ -60,6 +61,59 @@ def test_study_counts_uninformative_robots_as_unchanged(model, task, tmp_path):
     assert made.unlearnt == 1
     again = study(model, task, robots=3, resume=tmp_path / "study.json", **case)
     assert again.rows == made.rows
+
+
+FEW = {**CASES, "counts": (3, 8), "plans": ("random",)}
+"""Three poses cannot be fitted, whichever robot they are of."""
+
+
+@pytest.fixture(scope="module")
+def partly(model, task):
+    return study(model, task, robots=2, engine="sequential", **FEW)
+
+
+def test_a_campaign_that_is_not_fitted_is_a_row_with_the_reason(partly):
+    assert [row["count"] for row in partly.failed] == [3] * 4
+    assert all("too few" in row["failed"] and row["rms_mm"] is None for row in partly.failed)
+    assert partly.unlearnt == 0
+    few, enough = partly.summary()[::2]
+    assert (few["robots"], few["failed"], few["median_mm"]) == (0, 2, None)
+    assert (enough["robots"], enough["failed"]) == (2, 0)
+    assert enough["median_mm"] > 0.0
+    assert tabulate_study(partly, "listed").rows[0][3:5] == ("0", "–")
+    said = describe_failed(partly)
+    assert said.startswith("4 of 8 campaigns, which no figure counts. robots 0 (2 campaigns), 1 (2 campaigns): ")
+    draw_study(partly)
+
+
+@pytest.mark.parametrize("engine", ["threading", "loky"])
+def test_robots_that_fail_do_not_end_a_study_anywhere(model, task, partly, engine):
+    assert study(model, task, robots=2, engine=engine, workers=2, **FEW).rows == partly.rows
+
+
+def test_a_fit_that_does_not_converge_is_not_tried_again(model, task, tmp_path, monkeypatch):
+    fit, tried = studying.identify, []
+
+    def one_fails(model, campaign, *, options):
+        tried.append(len(campaign))
+        if len(tried) == 3:
+            raise FitError("no minimum after 100 iterations")
+        return fit(model, campaign, options=options)
+
+    monkeypatch.setattr(studying, "identify", one_fails)
+    case = {**CASES, "plans": ("random",), "models": ("all",), "engine": "sequential", "resume": tmp_path / "s.json"}
+    made = study(model, task, robots=4, **case)
+    assert [(row["robot"], row["failed"]) for row in made.failed] == [(2, "no minimum after 100 iterations")]
+    (line,) = made.summary()
+    assert line["median_mm"] == pytest.approx(np.median([row["rms_mm"] for row in made.rows if not row["failed"]]))
+    assert study(model, task, robots=4, **case).rows == made.rows
+    assert len(study(model, task, robots=5, **case).failed) == 1
+    assert len(tried) == 5
+
+
+def test_a_study_of_which_nothing_is_fitted_says_why(model, task):
+    with pytest.raises(FitError, match=r"none of the 4 campaigns could be fitted: .* too few"):
+        study(model, task, robots=2, engine="sequential", **{**FEW, "counts": (3,)})
 
 
 def test_every_robot_plan_count_and_model_has_its_row(rows):

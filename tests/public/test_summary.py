@@ -41,6 +41,7 @@ def reports(results: dict[str, Any]) -> dict[str, Any]:  # noqa: F811
                 "model": "all",
                 "rms_mm": 0.1,
                 "rms_with_model_error_mm": 0.2,
+                "failed": "",
             },
         ),
         robots=1,

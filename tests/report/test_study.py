@@ -18,7 +18,7 @@ def study(accuracy: float | None) -> Study:
     rows = tuple(
         {
             "robot": k, "observe": "tracker", "plan": "grid", "count": 12, "model": "all", "rms_mm": e, "max_mm": 2 * e,
-            "rms_with_model_error_mm": float(np.hypot(e, 0.05)),
+            "rms_with_model_error_mm": float(np.hypot(e, 0.05)), "learnt": True, "failed": "",
         }
         for k, e in enumerate(GEOMETRY)
     )  # fmt: skip
@@ -27,7 +27,7 @@ def study(accuracy: float | None) -> Study:
 
 def test_study_figure_has_a_box_for_each_model() -> None:
     rows = tuple(
-        {"robot": r, "plan": plan, "count": 10, "model": model, "rms_mm": 0.1 + r, "max_mm": 1.0}
+        {"robot": r, "plan": plan, "count": 10, "model": model, "rms_mm": 0.1 + r, "max_mm": 1.0, "failed": ""}
         for r in range(3) for plan in ("planned", "grid") for model in ("all", "selected")
     )  # fmt: skip
     figure = draw_study(Study(rows=rows, robots=3, seed=0, accuracy=1e-4))

@@ -23,7 +23,15 @@ from jaxtyping import Float
 from taskcal.analysis.identifiability import published_kept
 from taskcal.arguments import expect_kinds, options_of
 from taskcal.campaigns.campaign import Campaign
-from taskcal.errors import CampaignError, FileError, NothingLearntError, TaskcalError, UnknownName
+from taskcal.errors import (
+    CampaignError,
+    ClosureError,
+    FileError,
+    FitError,
+    NothingLearntError,
+    TaskcalError,
+    UnknownName,
+)
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
@@ -276,6 +284,10 @@ class StudySetting:
     stations: int = 1
 
 
+FIGURES = ("rms_mm", "max_mm", "rms_with_model_error_mm")
+"""Errors of a row; None where the campaign was not fitted."""
+
+
 def try_robots(setting: StudySetting, indices: Sequence[int]) -> list[tuple[int, list[dict[str, Any]]]]:
     """All ways to measure, plans and models of some of the true robots, by their numbers."""
     return [(index, _try(setting, index)) for index in indices]
@@ -294,23 +306,28 @@ def _try(setting: StudySetting, index: int) -> list[dict[str, Any]]:
         alone = np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index, 1)))
         unexplained = robots.unexplained(truth, setting.task_q, alone)
         for name, options in setting.models.items():
-            found = _learn(robots.model, campaign, name, options)
-            # where nothing is learnt, what is left to its user is the robot as it is
-            off = _off(setting, fit_nominal(robots.model, campaign, options) if found is None else found, truth)
-            error, single = np.linalg.norm(off, axis=1), np.linalg.norm(off - unexplained * 1e3, axis=1)
-            row = {
-                "robot": index,
-                "plan": kind,
-                "count": count,
-                "model": name,
-                "rms_mm": float(np.sqrt(np.sum(setting.weights * error**2))),
-                "max_mm": float(error.max()),
-                "rms_with_model_error_mm": float(np.sqrt(np.sum(setting.weights * single**2))),
-                "observe": observe,
-                "learnt": found is not None,
-            }
-            rows.append(row)
+            row: dict[str, Any] = {"robot": index, "plan": kind, "count": count, "model": name}
+            learnt, failed = False, ""
+            try:
+                found = _learn(robots.model, campaign, name, options)
+                # where nothing is learnt, what is left to its user is the robot as it is
+                off = _off(setting, fit_nominal(robots.model, campaign, options) if found is None else found, truth)
+                row |= _figures(setting.weights, off, off - unexplained * 1e3)
+                learnt = found is not None
+            except (FitError, CampaignError, ClosureError) as error:
+                row |= dict.fromkeys(FIGURES)
+                failed = str(error)
+            rows.append(row | {"observe": observe, "learnt": learnt, "failed": failed})
     return rows
+
+
+def _figures(
+    weights: Float[np.ndarray, " n"], off: Float[np.ndarray, "n 3"], single: Float[np.ndarray, "n 3"]
+) -> dict[str, float]:
+    """Errors of a row, of predictions that are so far off, millimetres, and of single poses."""
+    error, alone = np.linalg.norm(off, axis=1), np.linalg.norm(single, axis=1)
+    rms, at_a_pose = (float(np.sqrt(np.sum(weights * one**2))) for one in (error, alone))
+    return dict(zip(FIGURES, (rms, float(error.max()), at_a_pose), strict=True))
 
 
 def _learn(model: ErrorModel, campaign: Campaign, name: str, options: FitOptions) -> Calibration | None:
@@ -372,7 +389,8 @@ class Study:
     rows: tuple[Mapping[str, Any], ...]
     """One for each: robot, observe, plan, count, model; rms_mm and max_mm of the error of the predicted geometry over the task, and
     rms_with_model_error_mm of single poses, which have the model error beside it; and whether anything was learnt from the
-    measurements, or else the nominal robot stands for the calibrated one, with its frames found."""
+    measurements, or else the nominal robot stands for the calibrated one, with its frames found; and failed: why the campaign was
+    not fitted, such as a fit that did not converge, or empty. The errors of these rows are None, and no figure counts them."""
     robots: int
     seed: int
     accuracy: float | None = None
@@ -396,7 +414,12 @@ class Study:
     @property
     def unlearnt(self) -> int:
         """Rows with the nominal robot, since nothing was learnt from the measurements."""
-        return sum(not row.get("learnt", True) for row in self.rows)
+        return sum(not row["learnt"] and not row["failed"] for row in self.rows)
+
+    @property
+    def failed(self) -> tuple[Mapping[str, Any], ...]:
+        """Rows of campaigns that were not fitted, which no figure counts."""
+        return tuple(row for row in self.rows if row["failed"])
 
     @property
     def aligned(self) -> bool:
@@ -432,6 +455,7 @@ class Study:
     def summary(self) -> list[dict[str, Any]]:
         """Quantiles over the robots of the rms error, for each plan, count and model, in the order asked for.
 
+        ``robots`` are those that they are of, ``failed`` those whose campaigns were not fitted; where all failed, figures are None.
         Where the task states an accuracy, ``share_accurate`` is the share of robots that meet it at single poses.
         """
         groups: dict[tuple[str, str, int, str], list[Mapping[str, Any]]] = {}
@@ -442,18 +466,24 @@ class Study:
             for (way, kind, count, model), rows in groups.items()
         ]
 
-    def _quantiles(self, rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    def _quantiles(self, rows: Sequence[Mapping[str, Any]]) -> dict[str, float | int | None]:
         """Quantiles over the robots of one plan, count and model."""
-        geometry = np.array([row["rms_mm"] for row in rows])
-        single = np.array([row["rms_with_model_error_mm"] for row in rows])
-        accurate = {} if self.accuracy is None else {"share_accurate": float(np.mean(single <= self.accuracy * 1e3))}
+        fitted = [row for row in rows if not row["failed"]]
+        geometry = np.array([row["rms_mm"] for row in fitted])
+        single = np.array([row["rms_with_model_error_mm"] for row in fitted])
+        figures: dict[str, Callable[[], np.floating[Any]]] = {
+            "median_mm": lambda: np.median(geometry),
+            "p05_mm": lambda: np.percentile(geometry, 5),
+            "p95_mm": lambda: np.percentile(geometry, 95),
+            "rms_mm": lambda: np.sqrt(np.mean(np.square(geometry))),
+            "rms_with_model_error_mm": lambda: np.sqrt(np.mean(np.square(single))),
+        }
+        if (accuracy := self.accuracy) is not None:
+            figures["share_accurate"] = lambda: np.mean(single <= accuracy * 1e3)
         return {
-            "median_mm": float(np.median(geometry)),
-            "p05_mm": float(np.percentile(geometry, 5)),
-            "p95_mm": float(np.percentile(geometry, 95)),
-            "rms_mm": float(np.sqrt(np.mean(np.square(geometry)))),
-            "rms_with_model_error_mm": float(np.sqrt(np.mean(np.square(single)))),
-            **accurate,
+            "robots": len(fitted),
+            "failed": len(rows) - len(fitted),
+            **{name: float(figure()) if fitted else None for name, figure in figures.items()},
         }
 
 
@@ -506,6 +536,7 @@ def study(
         UnknownName: a plan, model or engine that does not exist.
         FileError: the file to resume from belongs to another study.
         ReachError: the robot does not reach the task.
+        FitError: not a single campaign could be fitted; where some were, `Study.failed` has the others.
     """
     expect_kinds({"model": ErrorModel, "task": Task}, model=model, task=task)
     chosen = options_of(StudyOptions, options, "a study")
@@ -520,6 +551,8 @@ def study(
                 _append(Path(resume), setting, done)
             progress(len(done), chosen.robots)
     rows = [row for index in range(chosen.robots) for row in done[index]]
+    if all(row["failed"] for row in rows):
+        raise FitError(f"none of the {len(rows)} campaigns could be fitted: {rows[0]['failed']}")
     return Study(
         rows=tuple(rows),
         robots=chosen.robots,
@@ -641,10 +674,9 @@ def _read(resume: str | Path | None, setting: StudySetting) -> dict[int, list[di
 
 def _row(row: Mapping[str, Any]) -> dict[str, Any]:
     """A row as it was written; a KeyError where it is not whole."""
-    row = {"observe": "tracker", "learnt": True, **row}
-    kinds = {"robot": int, "plan": str, "count": int, "model": str}
-    errors = {"rms_mm": float, "max_mm": float, "rms_with_model_error_mm": float, "observe": str, "learnt": bool}
-    return {key: kind(row[key]) for key, kind in (kinds | errors).items()}
+    kinds = {"robot": int, "plan": str, "count": int, "model": str, **dict.fromkeys(FIGURES, float)}
+    more = {"observe": str, "learnt": bool, "failed": str}
+    return {key: None if key in FIGURES and row["failed"] else kind(row[key]) for key, kind in (kinds | more).items()}
 
 
 def _append(path: Path, setting: StudySetting, done: Mapping[int, list[dict[str, Any]]]) -> None:

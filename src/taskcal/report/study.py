@@ -1,14 +1,20 @@
 """A study as a page: the spread of the task error, and its quantiles."""
 
+from collections import Counter
+
 import numpy as np
 import plotly.graph_objects as go
 
+from taskcal.errors import shown
 from taskcal.planning.study import Study
 from taskcal.report.content import NOMINAL, Chart, Column, Section, Table, state_model_error
 from taskcal.report.page import Page
 from taskcal.report.theme import GREY, SERIES, styled, with_decades
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
+
+MAX_REASONS, MAX_ROBOTS = 3, 10
+"""Reasons why campaigns were not fitted, and robots of each, that are named."""
 
 
 def draw_study(study: Study) -> go.Figure:
@@ -19,7 +25,7 @@ def draw_study(study: Study) -> go.Figure:
     figure = go.Figure()
     models = list(dict.fromkeys(row["model"] for row in study.rows))
     for k, model in enumerate(models):
-        rows = [row for row in study.rows if row["model"] == model]
+        rows = [row for row in study.rows if row["model"] == model and not row["failed"]]
         names = [f"{row['observe']}, {row['plan']}" if study.aligned else row["plan"] for row in rows]
         figure.add_box(
             x=[[f"{row['count']} poses" for row in rows], names], y=[row["rms_mm"] for row in rows], name=model,
@@ -53,6 +59,7 @@ def tabulate_study(study: Study, task: str) -> Table:
         Column("plan", "plan"),
         Column("poses", "count", "d"),
         Column("model", "model"),
+        *([Column("robots", "robots", "d")] if study.failed else []),
         Column("median mm", "median_mm", ".3f"),
         Column("p05 mm", "p05_mm", ".3f"),
         Column("p95 mm", "p95_mm", ".3f"),
@@ -61,7 +68,8 @@ def tabulate_study(study: Study, task: str) -> Table:
     ]
     if study.accuracy is not None:
         columns.append(Column(f"within {study.accuracy * 1e3:g} mm", "share_accurate", ".0%"))
-    title = f"True 3D rms error of the identified geometry over '{task}', {study.robots} simulated robots"
+    count = f"{study.robots} simulated robots{', those that were fitted' if study.failed else ''}"
+    title = f"True 3D rms error of the identified geometry over '{task}', {count}"
     return Table.of(title, columns, study.summary())
 
 
@@ -71,6 +79,25 @@ def describe_unlearnt(study: Study) -> str:
         f"from {study.unlearnt} of {len(study.rows)} campaigns, whose rows determine no parameter beside the model error: the "
         f"{NOMINAL} model counts for them; measure more poses"
     )
+
+
+def describe_failed(study: Study) -> str:
+    """State how many campaigns were not fitted, by reason, with the robots."""
+    by_reason: dict[str, list[int]] = {}
+    for row in study.failed:
+        by_reason.setdefault(row["failed"], []).append(row["robot"])
+    reasons = sorted(by_reason.items(), key=lambda item: -len(item[1]))
+    named = [f"{_robots(numbers)}: {shown(reason, 200)}" for reason, numbers in reasons[:MAX_REASONS]]
+    more = f"; and for {len(reasons) - MAX_REASONS} other reasons" if len(reasons) > MAX_REASONS else ""
+    return f"{len(study.failed)} of {len(study.rows)} campaigns, which no figure counts. {'; '.join(named)}{more}"
+
+
+def _robots(numbers: list[int]) -> str:
+    """Robots in words, with how often each is named."""
+    counts = Counter(numbers)
+    named = [f"{number}{f' ({times} campaigns)' if times > 1 else ''}" for number, times in counts.items()]
+    more = f" and {len(named) - MAX_ROBOTS} more" if len(named) > MAX_ROBOTS else ""
+    return f"robot{'s' if len(named) > 1 else ''} {', '.join(named[:MAX_ROBOTS])}{more}"
 
 
 def study_page(model: ErrorModel, task: Task, study: Study) -> Page:
@@ -96,10 +123,11 @@ def study_page(model: ErrorModel, task: Task, study: Study) -> Page:
     )
     robot = model.robot.title or model.robot.name
     unlearnt = f" Nothing was learnt {describe_unlearnt(study)}." if study.unlearnt else ""
+    failed = f" Not fitted: {describe_failed(study)}." if study.failed else ""
     return Page(
         title=f"Study of {task.name}",
         sections=(Section("Error over the task", *text, chart, tabulate_study(study, task.name)),),
-        lead=f"{study.robots} simulated robots of type {robot}.{unlearnt}",
+        lead=f"{study.robots} simulated robots of type {robot}.{unlearnt}{failed}",
         source=f"robot {model.robot.name}; seed {study.seed}",
     )
 

@@ -178,18 +178,23 @@ def _result(robot: str, study: "taskcal.Study") -> dict[str, Any]:
         "model_error_origin": study.model_error_origin,
         "before_mm": {name: 1e3 * value for name, value in study.spread_before().items()},
         "unlearnt": study.unlearnt,
+        "failed": [
+            {key: row[key] for key in ("robot", "observe", "plan", "count", "model", "failed")} for row in study.failed
+        ],
         "summary": study.summary(),
     }
 
 
 def _show(study: "taskcal.Study", result: Mapping[str, Any], task: str, pages: str) -> None:
     from taskcal.report.content import state_model_error
-    from taskcal.report.study import describe_unlearnt, tabulate_study
+    from taskcal.report.study import describe_failed, describe_unlearnt, tabulate_study
 
     show(tabulate_study(study, task))
     facts = [("robots", f"{result['robots']} {result['robot']} {study.origin}, seed {result['seed']}")]
     facts.append(("model error", state_model_error(result["model_error_mm"], result["model_error_origin"])))
     facts.append(("at a pose", "rms of model error and identification error; compared with the required accuracy"))
+    if study.failed:
+        facts.append(("not fitted", describe_failed(study)))
     if study.unlearnt:
         facts.append(("not identifiable", describe_unlearnt(study)))
     if study.aligned:
