@@ -56,6 +56,25 @@ def test_the_covariance_is_that_of_small_changes_of_the_estimate(
     np.testing.assert_allclose(frames.covariance(q), expected, atol=(1e-3 if name == "touched" else 2e-5) * scale)
 
 
+def test_what_is_not_known_of_the_part_counts_in_its_own_axes(calibration, robot, measured, cutting):
+    """Beside the estimate's part: as small twists of the part about the tracker's origin move the tool in it."""
+    frames = calibrate_frames(calibration, cutting, cells(calibration, robot, measured)["touched"])
+    root = np.random.default_rng(3).normal(size=(6, 6)) * 1e-5
+    there, q = calibration.T_tracker_base @ frames.fixed.T_base_fixed, measured[::12]
+
+    def moved(twist):
+        T = se3.inverse(calibration.T_tracker_base) @ se3.pose(se3.exp(twist[3:]), twist[:3]) @ there
+        return replace(frames, fixed=replace(frames.fixed, T_base_fixed=T)).points(q)
+
+    D = np.stack([(moved(1e-6 * e) - moved(-1e-6 * e)) / 2e-6 for e in np.eye(6)], axis=2)
+    with_it, without = (
+        replace(frames, fixed=replace(frames.fixed, covariance=C)).covariance(q)
+        for C in (root @ root.T, np.zeros((6, 6)))
+    )
+    expected = D @ root @ root.T @ np.swapaxes(D, 1, 2)
+    np.testing.assert_allclose(with_it - without, expected, atol=1e-6 * np.abs(expected).max())
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_the_uncertainty_of_a_pose_does_not_depend_on_the_others(name, calibration, robot, measured, cutting):
     """Whatever their number, that of the reflectors included."""
