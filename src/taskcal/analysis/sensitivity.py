@@ -1,6 +1,5 @@
 """Sensitivity of the TCP to every parameter, at every pose."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -66,7 +65,7 @@ class Sensitivity:
         """
         return frame_of(self.columns())
 
-    def columns(self) -> dict[str, Sequence[Any]]:
+    def columns(self) -> dict[str, Any]:
         """Largest influences of the parameters per unit (mm per mm, mm per mrad) and for their tolerances (µm)."""
         to_shown = self.to_shown()
         raw, scaled = self.maximum() * to_shown, self.maximum(scaled=True) * 1e6
