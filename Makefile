@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help demo studio test test-quick test-long test-all fuzz browser lint format types layers docs bench bench-guard bench-smoke peers wheel-test oldest coverage mutants licences audit clean
+.PHONY: help demo studio test test-quick test-long test-all fuzz browser lint format types layers docs bench bench-guard bench-smoke peers wheel-test oldest pythons release coverage mutants licences audit clean
 
 help:  ## list these targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
@@ -93,6 +93,20 @@ build/oldest/.test: pyproject.toml constraints-oldest.txt
 	$(PYTHON) -m venv build/oldest
 	build/oldest/bin/python -m pip install --quiet --disable-pip-version-check --no-input -c constraints-oldest.txt -e '.[test]'
 	@touch $@
+
+PYTHONS ?= 3.11 3.12 3.13 3.14
+
+# A Python that is not there is named, and not tried.
+pythons:  ## run some tests with each Python of 3.11 to 3.14 that is here; needs a network; PYTHONS=3.13 for one, OLDEST_TESTS=tests for all
+	@for v in $(PYTHONS); do \
+	python$$v -c '' 2>/dev/null || { echo "python$$v is not here: not tried"; continue; }; \
+	echo "python$$v"; python$$v -m venv build/python$$v && \
+	$(STATED) build/python$$v/bin/python -m pip install --quiet --disable-pip-version-check --no-input --no-compile -e '.[test]' && \
+	build/python$$v/bin/python -m pytest --numprocesses auto --hypothesis-profile quick -p no:cacheprovider $(OLDEST_TESTS) || exit 1; done
+
+# Checks, changelog, tag, archives of both libraries, bill of materials, provenance: all but the upload (release.py).
+release: $(VENV)/.test  ## make a release up to the upload: VERSION=1.2.3; DRY=1 leaves no trace in the repository
+	$(BIN)/python -m release $(VERSION) $(if $(DRY),--dry)
 
 coverage: $(VENV)/.test  ## which lines and branches which tests run, compiled kernels left out; page in build/coverage; half an hour
 	$(BIN)/python -m pytest --numprocesses auto --cov --cov-context=test --junitxml=build/coverage/tests.xml --cov-report=term:skip-covered --cov-report=html:build/coverage/page $(COVERAGE_TESTS)

@@ -29,13 +29,13 @@ def run(command: list[str], folder: Path = ROOT, **environment: str) -> str:
     return ended.stdout.strip()
 
 
-def build(folder: Path) -> tuple[Path, Path]:
-    """Build into a folder; gives the source distribution, and the wheel that was built from it alone."""
+def build(folder: Path, project: Path = ROOT, **environment: str) -> tuple[Path, Path]:
+    """Build a project into an empty folder; gives the source distribution, and the wheel that was built from it alone."""
     hatch = [sys.executable, "-m", "hatchling", "build", "--directory", str(folder)]
-    run([*hatch, "--target", "sdist"])
+    run([*hatch, "--target", "sdist"], project, **environment)
     (source,) = folder.glob("*.tar.gz")
     with tarfile.open(source) as packed:
-        packed.extractall(folder, filter="data")
-    run([*hatch, "--target", "wheel"], folder / source.name.removesuffix(".tar.gz"))
+        packed.extractall(folder / "unpacked", filter="data")
+    run([*hatch, "--target", "wheel"], folder / "unpacked" / source.name.removesuffix(".tar.gz"), **environment)
     (wheel,) = folder.glob("*.whl")
     return source, wheel

@@ -6,6 +6,7 @@ environment, so that no network is needed; the installation of the sources, whic
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -29,7 +30,7 @@ def install(folder: Path, wheel: Path) -> Path:
 
 
 def check(programs: Path, wheel: Path) -> None:
-    """See that the environment runs the wheel, that all say the same version, and that the demonstration needs no other program."""
+    """See that the environment runs the wheel, its version is said alike, and the README's first commands need no other program."""
     place, version = run(
         [str(programs / "python"), "-c", "import taskcal; print(taskcal.__file__, taskcal.__version__, sep='\\n')"]
     ).split("\n")
@@ -37,8 +38,21 @@ def check(programs: Path, wheel: Path) -> None:
     assert wheel.name.split("-")[1] == version
     assert run([str(programs / "taskcal"), "--version"]) == f"taskcal {version}"
     no_others = {**os.environ, "PATH": str(programs)}  # no git, no make, no compiler
-    said = run([str(programs / "taskcal"), "demo", "--count", "30", "--json"], programs.parent, **no_others)
-    assert (programs.parent / json.loads(said)["files"]["page"]).is_file()
+    installation, *commands = first_commands()
+    assert installation.startswith("pip install taskcal-"), installation
+    empty = programs.parent / "empty"
+    empty.mkdir()
+    for command in commands:
+        program, *arguments = command.split()
+        said = run([str(programs / program), *arguments, "--json"], empty, **no_others)
+    assert (empty / json.loads(said)["files"]["page"]).is_file()
+
+
+def first_commands() -> list[str]:
+    """The first commands of the README, which begin with the installation of the wheel."""
+    found = re.search(r"(?:^ {4}\S.*\n)+", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert found is not None
+    return [line.strip() for line in found[0].splitlines()]
 
 
 def main(arguments: Sequence[str]) -> int:

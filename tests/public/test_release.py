@@ -29,7 +29,12 @@ CITED = dict(
 def test_citation_matches_licence_and_next_version():
     """The citation names the licence of the package and the next release."""
     assert CITED["license"] == STATED["project"]["license"]
-    assert STATED["tool"]["hatch"]["version"]["fallback-version"] == f"{CITED['version']}.dev0"
+    alone = tomllib.loads((ROOT / "src" / "robot_programs" / "pyproject.toml").read_text(encoding="utf-8"))
+    for one in (STATED, alone):
+        assert one["tool"]["hatch"]["version"]["fallback-version"] == f"{CITED['version']}.dev0"
+    for key in ("license", "requires-python"):
+        assert alone["project"][key] == STATED["project"][key]
+    assert set(alone["project"]["dependencies"]) <= set(STATED["project"]["dependencies"])
     assert taskcal.__version__ == metadata.version("taskcal")
 
 

@@ -31,6 +31,13 @@ def test_a_broken_one(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "install Taskcal again" in ended.out
 
 
+def test_library_of_programs_installed_over_taskcals_is_broken(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    versions = {"robot-programs": "1.2.3"}
+    monkeypatch.setattr("taskcal.cli.commands.doctor.version", lambda name: versions.get(name, "9.9"))
+    ended = run("doctor", "--json")
+    assert [check["name"] for check in ended.json["checks"] if not check["ok"]] == ["robot_programs"]
+
+
 @pytest.fixture
 def reversed_j3(tmp_path: Path) -> Path:
     """A campaign of a UR5 whose third joint has the other sign."""

@@ -4,7 +4,7 @@ import os
 import platform
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import typer
@@ -171,9 +171,21 @@ def _catalogue() -> str:
     return f"{len(names)} robots, with their parameters: {', '.join(sizes)}"
 
 
+def _robot_programs() -> str:
+    """Taskcal brings the library; the package that has it alone would lie over it."""
+    try:
+        alone = version("robot-programs")
+    except PackageNotFoundError:
+        return "of Taskcal's own wheel"
+    raise RuntimeError(
+        f"the package robot-programs {alone} lies over Taskcal's own copy; uninstall it, then install Taskcal again"
+    )
+
+
 _LOOKS: dict[str, Callable[[], str]] = {
     "Python": _python,
     **{name: _package(name) for name in ("taskcal", "numpy", "scipy", "numba", "pydantic")},
+    "robot_programs": _robot_programs,
     "kernels": _kernels,
     "BLAS threads": _threads,
     "catalogue": _catalogue,
