@@ -189,7 +189,10 @@ def try_all(python: str, drawn: Sequence[Mutation], *, useless: Sequence[str] = 
     def one(mutation: Mutation) -> Trial:
         folder = copies.get()
         try:
-            return try_mutation(python, mutation, folder, nearest_tests(mutation.path, imports), useless)
+            tests = [
+                [file for file in part if (folder / file).is_file()] for part in nearest_tests(mutation.path, imports)
+            ]
+            return try_mutation(python, mutation, folder, tests, useless)
         finally:
             copies.put(folder)
 

@@ -24,7 +24,7 @@ def test_a_sound_installation(run: Run) -> None:
 
 
 def test_a_broken_one(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("taskcal.robot.catalogue.catalogue_names", lambda: ())
+    monkeypatch.setattr("taskcal.catalogue_names", lambda: ())
     ended = run("doctor")
     assert ended.status == 1
     assert "BROKEN" in ended.out
