@@ -13,7 +13,7 @@ from robot_programs.reading import parse_program
 from taskcal.correction.cell import Cell
 from taskcal.correction.controller import simulate_controller
 from taskcal.correction.frames import frames_on
-from taskcal.correction.part_placement import Region, place, without_rigid_motion
+from taskcal.correction.part_placement import PartPlacements, PlacedPart, Region, place, without_rigid_motion
 from taskcal.demo.true_robot import elastic_robot
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
@@ -157,3 +157,28 @@ def test_the_best_comes_first(robot, program):
 def test_regions_that_are_none_are_refused(changes, reason):
     with pytest.raises(TaskcalError, match=reason):
         Region(**{"low": np.zeros(3), "high": np.zeros(3), **changes})
+
+
+def test_a_placement_is_ranked_by_what_is_left_and_states_its_units():
+    """The corrected error where there is a calibration, with the deflection beside it; nothing for what is not known."""
+    one = PlacedPart(
+        shift=np.array([0.1, -0.2, 0.3]), turn=np.radians(15.0), reached=1.0, obstacle="", before=3e-3, after=4e-4,
+        compliance=3e-4, margin=np.radians(7.0), conditioning=0.2,
+    )  # fmt: skip
+    said = one.summary()
+    assert [said[f"{axis}_mm"] for axis in "xyz"] == pytest.approx([100.0, -200.0, 300.0])
+    assert (said["turn_deg"], said["joint_margin_deg"]) == pytest.approx((15.0, 7.0))
+    assert [said[f"{key}_mm"] for key in ("before", "after", "compliance", "expected")] == pytest.approx(
+        [3, 0.4, 0.3, 0.5]
+    )
+    unknown = replace(one, after=np.nan, compliance=np.nan, margin=np.inf)
+    assert unknown.expected == one.before
+    assert [unknown.summary()[key] for key in ("after_mm", "compliance_mm", "joint_margin_deg")] == [None] * 3
+    others = [
+        replace(one, conditioning=0.3),
+        replace(one, after=1e-4),
+        replace(one, after=1e-9, reached=0.9),
+        replace(one, after=1e-9, conditioning=0.0),
+    ]
+    ranked = PartPlacements(name="part", now=one, all=(one, *others)).ranked
+    assert ranked == (others[1], others[0], one)

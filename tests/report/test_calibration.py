@@ -297,8 +297,14 @@ def test_parameters_are_drawn_in_millimetres_and_milliradians(
 ) -> None:
     truth, fits = truth_and_fits
     figure = draw_parameters({"whole": fits["whole"]}, truth.x)
-    drawn = np.concatenate([trace.y for trace in figure.data if trace.name == "truth"])
-    assert sorted(drawn) == pytest.approx(sorted(truth.x * 1e3))
+    calibration, place = fits["whole"], {name: i for i, name in enumerate(fits["whole"].model.names)}
+    for trace in figure.data:
+        at = [place[name] for name in trace.customdata]
+        values = truth.x if trace.name == "truth" else calibration.estimate
+        np.testing.assert_allclose(trace.y, 1e3 * values[at])
+        if trace.name != "truth":
+            np.testing.assert_allclose(trace.error_y.array, 2e3 * calibration.standard_errors[at])
+    assert sorted(name for trace in figure.data for name in trace.customdata) == sorted(2 * calibration.model.names)
     assert "geometric error (mm)" in axis_titles(figure)
     assert "geometric error (mrad)" in axis_titles(figure)
 

@@ -18,17 +18,10 @@ from taskcal.report.sensitivity import (
     tabulate_distinguishable,
     tabulate_effects,
 )
-from taskcal.report.task import draw_bands
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import ModelError
 from tests.report.axis_titles import axis_titles
-
-
-def test_bands_are_95_percent_in_millimetres() -> None:
-    figure = draw_bands({"before": np.full((5, 3), 1e-3), "after": np.full((5, 3), 1e-4)})
-    heights = {round(float(np.max(trace.y)), 6) for trace in figure.data}
-    assert heights == {1.96, 0.196}
 
 
 def test_effects_figure_matches_the_table() -> None:

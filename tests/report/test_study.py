@@ -32,7 +32,10 @@ def test_study_figure_has_a_box_for_each_model() -> None:
     )  # fmt: skip
     figure = draw_study(Study(rows=rows, robots=3, seed=0, accuracy=1e-4))
     assert [trace.name for trace in figure.data] == ["all", "selected"]
-    assert len(figure.data[0].y) == 6
+    for trace in figure.data:
+        own = [row for row in rows if row["model"] == trace.name]
+        assert list(trace.y) == [row["rms_mm"] for row in own]
+        assert [tuple(x) for x in zip(*trace.x, strict=True)] == [("10 poses", row["plan"]) for row in own]
     assert figure.layout.annotations[0].y == pytest.approx(-1.0)
     off = draw_study(Study(rows=rows, robots=3, seed=0, accuracy=5e-4, model_error=4e-4 / 3.0**0.5))
     assert off.layout.annotations[0].y == pytest.approx(np.log10(0.3))
