@@ -3,9 +3,10 @@ from dataclasses import replace
 import numpy as np
 
 from taskcal.correction.controller import simulate_controller
-from taskcal.correction.correction import assess
+from taskcal.correction.correction import Deviations, assess
 from taskcal.correction.path import Placed
 from taskcal.geometry import se3
+from taskcal.identification.measured_range import MeasuredRange
 
 
 def test_unknown_start_is_assessed_at_the_end_only(robot, make_moves, middle):
@@ -25,3 +26,29 @@ def test_unknown_start_is_assessed_at_the_end_only(robot, make_moves, middle):
     kept = every.at_target | (every.move != 1)
     np.testing.assert_array_equal(found.error, every.error[kept])
     np.testing.assert_array_equal(found.q, every.q[kept])
+
+
+def test_a_motion_is_judged_where_any_joint_is_farthest_out():
+    """Of each motion the row at which the joint that is farthest outside of what was measured is so."""
+    rng, rows, moves = np.random.default_rng(1), 40, 6
+    measured = MeasuredRange(
+        joints=("a", "b"),
+        prismatic=(False, False),
+        low=-np.ones(2),
+        high=np.ones(2),
+        same_after_turn=np.zeros(2, dtype=bool),
+    )
+    q, move = rng.uniform(-3.0, 3.0, (rows, 2)), rng.integers(0, moves - 1, rows)
+    every = Deviations(
+        move=move,
+        share=np.ones(rows),
+        at_target=np.ones(rows, dtype=bool),
+        q=q,
+        error=np.zeros((rows, 3)),
+        turn=np.zeros(rows),
+    )
+    found = every.farthest(measured, moves)
+    assert np.isnan(found[-1]).all()
+    for k in range(moves - 1):
+        out = {tuple(row): max(0.0, *(abs(value) - 1.0 for value in row)) for row in q[move == k]}
+        assert out[tuple(found[k])] == max(out.values())

@@ -50,3 +50,19 @@ def test_describe_accuracy(accuracy: float | None, model_error: float, words: st
 def test_the_whole_plan_may_do_where_the_greedy_start_does_not() -> None:
     refined = replace(PLAN, by_count=PLAN.by_count * 2.0, accuracy=3e-5)
     assert describe_accuracy(refined) == "the whole plan meets the task's 0.03 mm, model error included"
+
+
+def test_a_plan_states_its_figures_in_millimetres():
+    """Of the random plans the mean, the best and the worst; at a single pose the model error of three axes beside the plan's."""
+    random = np.array([2e-5, 7e-5, 3e-5])
+    by_count, random = np.array([9.0, 1e-3, 1e-4, 2e-5]), np.array([2e-5, 7e-5, 3e-5])
+    made = replace(PLAN, random=random, by_count=by_count, accuracy=1.2e-4, model_error=4e-5)
+    said = made.summary()
+    figures = ("expected_error_mm", "grid_expected_error_mm", "before_mm", "accuracy_mm", "model_error_mm")
+    assert [said[key] for key in figures] == pytest.approx([0.02, 0.03, 1.0, 0.12, 0.04])
+    assert said["random_expected_error_mm"] == pytest.approx(0.04)
+    assert said["random_expected_error_range_mm"] == pytest.approx([0.02, 0.07])
+    assert said["expected_with_model_error_mm"] == pytest.approx((0.02**2 + 3 * 0.04**2) ** 0.5)
+    assert said["geometry_allowance_mm"] == pytest.approx((0.12**2 - 3 * 0.04**2) ** 0.5)
+    assert (said["poses_needed"], said["poses_needed_without_model_error"]) == (4, 3)
+    assert said["by_count_mm"] == pytest.approx([9000.0, 1.0, 0.1, 0.02])
