@@ -41,7 +41,7 @@ def draw() -> None:
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         try:
-            Path("task.toml").write_text(task())
+            Path("task.toml").write_text(task(), encoding="utf-8")
             for words in commands():
                 if main(words):
                     sys.exit(f"taskcal {' '.join(words)} failed")

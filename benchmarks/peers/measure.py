@@ -110,7 +110,7 @@ def described(peer: Peer, environment: Environment) -> Result:
 
 def machine() -> Result:
     """The processor and the day, no more."""
-    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
+    lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines() if Path("/proc/cpuinfo").exists() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     return {"processor": names[0] if names else platform.processor(), "cores": os.cpu_count(), "day": f"{date.today()}"}
 

@@ -26,6 +26,7 @@ def test_every_name_becomes_a_plain_one_of_the_same_kind(given_name: str) -> Non
         ("..csv", "file.csv"),
         (".bashrc.csv", "bashrc.csv"),
         ("con.csv", "con-file.csv"),
+        ("NUL.day 2.csv", "NUL-file.day-2.csv"),
         ("a\0b.csv", "a-b.csv"),
         ("<img src=x onerror=alert(1)>.csv", "img-src-x-onerror-alert-1.csv"),
         ("Messung Süd.CSV", "Messung-Süd.csv"),

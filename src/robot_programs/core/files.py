@@ -32,6 +32,20 @@ _PIECE = 1 << 20
 ZIP = ".zip"
 """Suffix of zip files."""
 
+_DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9¹²³]|lpt[0-9¹²³])(\.|$)", re.IGNORECASE)
+"""Names of devices, whatever follows a dot (Microsoft, "Naming Files, Paths, and Namespaces")."""
+
+
+def elsewhere_on_windows(name: str) -> str:
+    """Why Windows would write elsewhere than to a file of this name, without an error; empty where it would not."""
+    if _DEVICE.match(name):
+        return "it is a device of Windows"
+    if name != name.rstrip(" ."):
+        return "Windows leaves out the dot or space at its end"
+    if ":" in name:
+        return "Windows takes what follows ':' for a hidden stream of another file"
+    return ""
+
 
 def is_backup(path: Path) -> bool:
     """Whether a path is a folder or a zip file."""

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import typer
 
+from robot_programs.core.files import elsewhere_on_windows
 from taskcal.cli.progress import clear_line
 from taskcal.errors import FileError, printable, shortened
 from taskcal.io.files import to_bytes, write_all, write_whole
@@ -361,13 +362,15 @@ def _check_place(path: Path) -> None:
     """Check that a file can be made here.
 
     Raises:
-        FileError: its folder is missing or closed to us, or it is a folder itself.
+        FileError: its folder is missing or closed to us, it is a folder itself, or Windows has no file of this name.
     """
     folder = path.parent
     if not folder.is_dir():
         raise FileError(path, f"cannot be written: there is no folder '{folder}'; make it, or name one that exists")
     if path.is_dir():
         raise FileError(path, "cannot be written: it is a folder; name a file in it")
+    if sys.platform == "win32" and (reason := elsewhere_on_windows(path.name)):
+        raise FileError(path, f"cannot be written: {reason}; name another file")
     if not os.access(folder, os.W_OK):
         raise FileError(path, f"cannot be written: no permission to write in folder '{folder}'; name another")
 

@@ -14,6 +14,7 @@ from typing import IO, Annotated
 import tomli_w
 from pydantic import AfterValidator, Field
 
+from robot_programs.core.files import elsewhere_on_windows
 from robot_programs.languages import languages
 from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.io.files import write_whole
@@ -24,8 +25,6 @@ from taskcal.tables.forms import table_suffixes
 
 LONGEST = 60
 """Characters of a name without its ending."""
-
-_RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)$", re.IGNORECASE)
 
 
 def plain_name(given: str, endings: Iterable[str]) -> str:
@@ -44,7 +43,9 @@ def plain_name(given: str, endings: Iterable[str]) -> str:
         raise TaskcalError(f"'{shown(last)}' is not a file of this kind; drop one that ends in {', '.join(endings)}")
     stem = unicodedata.normalize("NFKC", last[: -len(ending)])
     stem = re.sub(r"[^\w.-]+", "-", stem).strip(".-_")[:LONGEST].rstrip(".-_") or "file"
-    return f"{stem}{'-file' if _RESERVED.match(stem) else ''}{ending}"
+    if elsewhere_on_windows(stem):
+        stem = re.sub(r"^[^.]+", r"\g<0>-file", stem)
+    return f"{stem}{ending}"
 
 
 def free_name(wanted: str, taken: Collection[str]) -> str:

@@ -132,8 +132,13 @@ class PageOptions(OutputOptions):
 
 
 def _seen_from(text: Path | None, file: Path) -> str:
-    """A figure's file as a text in another folder names it."""
-    return file.name if text is None else Path(os.path.relpath(file, text.parent)).as_posix()
+    """A figure's file as a text in another folder names it: on another drive of Windows, by its whole path."""
+    if text is None:
+        return file.name
+    try:
+        return Path(os.path.relpath(file, text.parent)).as_posix()
+    except ValueError:
+        return file.resolve().as_uri()
 
 
 # The head of a report: customer, robot, operator and instrument, from a TOML file.

@@ -1,0 +1,172 @@
+"""What Windows and macOS do otherwise, imitated on Linux: nothing here has run on either.
+
+Names in other letter case that are one file are held in tests/cli, encodings of terminals and tables in tests/cli and tests/tables.
+"""
+
+import importlib.util
+import ntpath
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import pytest
+
+from robot_programs.backup import write_backup
+from robot_programs.core.files import elsewhere_on_windows
+from robot_programs.core.source import Backup
+from taskcal.cli import main
+from taskcal.cli.options import page
+from taskcal.errors import FileError
+from taskcal.io.files import write_all, write_whole
+from taskcal.studio import project
+
+POSIX_ONLY = {
+    "os": [
+        "fork", "forkpty", "getppid", "geteuid", "getuid", "getgid", "killpg", "getpgid", "setsid", "sync", "fdatasync",
+        "register_at_fork", "mkfifo", "sched_getaffinity", "O_NONBLOCK", "O_DIRECTORY", "O_CLOEXEC", "WNOHANG", "uname",
+    ],
+    "signal": ["SIGKILL", "SIGHUP", "SIGALRM", "SIGUSR1", "alarm", "setitimer", "pthread_sigmask", "pthread_kill"],
+    "time": ["tzset"],
+    "socket": ["AF_UNIX"],
+}  # fmt: skip
+"""Of Python's modules, what it documents as not available on Windows, and Taskcal might be tempted to use."""
+
+NO_MODULES = ["fcntl", "grp", "pwd", "resource", "termios", "tty"]
+
+WITHOUT_POSIX = f"""
+import asyncio, importlib, joblib, multiprocessing, numba, pkgutil, platformdirs, plotly.graph_objects, sys, tempfile
+import rich.console, rich.progress, rich.table, scipy.optimize, typer
+import pyarrow.parquet, pandas, nicegui, distributed, xacrodoc, trimesh, openpyxl
+from numba.core.caching import FunctionCache
+for module, names in {POSIX_ONLY!r}.items():
+    for name in names:
+        if hasattr(sys.modules[module], name):
+            delattr(sys.modules[module], name)
+sys.modules |= dict.fromkeys({NO_MODULES!r})  # whoever imports one of them fails
+sys.platform = "win32"
+msvcrt = type(sys)("msvcrt")
+sys.modules["msvcrt"] = msvcrt
+import robot_programs, taskcal
+count = 0
+for package in (robot_programs, taskcal):
+    for found in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+        if not found.name.endswith("__main__"):
+            importlib.import_module(found.name)
+            count += 1
+sys.platform = "linux"  # other packages, which are loaded meanwhile, would look for the system's own libraries
+from taskcal.cli import main
+assert main(["demo", "--count", "30", "--json"]) == 0
+assert main(["doctor"]) == 0
+print(count, "modules", file=sys.stderr)
+"""
+
+
+@pytest.mark.long
+def test_all_modules_load_and_work_without_what_posix_alone_has(tmp_path: Path) -> None:
+    """The demonstration reads, fits and writes where calls, signals and modules of POSIX are missing."""
+    ended = subprocess.run(
+        [sys.executable, "-c", WITHOUT_POSIX], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=300
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert int(ended.stderr.split()[-2]) > 200
+    assert (tmp_path / "taskcal-demo" / "report.html").is_file()
+
+
+LOST = ["nul", "NUL.csv", "con.tar.gz", "Com1.csv", "lpt¹.mod", "cal.json.", "cal.json ", "a:b.csv", "cal.json::$DATA"]
+"""Names to which Windows writes without an error, and no such file is there."""
+
+
+@pytest.mark.parametrize("name", LOST)
+def test_names_that_are_no_files_on_windows_are_known(name: str) -> None:
+    assert elsewhere_on_windows(name)
+
+
+@pytest.mark.parametrize("name", ["nul.toml", "con.x.toml", "a:b.toml"])
+def test_command_on_windows_refuses_a_name_that_is_no_file(name, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr("taskcal.cli.output.sys", SimpleNamespace(**vars(sys) | {"platform": "win32"}))
+    monkeypatch.chdir(tmp_path)
+    Path("table.csv").write_text("joint,alpha_deg,a_mm,d_mm,theta_offset_deg\nJ1,0,500,0,0\n", encoding="utf-8")
+    command = ["robots", "import", "table.csv", "--convention", "dh", "--name", "new", "-o"]
+    assert main([*command, name]) == 1
+    assert "name another file" in capsys.readouterr().err
+    assert os.listdir() == ["table.csv"]
+    assert main([*command, "console.toml"]) == 0
+
+
+@pytest.mark.parametrize(
+    "name", ["console.csv", "nulls.mod", "com.json", "com10.csv", ".hidden", "a b.csv", "con-file.csv"]
+)
+def test_ordinary_names_are_files_on_windows_too(name: str) -> None:
+    assert elsewhere_on_windows(name) == ""
+
+
+def held_open(source: str, target: str) -> None:
+    raise PermissionError(13, "The process cannot access the file because it is being used by another process", target)
+
+
+def test_file_that_another_program_holds_open_is_refused_and_stays(tmp_path, monkeypatch) -> None:
+    """Windows does not rename over a file that a spreadsheet has open."""
+    path = tmp_path / "table.csv"
+    write_whole(path, "old")
+    monkeypatch.setattr(os, "replace", held_open)
+    with pytest.raises(FileError, match=r"table\.csv: cannot be written: .*used by another process"):
+        write_all({path: "new", tmp_path / "more.csv": "more"})
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("table.csv", "old")]
+
+
+def test_backup_that_cannot_be_put_in_place_leaves_nothing(tmp_path, monkeypatch) -> None:
+    """Windows does not rename a folder in which a file is open."""
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "a.mod").write_text("MODULE a\nENDMODULE\n")
+    monkeypatch.setattr(os, "replace", held_open)
+    with pytest.raises(FileError, match=r"out: cannot be written: .*used by another process"):
+        write_backup(Backup(path=tmp_path / "in", skipped=0), tmp_path / "out", [])
+    assert os.listdir(tmp_path) == ["in"]
+
+
+def test_figure_on_another_drive_is_named_by_its_whole_path(tmp_path, monkeypatch) -> None:
+    """There is no way from one drive to another by folders."""
+    figure = tmp_path / "figures" / "a b.svg"
+    text = tmp_path / "text" / "report.md"
+    assert page._seen_from(text, figure) == "../figures/a b.svg"
+    monkeypatch.setattr(os.path, "relpath", lambda file, start: ntpath.relpath(f"C:{file}", f"D:{start}"))
+    assert page._seen_from(text, figure) == figure.as_uri()
+
+
+class Locks(ModuleType):
+    """Windows' locks of byte ranges, of which each byte has one holder."""
+
+    LK_NBLCK = 2
+
+    def __init__(self) -> None:
+        super().__init__("msvcrt")
+        self.taken: set[tuple[int, int]] = set()
+
+    def locking(self, handle: int, mode: int, count: int) -> None:
+        place = os.fstat(handle).st_ino, os.lseek(handle, 0, os.SEEK_CUR)
+        assert (mode, count) == (self.LK_NBLCK, 1)
+        if place in self.taken:
+            raise PermissionError(13, "Permission denied")
+        self.taken.add(place)
+
+
+def test_project_is_locked_by_a_byte_that_hides_no_text_on_windows(tmp_path, monkeypatch) -> None:
+    """A locked byte cannot be read by others, who are to read which process has the project."""
+    locks = Locks()
+    monkeypatch.setitem(sys.modules, "msvcrt", locks)
+    monkeypatch.setattr(sys, "platform", "win32")
+    assert project.__spec__ is not None
+    spec = importlib.util.spec_from_file_location("project_on_windows", project.__file__)
+    assert spec is not None
+    assert spec.loader is not None
+    there = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, "project_on_windows", there)
+    spec.loader.exec_module(there)
+    lock = there.FolderLock(tmp_path)
+    lock.tell("http://localhost:1")
+    with pytest.raises(FileError, match=rf"in another studio already \(process {os.getpid()}, http://localhost:1\)"):
+        there.FolderLock(tmp_path)
+    assert {place > 10_000 for _, place in locks.taken} == {True}
+    lock.release()
