@@ -20,6 +20,7 @@ from taskcal.tables.table import MAX_COLUMNS, UNITS, Cells, Row, Sheet, Table, r
 from taskcal.tables.text import (
     MAX_REMARKS,
     DecimalMark,
+    expect_whole_end,
     footer_note,
     has_labelled_values,
     in_plain_digits,
@@ -81,7 +82,9 @@ def decode(path: str | Path, content: bytes) -> str:
     content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     try:
         return content.decode("utf-8")
-    except UnicodeDecodeError:
+    except UnicodeDecodeError as error:
+        if error.reason == "unexpected end of data" and not content[: error.start].isascii():
+            raise FileError(path, "is cut off in its last character; take it from where it came") from error
         return _western(path, content)
 
 
@@ -249,13 +252,11 @@ def read_table(path: str | Path, form: TableForm | None = None) -> Table:
     form = form or TableForm()
     content = read_bytes(path)
     if (found := _form_of(BinaryForm, path, content)) is not None:
-        sheet = found.read(path, content, replace(form, sheet=named or form.sheet))
-    else:
-        text = decode(path, content)
-        # the bytes of a large file are no longer needed while its text is parted
-        del content
-        sheet = parse_sheet(path, text, form)
-    return lay_out(sheet, form.columns)
+        return lay_out(found.read(path, content, replace(form, sheet=named or form.sheet)), form.columns)
+    text = decode(path, content)
+    # the bytes of a large file are no longer needed while its text is parted
+    del content
+    return expect_whole_end(lay_out(parse_sheet(path, text, form), form.columns), text)
 
 
 def _sheet_behind(path: Path) -> tuple[Path, str | None]:

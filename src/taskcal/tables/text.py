@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from taskcal.errors import FileError, shown
-from taskcal.tables.table import ANGLES, LENGTHS, MAX_MARKS, NUMBER, PLURALS, TEXT, UNITS, Cells, Sheet, too_wide
+from taskcal.tables.table import ANGLES, LENGTHS, MAX_MARKS, NUMBER, PLURALS, TEXT, UNITS, Cells, Sheet, Table, too_wide
 
 # Whether a comma in a number is its decimal mark or parts its thousands.
 
@@ -422,6 +422,70 @@ def footer_note(lines: Iterable[int], rows: Sequence[Sequence[str]]) -> str:
     firsts = [next(filter(None, row)) for row in rows]
     listed = ", ".join(f"{shown(text, 40)} (line {line})" for text, line in list(zip(firsts, lines, strict=True))[:5])
     return f"{listed}{' …' if len(rows) > 5 else ''}"
+
+
+# A last line without a line end, which may be cut off in its last cell.
+
+MIN_EXPONENTS = 3
+"""Numbers above the last one, all with exponents of one length, that tell a fixed form from small numbers. A convention."""
+
+_SHAPE = re.compile(r"[^.]*(?:\.(?P<decimals>\d*))?(?:e(?P<exponent>[+-]?\d*))?", re.ASCII | re.IGNORECASE)
+
+
+def expect_whole_end(table: Table, text: str) -> Table:
+    """A table whose file may be cut off in its last cell, with a note where nothing shows that it is not.
+
+    The cell is whole where a line end or a separator follows, or where it has as many digits behind the point and in its exponent
+    as all other cells of its column, which then have the same.
+
+    Raises:
+        FileError: it has fewer, in a file whose numbers are filled up with zeros to the same decimals, or is empty and no other is.
+    """
+    if not len(table) or text.endswith("\n") or int(table.lines[-1]) != text.count("\n") + 1:
+        return table
+    (*others, last), column = table.cells.column(len(table.header) - 1).tolist(), table.header[-1]
+    if text[-1] in '\x1a\t;|"' or (text[-1] == "," and not last.endswith(".")):
+        if last or not others or not all(others):
+            return table
+        message = "is empty in the last line, which has no line end, and in no other; is the file cut off?"
+        raise table.error(
+            f"{message} Take it from where it came, or end the line if it is whole", len(table) - 1, column
+        )
+    is_number = NUMBER.fullmatch(last) is not None
+    shapes = [_shape(other) for other in others if NUMBER.fullmatch(other)]
+    if is_number and set(shapes) == {_shape(last)} and _shape(last) != (0, 0):
+        return table
+    if not is_number and last in others and not any(other.startswith(last) and other != last for other in others):
+        return table
+    if is_number and shapes and _shape(last) < min(shapes) and _is_filled_up(table.cells, shapes, _shape(last)):
+        message = (
+            f"the file ends in '{shown(last)}', without a line end and with fewer digits than all others ('{shown(others[-1])}'); "
+            "is it cut off? Take it from where it came, or end the line if it is whole"
+        )
+        raise table.error(message, len(table) - 1, column)
+    return table.noted(
+        f"the last line has no line end, and nothing shows that its last cell ('{shown(last)}') is whole"
+    )
+
+
+def _shape(number: str) -> tuple[int, int]:
+    """Digits of a number behind its point, and length of its exponent."""
+    match = _SHAPE.fullmatch(number)
+    assert match is not None, "any number has this form"
+    return len(match["decimals"] or ""), len(match["exponent"] or "")
+
+
+def _is_filled_up(cells: Cells, others: Sequence[tuple[int, int]], last: tuple[int, int]) -> bool:
+    """Whether numbers have fixed forms, of which the last one of a column falls short.
+
+    What writes as many decimals as each number needs writes no zero but in ``.0``, and an exponent in some numbers only.
+    """
+    texts = cells.cells
+    zeros = np.strings.endswith(texts, "0") & cells.holding(".") & ~cells.holding("eE")
+    if last == (0, 0) and zeros.any():
+        return True
+    padded = zeros & ~np.strings.endswith(texts, ".0")
+    return len(set(others)) == 1 and bool(padded.any() or (others[0][1] and len(others) >= MIN_EXPONENTS))
 
 
 # Logs that write every number behind its name: ``Cnt=1  X=-5907.204 Y=-4051.459 RotX= 1.530``.
