@@ -65,6 +65,10 @@ class UnitError(CampaignError):
     """Numbers that must be in another unit than their file says."""
 
 
+class OpenFrameError(CampaignError):
+    """Rows that leave the rotation of the tracker frame open, whatever else is right with them."""
+
+
 class FitError(TaskcalError):
     """An identification that did not come to a trustworthy end."""
 

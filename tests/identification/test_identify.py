@@ -7,7 +7,7 @@ import scipy.optimize
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FitError, UnknownName
 from taskcal.estimation.prior import Cauchy, Huber, Squared
-from taskcal.identification.identify import identify
+from taskcal.identification.identify import identify, identify_parameters
 from taskcal.identification.layout import BASE_PRIOR, TARGET_PRIOR
 from taskcal.observations.base import TrackerNoise
 from taskcal.observations.pose import TURN_PRIOR
@@ -275,7 +275,7 @@ def test_a_fit_that_does_not_converge_says_what_to_try(monkeypatch):
 
     monkeypatch.setattr(module, "fit", impatient)
     with pytest.raises(FitError, match=r"did not converge: no convergence in 1 iterations .*robust loss"):
-        identify(model, campaign, model_error=1e-4, prior_scale=1.0)
+        identify_parameters(model, campaign, model_error=1e-4, prior_scale=1.0)
     with pytest.raises(FitError, match="keep the prior"):
         identify(model, campaign, model_error=1e-4, prior=None)
 

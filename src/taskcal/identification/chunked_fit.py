@@ -13,7 +13,13 @@ from taskcal.estimation.least_squares import Stopping
 from taskcal.estimation.matrices import single_threaded
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.hyperparameters import Hyperparameters, fit_weighed, fitted_alone
-from taskcal.identification.identify import GROSS_SIGMAS, conclude, identify_parameters, target_errors
+from taskcal.identification.identify import (
+    GROSS_SIGMAS,
+    conclude,
+    identify_parameters,
+    target_errors,
+    with_unlocated,
+)
 from taskcal.identification.layout import prior_of
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Equations, problem_of, whitener
@@ -129,9 +135,10 @@ def _fit_all(
         return cost, g, H
 
     problem = problem_of(first.layout, sample, options.noise)
-    prior = prior_of(first.layout, options.prior)
+    prior = prior_of(first.layout, options.prior, options.target_within)
     fitted = fit_weighed(problem, prior, options.loss, hyper, first.z, Stopping(), equations=equations)
-    calibration = conclude(fitted, fitted_alone(fitted, problem, first.layout), sample, options)
+    outcome = fitted_alone(fitted, problem, first.layout)
+    calibration = with_unlocated(conclude(fitted, outcome, sample, options), outcome.unlocated)
     provenance = replace(first.provenance, campaign=campaign.path.name, rows=campaign.rows, notes=campaign.sample.notes)
     return replace(
         calibration,

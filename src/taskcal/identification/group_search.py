@@ -24,7 +24,7 @@ from taskcal.identification.group_model import (
 )
 from taskcal.identification.held_out import studentise
 from taskcal.identification.holdout import LeftOutErrors, validate_groups
-from taskcal.identification.layout import layout_of
+from taskcal.identification.layout import errors_by_unlocated, layout_of, unlocated_directions
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, problem_of
 from taskcal.identification.provenance import Provenance
@@ -72,6 +72,9 @@ def calibrate(
     one, errors = fitted.group_model, fitted.errors
     layout, model = one.problem.layout, one.problem.layout.model
     x, S = fitted.found.averaged(DRAWS, rng)
+    u = unlocated_directions(layout, options.target_within) / one.scale[:, None]
+    rows = fitted.A.reshape(-1, len(u))
+    held = one.scale[:, None] * errors_by_unlocated(u, S, rows.T @ rows)
     S = _considered(fitted, S) * np.outer(one.scale, one.scale)
     z = layout.start() + one.scale * x
     at = one.problem.linearise(z)
@@ -94,7 +97,7 @@ def calibrate(
         layout=replace(layout, estimated=np.arange(len(model))),
         estimated=estimated,
         z=z,
-        z_spread=spread_of(0.5 * stretch * (S + S.T)),
+        z_spread=spread_of(0.5 * stretch * (S + S.T) + held @ held.T),
         T_tracker_base=T_tracker_base,
         T_tool_target=T_tool_target,
         residuals=residual,

@@ -24,7 +24,7 @@ from taskcal.identification.group_model import (
     region_factor,
     search_about,
 )
-from taskcal.identification.layout import Layout, PriorOfEstimate
+from taskcal.identification.layout import Layout, PriorOfEstimate, errors_by_unlocated
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, whitener
 from taskcal.identification.sibling import Help, evidence_under, expecting, expecting_errors
@@ -435,6 +435,8 @@ def _first_errors(problem: Problem, options: FitOptions) -> PoseNoise:
 # of which F·B·F, what the measurements' errors make of the estimate, counts for as much more as R is uncertain (`region_factor`),
 # and the residual y − J·θ̂ of one block R − S·W·R − R·W·S + J·C·Jᵀ, S = J_K·F·J_Kᵀ. R, Σ and the rest of the
 # hyperparameters are those of the largest marginal likelihood of the whole model.
+#
+# Places of targets that the poses do not locate are considered, too: held at the TCP along directions u, they add u − F·J_KᵀWJ_K·u.
 
 ROUNDING = 1e-9
 """Eigenvalues under zero that sums over all rows leave on unit diagonal, at most."""
@@ -456,6 +458,8 @@ class Outcome:
     """Of every block's residual."""
     hyper: Hyperparameters
     """Of the whole model."""
+    unlocated: Float[np.ndarray, "z k"]
+    """Errors of z, beside that covariance, by targets that the poses do not locate, of one standard deviation each."""
     help: Help | None = None
     """What came of a sibling, if there is one."""
 
@@ -471,6 +475,7 @@ def fitted_alone(fit: Fitted, problem: Problem, whole: Layout) -> Outcome:
         covariance=spread_out(F + (fit.hyper.widening - 1.0) * from_errors @ from_errors.T, problem.layout, whole),
         residual_covariance=fit.covariance - fit.prediction_covariance,
         hyper=fit.hyper,
+        unlocated=_by_unlocated(fit, problem.layout, whole),
         help=fit.help,
     )
 
@@ -512,7 +517,15 @@ def consider(fit: Fitted, problem: Problem, whole: Problem, prior: PriorOfEstima
         covariance=C,
         residual_covariance=own * fit.weights[..., None, None],
         hyper=hyper,
+        unlocated=_by_unlocated(fit, problem.layout, whole.layout),
     )
+
+
+def _by_unlocated(fit: Fitted, some: Layout, whole: Layout) -> Float[np.ndarray, "z k"]:
+    u = fit.prior.unlocated
+    out = np.zeros((len(whole.names), u.shape[1]))
+    out[_entries(some, whole)] = errors_by_unlocated(u, fit.posterior, fit.solution.information)
+    return out
 
 
 def spread_out(values: Float[np.ndarray, "..."], some: Layout, whole: Layout) -> Float[np.ndarray, "..."]:

@@ -9,8 +9,8 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.arguments import expect_kinds
 from taskcal.campaigns.campaign import Campaign, check_rows, named_file
-from taskcal.errors import CampaignError, FitError, NothingLearntError
-from taskcal.estimation.matrices import single_threaded
+from taskcal.errors import CampaignError, FitError, NothingLearntError, OpenFrameError
+from taskcal.estimation.matrices import invert_positive, single_threaded
 from taskcal.estimation.trimmed_squares import LinearRows, Sizes, find_agreeing, scaled_lengths, student_limits
 from taskcal.identification.calibration import Calibration, covariance_on, spread_of, tells_nothing
 from taskcal.identification.group_model import FREEDOM, MIN_VARIANCE, TYPICAL
@@ -77,6 +77,9 @@ class FittedRows:
     """What a fit of all rows of a campaign gives."""
 
     calibration: Calibration
+    unlocated: Float[np.ndarray, "z k"]
+    """Errors of z by targets that the poses do not locate, left out of the calibration while it judges rows: one that alone is
+    turned away from all others would be right for some place of the target, however wrong its joints are."""
     unlearnt: float | None = None
     """Model error, metres per axis, of a fit that learnt nothing and called all that was measured error; None of others."""
 
@@ -397,20 +400,22 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
             ``gross_errors``: ``"leave out"`` rows that cannot be right beside all others, up to a tenth (`gross_errors`), or
             ``"keep"`` them.
 
-            ``target_within``: how far from the TCP a target may be found, metres.
+            ``target_within``: how far from the TCP a target may be found, metres. Where the poses do not locate it, it is taken to
+            be at the TCP, uncertain by so much (1σ), and by 0.1 m at most.
 
             ``like``: a calibration of a robot of the same make. Its prior scale and model error are expected of this robot, where
             its rows are more probable so; a remark says what came of it.
 
     Returns:
         the calibration: estimate, covariance, residuals, and predictions with their uncertainty. Where no parameter explains the
-        rows, or their fit does not converge under its prior, it is that of tracker frame and targets alone, and a remark says so.
+        rows, or their fit does not converge under its prior, it is that of tracker frame and targets alone, the robot nominal and
+        uncertain by its tolerances, and a remark says so.
 
     Raises:
         CampaignError: too few rows, a row at which the nominal robot's closed loop does not close, joints and points that do
-            not belong together, lengths without a prior where none was measured or stated, more wrong rows than can be told
-            from right ones, a target too far from the TCP, or a model that depends on temperature or time and a row
-            without.
+            not belong together, a tracker frame whose rotation they leave open (one joint in motion, points near a line), lengths
+            without a prior where none was measured or stated, more wrong rows than can be told from right ones, a target too far
+            from the TCP, or a model that depends on temperature or time and a row without.
         UnknownName: a name in `keep` that the model does not have.
         FitError: the fit did not converge.
         NothingLearntError: it took everything that was measured for error, and more than the robot's tolerances allow.
@@ -451,10 +456,11 @@ def attempt(model: ErrorModel, campaign: Campaign, options: FitOptions) -> Attem
     except FitError as refusal:
         if options.prior is None:
             raise
-        alone = replace(options, keep=(), prior=None, prior_scale="estimate", like=None)
+        # the robot stays nominal, and varies by its tolerances all the same
+        alone = replace(options, keep=(), prior_scale=1.0 if options.prior_scale == "estimate" else options.prior_scale)
         try:
-            calibration = _identify(model, campaign, alone)
-        except (CampaignError, FitError):
+            calibration = _identify(model, campaign, replace(alone, prior="tolerances", like=None))
+        except FitError:
             raise refusal from None
         what = str(refusal).partition(". ")[0] if isinstance(refusal, NothingLearntError) else str(refusal)
         remark = f"{what}. Only tracker frame and targets were fitted: the robot stays nominal"
@@ -491,7 +497,7 @@ def _identify(model: ErrorModel, campaign: Campaign, chosen: FitOptions) -> Cali
         else _fit_right_rows(fit_rows, campaign, *_find_right_rows(model, campaign, poses, chosen), chosen.noise)
     )
     _check_worth(fitted)
-    calibration = fitted.calibration
+    calibration = with_unlocated(fitted.calibration, fitted.unlocated)
     right = campaign.without(np.isin(campaign.ids, [row.id for row in calibration.left_out]))
     growth = growth_of(calibration, problem_of(calibration.layout, right, chosen.noise), chosen)
     like = {name: value for name, value in calibration.provenance.options.items() if name == "like"}
@@ -516,14 +522,28 @@ def _fit(
     alone = len(kept) == len(model) or chosen.prior != "tolerances"
     # what a sibling left as error beside all parameters is not what some of them leave
     own = chosen if alone else replace(chosen, like=None)
-    fit = fit_with_hyperparameters(problem, prior_of(problem.layout, chosen.prior), own)
+    fit = fit_with_hyperparameters(problem, prior_of(problem.layout, chosen.prior, chosen.target_within), own)
     if alone:
         outcome = fitted_alone(fit, problem, whole.layout)
     else:
-        prior = prior_of(whole.layout, chosen.prior)
-        all_fitted = fit_with_hyperparameters(whole, prior, chosen)
+        prior = prior_of(whole.layout, chosen.prior, chosen.target_within)
+        try:
+            all_fitted = fit_with_hyperparameters(whole, prior, chosen)
+        except FitError:
+            if len(kept):
+                raise
+            all_fitted = fit  # of tracker frame and targets alone, whose errors of single poses are the larger
         outcome = replace(consider(fit, problem, whole, prior, all_fitted.hyper), help=all_fitted.help)
-    return FittedRows(calibration=conclude(fit, outcome, campaign, chosen), unlearnt=_unlearnt(fit, chosen))
+    _check_rotation(fit, outcome, campaign, chosen)
+    calibration = conclude(fit, outcome, campaign, chosen)
+    return FittedRows(calibration=calibration, unlocated=outcome.unlocated, unlearnt=_unlearnt(fit, chosen))
+
+
+def with_unlocated(calibration: Calibration, unlocated: Float[np.ndarray, "z k"]) -> Calibration:
+    """A calibration with the errors of its targets where the poses do not locate them."""
+    if not unlocated.shape[1]:
+        return calibration
+    return replace(calibration, z_spread=spread_of(calibration.z_covariance + unlocated @ unlocated.T))
 
 
 def _checked(registration: Registration, model: ErrorModel, campaign: Campaign, target_within: float) -> Registration:
@@ -559,6 +579,49 @@ def _check_worth(fitted: FittedRows) -> None:
             "taken for error. Some rows contradict the others: look for them with a robust loss (loss=Cauchy(), --loss cauchy), "
             "check joints and points, or compare with the nominal robot alone (keep=[], --keep none)"
         )
+
+
+OPEN_ROTATION = 0.3
+"""Standard deviation of a tracker frame's rotation, radians, from which on it is open: a linear covariance says what it should of
+smaller turns only (a turn by 0.3 moves points by 4 % along, beside 30 % across)."""
+
+MOVED = 1e-3
+"""Range, radians or metres, from which on a joint moves."""
+
+
+def _check_rotation(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOptions) -> None:
+    """Refuse a fit whose rows leave the rotation of the tracker frame open.
+
+    It is judged by all that the tolerances allow; under another prior, which may allow anything, for the parameters as they are.
+
+    Raises:
+        OpenFrameError: they do.
+    """
+    C, layout, k = outcome.covariance, outcome.layout, 0
+    if options.prior != "tolerances":
+        k = len(fit.problem.layout.estimated)
+        C = invert_positive((fit.solution.information + fit.prior.precision(fit.hyper.prior_factor))[k:, k:])
+        k = len(layout.estimated)
+    for station in range(1 if layout.stations is None else len(layout.stations.names)):
+        columns = layout.frame_columns(station)[3:] - k
+        turn = float(np.sqrt(np.linalg.eigvalsh(C[np.ix_(columns, columns)]).max(initial=0.0)))
+        if turn > OPEN_ROTATION:
+            raise OpenFrameError(
+                f"{named_file(campaign)}these rows do not determine the tracker frame: its rotation is open by "
+                f"{min(np.degrees(turn), 180.0):.0f}° (1σ), where {np.degrees(OPEN_ROTATION):.0f}° can be calibrated; "
+                f"{_describe_motion(campaign, layout.model.robot.joint_names)}. Measure poses in which at least three joints move, "
+                "the tool turns about two axes, and the points spread over some hundred millimetres"
+            )
+
+
+def _describe_motion(campaign: Campaign, joints: tuple[str, ...]) -> str:
+    """Which joints move, and how far the points spread."""
+    moves = np.ptp(campaign.q[campaign.seen], axis=0) > MOVED
+    names = [name for name, moved in zip(joints, moves, strict=True) if moved]
+    said = f"only {names[0]} moves" if len(names) == 1 else f"{', '.join(names) or 'no joints'} move"
+    points = campaign.points[campaign.valid]
+    along = (points - points.mean(axis=0)) @ np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2].T
+    return f"{said}, and the points lie within {' × '.join(f'{size * 1e3:.0f}' for size in np.ptp(along, axis=0))} mm"
 
 
 def conclude(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOptions) -> Calibration:

@@ -248,7 +248,11 @@ BASE_PRIOR, TARGET_PRIOR = 10.0, 1.0
 """Standard deviations of tracker frame and targets about their registration, metres and radians: as good as none."""
 
 UNOBSERVABLE_PRIOR = 1e-6
-"""The same along directions in which the poses do not locate the targets: there they stay at the TCP."""
+"""The same along directions in which the poses do not locate the targets: there the fit holds them at the TCP."""
+
+TARGET_FROM_TCP = 0.1
+"""How far from the TCP they are believed to be along those directions, standard deviation, metres: what reflectors are mounted at a
+flange or a tool by. A convention (decision 0005)."""
 
 FRAME_SIZE = 1e-3
 """Natural size of tracker frame, targets and the kinds' own unknowns in the equations, metres and radians."""
@@ -264,6 +268,8 @@ class PriorOfEstimate:
     """Prior precision of tracker frame, targets and the kinds' own unknowns."""
     start: Float[np.ndarray, " z"]
     """The registered nominal robot, where the frames are expected."""
+    unlocated: Float[np.ndarray, "z k"]
+    """Directions of z in which the poses do not locate the targets and the fit holds them, each as long as these may be off."""
 
     @property
     def scale(self) -> Float[np.ndarray, " z"]:
@@ -283,7 +289,9 @@ class PriorOfEstimate:
         k, out = len(self.sizes), np.zeros((len(self.start),) * 2)
         if self.parameters is not None:
             out[:k, :k] = factor * self.parameters.covariance
-        out[k:, k:] = np.linalg.inv(self.frames)
+        # by its eigenvalues, of which rounding leaves none under zero: held directions have 10¹² times the precision of others
+        precisions, axes = np.linalg.eigh(self.frames)
+        out[k:, k:] = (axes / precisions) @ axes.T
         return out
 
     @property
@@ -300,18 +308,61 @@ def frame_precision(layout: Layout) -> Float[np.ndarray, "frames frames"]:
     base, places = np.full(layout.base_size, BASE_PRIOR), np.full(sum(map(len, layout.places)), TARGET_PRIOR)
     further = np.full(0 if layout.stations is None else 6 * (len(layout.stations.names) - 1), BASE_PRIOR)
     out = np.diag(np.concatenate([base, places, *(kind.deviations for kind in layout.kinds), further]) ** -2.0)
-    at = np.concatenate([place[:3] for place in layout.places]) - k
-    # the error frame of a target that is turned moves in its own axes
-    axes = np.eye(len(at))
-    for t, kind in enumerate(layout.kinds):
-        if kind.turned:
-            axes[3 * t : 3 * t + 3, 3 * t : 3 * t + 3] = layout.registration.T_tool_target[t, :3, :3]
-    out[np.ix_(at, at)] += axes.T @ (layout.registration.unobservable / UNOBSERVABLE_PRIOR**2) @ axes
+    at, hidden = _unobservable(layout)
+    out[np.ix_(at - k, at - k)] += hidden / UNOBSERVABLE_PRIOR**2
     return out
 
 
-def prior_of(layout: Layout, prior: GaussianPrior | str | None) -> PriorOfEstimate:
+def _unobservable(layout: Layout) -> tuple[Int[np.ndarray, " offsets"], Float[np.ndarray, "offsets offsets"]]:
+    """Columns of the targets' places, and the projector onto the directions of them that the poses do not determine."""
+    # the error frame of a target that is turned moves in its own axes
+    axes = np.eye(3 * len(layout.kinds))
+    for t, kind in enumerate(layout.kinds):
+        if kind.turned:
+            axes[3 * t : 3 * t + 3, 3 * t : 3 * t + 3] = layout.registration.T_tool_target[t, :3, :3]
+    return np.concatenate([place[:3] for place in layout.places]), axes.T @ layout.registration.unobservable @ axes
+
+
+def unlocated_directions(layout: Layout, target_within: float = TARGET_FROM_TCP) -> Float[np.ndarray, "z k"]:
+    """Directions of z in which the poses do not locate the targets, each as long as these may be off; none of held frames.
+
+    Args:
+        layout: of the estimate.
+        target_within: how far from the TCP a target may be, metres; `TARGET_FROM_TCP` at most.
+    """
+    if layout.fixed_frames:
+        return np.zeros((len(layout.names), 0))
+    at, hidden = _unobservable(layout)
+    values, vectors = np.linalg.eigh(hidden)
+    own = vectors[:, values > 0.5]
+    out = np.zeros((len(layout.names), own.shape[1]))
+    # what targets have in common moves each of them by the whole of it
+    out[at] = min(target_within, TARGET_FROM_TCP) * np.sqrt(len(layout.kinds)) * own
+    return out
+
+
+def errors_by_unlocated(
+    unlocated: Float[np.ndarray, "z k"], posterior: Float[np.ndarray, "z z"], information: Float[np.ndarray, "z z"]
+) -> Float[np.ndarray, "z k"]:
+    """Errors of an estimate whose targets, held at the TCP, are off it: u − F·H·u.
+
+    Args:
+        unlocated: u, directions in which they are held.
+        posterior: F of the estimate.
+        information: H of the rows.
+    """
+    return unlocated - posterior @ (information @ unlocated)
+
+
+def prior_of(
+    layout: Layout, prior: GaussianPrior | str | None, target_within: float = TARGET_FROM_TCP
+) -> PriorOfEstimate:
     """The prior in a layout: its tolerances, a prior that was given, or none.
+
+    Args:
+        layout: of the estimate.
+        prior: ``tolerances``, a prior over the estimated parameters, or None.
+        target_within: how far from the TCP a target may be that the poses do not locate, metres; `TARGET_FROM_TCP` at most.
 
     Raises:
         ValueError: the prior that was given is not one over the estimated parameters.
@@ -324,4 +375,10 @@ def prior_of(layout: Layout, prior: GaussianPrior | str | None) -> PriorOfEstima
         sizes = np.sqrt(np.diag(prior.covariance))
     elif prior is not None:
         prior = GaussianPrior.of_deviations(sizes)
-    return PriorOfEstimate(parameters=prior, sizes=sizes, frames=frames, start=layout.start())
+    return PriorOfEstimate(
+        parameters=prior,
+        sizes=sizes,
+        frames=frames,
+        start=layout.start(),
+        unlocated=unlocated_directions(layout, target_within),
+    )

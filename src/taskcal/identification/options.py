@@ -76,7 +76,7 @@ class FitOptions:
     gross_errors: GrossErrors = "leave out"
     """``leave out`` rows that cannot be right beside all others, up to a tenth of them, or ``keep`` them."""
     target_within: float = TARGET_WITHIN
-    """How far from the TCP a target may be found, metres."""
+    """How far from the TCP a target may be found, metres; where the poses do not locate it, its uncertainty (1σ), 0.1 at most."""
     like: Calibration | None = None
     """Calibration of a robot of the same make, whose sizes of groups and errors of poses are expected of this one; None to expect
     what is expected of any robot."""

@@ -34,7 +34,7 @@ from taskcal.identification.held_out import (
 )
 from taskcal.identification.hyperparameters import SLOW
 from taskcal.identification.identify import fit_nominal
-from taskcal.identification.layout import frame_precision, layout_of
+from taskcal.identification.layout import errors_by_unlocated, frame_precision, layout_of, unlocated_directions
 from taskcal.identification.measured_range import MeasuredRange, name_rows
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, problem_of, whitener
@@ -191,7 +191,9 @@ def _fit_frames(problem: Problem, calibration: Calibration) -> tuple[Float[np.nd
     )
     if not found.converged:
         raise FitError(f"tracker frame and targets could not be refitted: {found.reason}; check the campaign's rows")
-    return found.z, invert_positive(found.information + precision)
+    F = invert_positive(found.information + precision)
+    held = errors_by_unlocated(unlocated_directions(problem.layout), F, found.information)
+    return found.z, F + held @ held.T
 
 
 # A calibration put to the test by a campaign that it has not seen: point by point, with what it stated of its own

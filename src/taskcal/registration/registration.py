@@ -87,6 +87,11 @@ class Cloud:
         """Sums that say all of how a tracker frame and targets fit."""
         return Moments.of(self.R, self.p, self.y, self.target, self.count)
 
+    @property
+    def extent(self) -> float:
+        """Root mean square distance of the measured points from their middle, metres."""
+        return float(np.sqrt(np.trace(self.moments.yy) / len(self.y)))
+
     def residual(
         self, Z: Float[np.ndarray, "3 3"], t: Float[np.ndarray, " 3"], offsets: Float[np.ndarray, "targets 3"]
     ) -> Float[np.ndarray, "n 3"]:
@@ -102,6 +107,10 @@ PLAUSIBLE_SHARE = 0.02
 
 STRAIGHT_SHARE = 1e-3
 """Extent across one line over the reach, below which points lie along it. A convention: 2 mm of a reach of 2 m."""
+
+SMALL_SHARE = 0.05
+"""Residual over the extent of the points, beyond which the best rotation is sought from many. A convention: where a robot's
+errors are a twentieth of what it moved, the closed form may end half a turn away."""
 
 LOCATED_WITHIN = 0.02
 """Standard deviation, metres, below which a direction of the target offsets counts as determined. Decision 0005: poses spread by
@@ -374,6 +383,8 @@ def _trimmed(cloud: Cloud, campaign: Campaign, reach: float) -> tuple[Registrati
     _check_extent(cloud, campaign, reach)
     seen, rng = np.flatnonzero(campaign.seen), np.random.default_rng(0)
     best = _concentrated(cloud, campaign.seen, campaign, reach)
+    if trusted_distance(best[1][seen]) > SMALL_SHARE * cloud.extent:
+        best = _concentrated(cloud, campaign.seen, campaign, reach, _search(cloud, reach))
     for _ in range(SUBSETS):
         if trusted_distance(best[1][seen]) <= PLAUSIBLE_SHARE * reach:
             break
@@ -387,11 +398,15 @@ def _trimmed(cloud: Cloud, campaign: Campaign, reach: float) -> tuple[Registrati
 
 
 def _concentrated(
-    cloud: Cloud, rows: Bool[np.ndarray, " n"], campaign: Campaign, reach: float
+    cloud: Cloud,
+    rows: Bool[np.ndarray, " n"],
+    campaign: Campaign,
+    reach: float,
+    start: Float[np.ndarray, "3 3"] | None = None,
 ) -> tuple[Registration, Float[np.ndarray, " n"]]:
     """The registration of some rows that show all targets, and then of those that it is nearest to."""
     seen = campaign.seen
-    found = register_cloud(cloud.take(rows[cloud.row]))
+    found = register_cloud(cloud.take(rows[cloud.row]), start)
     distance = _row_distances(found, cloud, len(seen), reach)
     for _ in range(MAX_STEPS):
         farthest = trusted_distance(distance[seen])
@@ -422,7 +437,7 @@ def _search(cloud: Cloud, reach: float) -> Float[np.ndarray, "3 3"]:
     """Search from the closed form, and from many orientations if that ends where no robot would be."""
     moments = cloud.moments
     best = refine(closed_form(moments), moments)
-    if best[1] > PLAUSIBLE_SHARE * reach:
+    if best[1] > min(PLAUSIBLE_SHARE * reach, SMALL_SHARE * cloud.extent):
         for Z in orientations():
             candidate = refine(Z, moments)
             if candidate[1] < best[1] * (1.0 - 1e-9):

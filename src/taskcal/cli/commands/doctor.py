@@ -14,7 +14,7 @@ from taskcal.cli.command import argument, option
 from taskcal.cli.options.common import OutputOptions
 from taskcal.cli.output import info, show, tell
 from taskcal.cli.progress import bar_by_parts
-from taskcal.errors import TaskcalError, UnitError
+from taskcal.errors import OpenFrameError, TaskcalError, UnitError
 from taskcal.report.content import Column, Table, millimetres
 
 
@@ -99,7 +99,8 @@ def diagnose_file(path: Path | Sequence[Path], robot: "taskcal.Robot") -> "taskc
 def with_first_finding(refusal: TaskcalError, path: Sequence[Path], robot: "taskcal.Robot") -> str:
     """A refusal's message, with the doctor's first finding if it reduces the error."""
     message = str(refusal)
-    if isinstance(refusal, UnitError):  # it has to be fixed before anything else can be tested
+    # units have to be right before anything else can be tested, and rows that determine no frame test nothing
+    if isinstance(refusal, UnitError | OpenFrameError):
         return message
     try:
         findings = diagnose_file(path, robot).findings

@@ -330,7 +330,10 @@ def next_steps(calibration: "taskcal.Calibration", result: Mapping[str, Any], tr
         if kind.width == kind.angles
     }
     if any(target["unlocated"] for name, target in result["targets"].items() if name not in turning):
-        steps.append("measure in several orientations: these poses do not locate every target")
+        steps.append(
+            "measure in several orientations: these poses do not locate every target, so other orientations are uncertain by "
+            "centimetres; or state how near to the TCP it sits (--target-within-mm)"
+        )
     searched = "explanation" in result or calibration.model.effects
     if not (searched or calibration.model.robot.driven) and left > MAX_NOISE_RATIO * tracker_mm:
         kind = "fitted" if held_out is None else "held-out"
