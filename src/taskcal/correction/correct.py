@@ -39,6 +39,7 @@ from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.measured_range import MeasuredRange
+from taskcal.identification.uncertainty_budget import check_known
 from taskcal.kinematics.inverse import closes, conditioning
 from taskcal.kinematics.tracing import MIN_SINGULAR_RATIO
 from taskcal.robot.error_model import ErrorModel
@@ -572,6 +573,7 @@ def correct(
     bounds: Bounds | None = None,
     into: str | Path | None = None,
     keep_joints: bool = False,
+    accept_uncertain: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Correction:
     """Correct a robot program by a calibration.
@@ -585,11 +587,12 @@ def correct(
         into: file in the language of whose suffix the corrected motions are written as a new program, RAPID, KRL or CSV; by default
             the program's own files are rewritten.
         keep_joints: leave motions to joint positions as they are, such as those to a home position that a cell checks.
+        accept_uncertain: correct it even where the calibration knows less than the robot's tolerances do (`UNKNOWN_FROM`).
         progress: told what is being done.
 
     Raises:
-        TaskcalError: the program has no motion that is known; no rotation about the tool's axis lets the robot follow it; or
-            what was measured does not fit.
+        TaskcalError: the program has no motion that is known; no rotation about the tool's axis lets the robot follow it; what was
+            measured does not fit; or the calibration knows less at the targets than the robot's tolerances do.
     """
     expect_kinds({"calibration": Calibration, "program": Program}, calibration=calibration, program=program)
     expect_kinds({"cell": Cell | None, "bounds": Bounds | None}, cell=cell, bounds=bounds)
@@ -602,6 +605,9 @@ def correct(
     program = with_spins(mounted.program, robot)
     moves = program.moves
     trajectory = simulate_controller(robot, moves, mounted.refused)
+    if not accept_uncertain:
+        ends = trajectory.end[np.isfinite(trajectory.end).all(axis=1)]
+        check_known(calibration, ends, f"{given.sources[0].path} is not corrected")
     frames, number = frames_on(calibration, moves, cell)
     directions = drive_directions(robot, moves, trajectory) if uses_directions(calibration.model) else None
     placed = place_motions(calibration, frames, number, directions)

@@ -22,6 +22,7 @@ from taskcal.correction.frames import FrameCalibration, frames_on, place_motions
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.uncertainty_budget import why_unknown
 from taskcal.kinematics.inverse import conditioning, solve_near
 from taskcal.kinematics.tracing import MIN_SINGULAR_RATIO
 from taskcal.robot.error_model import ErrorModel
@@ -82,6 +83,7 @@ class PlacementChoices(TypedDict, total=False):
     touched_off: bool
     count: int
     seed: int
+    accept_uncertain: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +100,8 @@ class PlacementOptions:
     """Poses of a task."""
     seed: int = 0
     """Of their choice."""
+    accept_uncertain: bool = False
+    """Placements count as possible even where the calibration knows less than the robot's tolerances do."""
 
 
 @short_repr
@@ -112,7 +116,7 @@ class PlacedPart:
     reached: float
     """Share of the motions that can be executed inside the joint limits."""
     obstacle: str
-    """Why the first of the others cannot be; empty where all can."""
+    """Why the first of the others cannot be, or why the calibration is not used there; empty where all can."""
     before: float
     """Without correction: of a calibrated robot its known error with its uncertainty, else that of its tolerances."""
     after: float
@@ -137,8 +141,8 @@ class PlacedPart:
 
     @property
     def possible(self) -> bool:
-        """Whether every motion can be executed, and none comes near a singular posture."""
-        return self.reached == 1.0 and self.conditioning >= MIN_SINGULAR_RATIO
+        """Whether every motion can be executed, none comes near a singular posture, and the calibration knows something there."""
+        return not self.obstacle and self.conditioning >= MIN_SINGULAR_RATIO
 
     def summary(self) -> dict[str, Any]:
         """In millimetres and degrees; None for what is not known."""
@@ -203,6 +207,8 @@ def place(
 
             ``seed``: of their choice.
 
+            ``accept_uncertain``: placements count as possible even where the calibration knows less than the robot's tolerances do.
+
     Raises:
         TypeError: an option that does not exist; the message names all.
         TaskcalError: there is no motion to a pose; the robot's file does not tell how it yields; or a part is to be touched off
@@ -223,7 +229,7 @@ def place(
         raise TaskcalError(
             f"{held.place}: the part is in the robot's hand, so that there is nothing to touch off where it is put"
         )
-    view = _View(robot, calibration, cell or Cell(), _loaded(on, robot, chosen.force), chosen.touched_off)
+    view = _View(robot, calibration, cell or Cell(), _loaded(on, robot, chosen.force), chosen)
     middle, grid = np.mean(origins, axis=0), region.grid()
     now, near = view.at(moves, middle, np.zeros(3), 0.0, None)
     placed: list[PlacedPart] = []
@@ -291,7 +297,7 @@ class _View:
     calibration: Calibration | None
     cell: Cell
     loaded: tuple[ErrorModel, ErrorModel, Float[np.ndarray, " p"]] | None
-    touched_off: bool
+    chosen: PlacementOptions
 
     def at(
         self,
@@ -321,13 +327,16 @@ class _View:
         nothing = np.nan, np.nan
         before, after = self._errors(moved, trajectory) if ends.any() else nothing
         refused = sorted(trajectory.rejected.items())
+        obstacle = f"{moves[refused[0][0]].place} {refused[0][1]}" if refused else ""
+        if self.calibration is not None and not (obstacle or self.chosen.accept_uncertain):
+            obstacle = why_unknown(self.calibration, trajectory.end[ends])
         outside, outside_targets = self._outside(moved, trajectory.end)
         limits = self.robot.limits
         placed = PlacedPart(
             shift=np.asarray(shift, dtype=float),
             turn=turn,
             reached=1.0 - len(refused) / len(moves),
-            obstacle=f"{moves[refused[0][0]].place} {refused[0][1]}" if refused else "",
+            obstacle=obstacle,
             before=before,
             after=after,
             compliance=self._deflection(trajectory.end[ends]) if ends.any() else np.nan,
@@ -352,13 +361,13 @@ class _View:
             model = ErrorModel(self.robot)
             ends = trajectory.end[np.isfinite(trajectory.end[:, 0])]
             effect = model.jacobian(ends, angular=False) * model.tolerances
-            if self.touched_off:
+            if self.chosen.touched_off:
                 effect = without_rigid_motion(model.poses(ends)[:, :3, 3], effect)
             return float(np.sqrt((effect**2).sum(axis=(1, 2)).mean())), np.nan
         frames, number = frames_on(self.calibration, moves, self.cell)
         placed = place_motions(self.calibration, frames, number, None)
         found = assess(placed, trajectory.path_on(placed, moves), trajectory)
-        if self.touched_off:
+        if self.chosen.touched_off:
             known, left = on_touched_parts(frames, number, trajectory, found)
         else:
             variances = variances_at(frames, number, trajectory, None)

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from taskcal.export.forms import placed, spread_poses
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.uncertainty_budget import check_known
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 
@@ -82,6 +83,8 @@ def fit_offsets(
     calibration: Calibration,
     q: Float[np.ndarray, "n joints"] | None = None,
     weights: Float[np.ndarray, " n"] | None = None,
+    *,
+    accept_uncertain: bool = False,
 ) -> ControllerOffsets:
     """Fit joint zeros, tool and base of the nominal robot to the calibrated one.
 
@@ -91,8 +94,14 @@ def fit_offsets(
         calibration: the robot.
         q: joint positions that reach a task; all over the joints' ranges by default.
         weights: how much each counts; all the same by default.
+        accept_uncertain: fit them although the calibration knows less there than the robot's tolerances do.
+
+    Raises:
+        TaskcalError: the calibration knows next to nothing at these poses.
     """
     q = spread_poses(calibration) if q is None else q
+    if not accept_uncertain:
+        check_known(calibration, q, f"offsets for {len(q)} poses are not fitted")
     share = np.full(len(q), 1.0 / len(q)) if weights is None else weights / weights.sum()
     fit = _Fit(model=ErrorModel(calibration.model.robot), q=q, goal=calibration.tool_in_base(q), weights=share)
     start = _Offsets(joints=np.zeros(q.shape[1]), base=np.eye(4), tool=np.eye(4))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Literal
 from xml.sax.saxutils import quoteattr
 
@@ -11,6 +12,7 @@ from jaxtyping import Float
 from taskcal.errors import TaskcalError, UnknownName, shown
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.uncertainty_budget import check_known
 from taskcal.kernels.chain import ErrorFrame, Fixed, JointKind
 from taskcal.kinematics.inverse import closes
 from taskcal.plugins import load_plugins, state_faults
@@ -225,6 +227,7 @@ def export_as(
     q: Float[np.ndarray, "n joints"] | None,
     *,
     accept_loss: bool,
+    accept_uncertain: bool,
 ) -> Export:
     """Write the chain of a calibration in a form, and measure the loss.
 
@@ -234,11 +237,15 @@ def export_as(
         calibration: the robot.
         q: joint positions at which a loss is measured; all over the ranges by default.
         accept_loss: write it although it loses something.
+        accept_uncertain: write it although the calibration knows less there than the robot's tolerances do.
 
     Raises:
-        TaskcalError: the form cannot hold the robot, or loses something that is not accepted.
+        TaskcalError: the form cannot hold the robot, or loses something that is not accepted; or the calibration knows next to
+            nothing at these poses.
     """
     q = spread_poses(calibration) if q is None else q
+    if not accept_uncertain:
+        check_known(calibration, q, f"{form} for {len(q)} poses is not written")
     written = write(CalibratedChain.of(calibration, q))
     loss = Loss.of(calibration, q, written.poses(q), written.lacking)
     if not accept_loss:
@@ -247,7 +254,11 @@ def export_as(
 
 
 def export_urdf(
-    calibration: Calibration, q: Float[np.ndarray, "n joints"] | None = None, *, accept_loss: bool = False
+    calibration: Calibration,
+    q: Float[np.ndarray, "n joints"] | None = None,
+    *,
+    accept_loss: bool = False,
+    accept_uncertain: bool = False,
 ) -> Export:
     """Export the calibrated robot as URDF: links without shapes, every defect in the joints' origins.
 
@@ -257,6 +268,7 @@ def export_urdf(
         calibration: the robot.
         q: joint positions at which a loss is measured; all over the ranges by default.
         accept_loss: write it although it loses something.
+        accept_uncertain: write it although the calibration knows less there than the robot's tolerances do.
 
     Raises:
         TaskcalError: the model has parts that no URDF holds, such as gear harmonics; the message has the loss.
@@ -265,7 +277,7 @@ def export_urdf(
     def write(chain: CalibratedChain) -> Written:
         return Written(text=urdf_text(chain), poses=chain.poses)
 
-    return export_as("a URDF", write, calibration, q, accept_loss=accept_loss)
+    return export_as("a URDF", write, calibration, q, accept_loss=accept_loss, accept_uncertain=accept_uncertain)
 
 
 def urdf_text(chain: CalibratedChain) -> str:
@@ -384,7 +396,11 @@ LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 
 
 def export_ur_yaml(
-    calibration: Calibration, q: Float[np.ndarray, "n joints"] | None = None, *, accept_loss: bool = False
+    calibration: Calibration,
+    q: Float[np.ndarray, "n joints"] | None = None,
+    *,
+    accept_loss: bool = False,
+    accept_uncertain: bool = False,
 ) -> Export:
     """Export the calibrated robot as the pose of each link in the one before it.
 
@@ -395,11 +411,12 @@ def export_ur_yaml(
         calibration: the robot.
         q: joint positions at which a loss is measured; all over the ranges by default.
         accept_loss: write it although it loses something.
+        accept_uncertain: write it although the calibration knows less there than the robot's tolerances do.
 
     Raises:
         TaskcalError: the robot is not built like one of Universal Robots, or has parts that the form does not hold.
     """
-    return export_as("UR's YAML", _ur_yaml, calibration, q, accept_loss=accept_loss)
+    return export_as("UR's YAML", _ur_yaml, calibration, q, accept_loss=accept_loss, accept_uncertain=accept_uncertain)
 
 
 def _comments(chain: CalibratedChain) -> list[str]:
@@ -492,6 +509,7 @@ def export_dh(
     q: Float[np.ndarray, "n joints"] | None = None,
     *,
     accept_loss: bool = False,
+    accept_uncertain: bool = False,
 ) -> Export:
     """Export the calibrated robot as a table, which `taskcal.read_dh_table` reads.
 
@@ -503,11 +521,16 @@ def export_dh(
         convention: ``dh`` (standard) or ``mdh`` (modified).
         q: joint positions at which a loss is measured; all over the ranges by default.
         accept_loss: write it although it loses something.
+        accept_uncertain: write it although the calibration knows less there than the robot's tolerances do.
 
     Raises:
         TaskcalError: the robot has prismatic or driven joints, or parts that no table holds; the message has the loss.
     """
-    return export_as("a table", lambda chain: _dh_table(chain, convention), calibration, q, accept_loss=accept_loss)
+
+    def write(chain: CalibratedChain) -> Written:
+        return _dh_table(chain, convention)
+
+    return export_as("a table", write, calibration, q, accept_loss=accept_loss, accept_uncertain=accept_uncertain)
 
 
 def _dh_table(chain: CalibratedChain, convention: Literal["dh", "mdh"]) -> Written:
@@ -638,7 +661,8 @@ class Exporter:
     """What ``--form`` calls it; no other exporter has it."""
     write: Writer
     """The file of a calibration. The second argument is joint positions at which a loss is measured, radians or metres, or None
-    for all over the ranges; the third whether to write it although it loses something.
+    for all over the ranges; the third whether to write it although it loses something. That the calibration knows something of
+    these poses was seen to before.
 
     Raises:
         TaskcalError: the form cannot hold the robot, or loses something that is not accepted (`Loss.refuse`).
@@ -649,13 +673,16 @@ GROUP = "taskcal.exporters"
 """Entry points of other packages: an `Exporter` each."""
 
 _EXPORTERS: dict[str, Exporter] = {
-    one.name: one
-    for one in (
-        Exporter(name="urdf", write=lambda calibration, q, accept: export_urdf(calibration, q, accept_loss=accept)),
-        Exporter(name="ur-yaml", write=lambda one, q, accept: export_ur_yaml(one, q, accept_loss=accept)),
-        Exporter(name="dh", write=lambda calibration, q, accept: export_dh(calibration, "dh", q, accept_loss=accept)),
-        Exporter(name="mdh", write=lambda calibration, q, accept: export_dh(calibration, "mdh", q, accept_loss=accept)),
+    name: Exporter(
+        name=name,
+        write=lambda one, q, accept, export=export: export(one, q=q, accept_loss=accept, accept_uncertain=True),
     )
+    for name, export in {
+        "urdf": export_urdf,
+        "ur-yaml": export_ur_yaml,
+        "dh": partial(export_dh, convention="dh"),
+        "mdh": partial(export_dh, convention="mdh"),
+    }.items()
 }
 
 

@@ -952,19 +952,27 @@ class Calibration:
         """
         return self.model.poses(np.asarray(q, dtype=float), self.estimate, conditions)
 
-    def tool_covariance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 6 6"]:
-        """Covariance of the tool's true pose about the predicted one: position, then rotation, in tracker axes.
+    def tool_covariance(
+        self, q: Float[np.ndarray, "n joints"], *, frame: Literal["tracker", "base"] = "tracker"
+    ) -> Float[np.ndarray, "n 6 6"]:
+        """Covariance of the tool's true pose about the predicted one: position, then rotation.
 
         It includes what the measured targets do not tell of the tool, as far as the tolerances allow, but not the model
         error of a single new pose (`model_error`).
 
         Args:
             q: joint positions, radians.
+            frame: in which the tool is, and whose axes the covariance is in: the ``tracker``'s, or the robot's ``base``, so that
+                what is unknown of where the base stands does not count.
 
         Returns:
             metres² and radians².
         """
         J = self.tool_jacobian(q)
+        if frame == "base":
+            J[:, :, self.layout.frame_columns(self.layout.station)] = 0.0
+            R = self.T_tracker_base[:3, :3]
+            J = np.concatenate([R.T @ J[:, :3], R.T @ J[:, 3:]], axis=1)
         return self.growth_at(q)[:, None, None] * (J @ self.z_covariance @ np.swapaxes(J, 1, 2))
 
     def growth_at(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:

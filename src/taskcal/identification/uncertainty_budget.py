@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.errors import TaskcalError
 from taskcal.identification.calibration import Calibration
 
 COVERAGE_FACTOR = 2.0
@@ -81,6 +82,51 @@ def budget_of_parts(parts: Iterable[tuple[str, Evaluation, float]]) -> Uncertain
 def evaluation_of_model_error(calibration: Calibration) -> Evaluation:
     """A where the fit estimated it, B where it was given."""
     return "A" if calibration.provenance.options.get("model_error", "estimate") == "estimate" else "B"
+
+
+# Where a calibration says less than the drawing of the robot.
+
+UNKNOWN_FROM = 3.0
+"""Uncertainty of the tool, as a multiple of what the tolerances make of it, from which on a calibration is not used. A convention:
+of sound campaigns in a task it is 0.5 to 1.6 there, and 0.6 to 2.3 all over the joints' ranges; of two joints in motion, or of
+points about one, 13 to 99 all over the ranges, and 0.6 to 2 at the measured poses, where such a calibration serves."""
+
+
+def why_unknown(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> str:
+    """Why nothing that a calibration says at some poses is to be used; empty where it knows as much as tolerances do.
+
+    Args:
+        calibration: the calibration.
+        q: joint positions, radians.
+    """
+    if not len(q):
+        return ""
+    model = calibration.model
+    by_tolerance = model.jacobian(q, calibration.estimate)[:, :3] * model.tolerances
+    stated = float(np.sqrt(np.trace(calibration.tool_covariance(q, frame="base")[:, :3, :3], axis1=1, axis2=2).mean()))
+    allowed = float(np.sqrt((by_tolerance**2).sum(axis=(1, 2)).mean()))
+    if stated <= UNKNOWN_FROM * allowed:
+        return ""
+    return (
+        f"the calibration is uncertain there by {stated * 1e3:.3g} mm (3D rms, 1σ), {stated / allowed:.0f} times as much as the "
+        f"tolerances of a robot that was never calibrated ({allowed * 1e3:.2g} mm): its rows tell nothing of these poses. Measure "
+        "more poses near them"
+    )
+
+
+def check_known(calibration: Calibration, q: Float[np.ndarray, "n joints"], what: str) -> None:
+    """See that a calibration knows something of some poses.
+
+    Args:
+        calibration: the calibration.
+        q: joint positions, radians.
+        what: is to be done there, and with what.
+
+    Raises:
+        TaskcalError: it knows less than the robot's tolerances do.
+    """
+    if why := why_unknown(calibration, q):
+        raise TaskcalError(f"{what}: {why}, or accept that (--accept-uncertain; accept_uncertain=True)")
 
 
 def _mean_square(covariance: Float[np.ndarray, "n targets b b"]) -> float:

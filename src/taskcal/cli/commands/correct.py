@@ -41,7 +41,10 @@ class DestinationOptions:
         also="-o",
     )
     dry_run: bool = option(False, help="Show the table without writing a program.")
-    accept_uncertain: bool = option(False, help="Write the program even if the uncertainty exceeds the correction.")
+    accept_uncertain: bool = option(
+        False,
+        help="Write the program even if the uncertainty exceeds the correction, or three times the robot's tolerances.",
+    )
 
     def __post_init__(self) -> None:
         if self.output is None and not self.dry_run:
@@ -161,6 +164,7 @@ def command(
             bounds=limits.bounds(),
             into=_new_program(programs[0], destination.output),
             keep_joints=keep_joints,
+            accept_uncertain=destination.accept_uncertain or destination.dry_run,
             progress=begin,
         )
     from taskcal.report.correction import correction_page, state_uncertain

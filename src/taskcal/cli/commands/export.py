@@ -47,6 +47,9 @@ def command(
     count: CountOption = 200,
     seed: SeedOption = 0,
     accept_loss: bool = option(False, help="Write the file even if its form cannot hold the whole calibration."),
+    accept_uncertain: bool = option(
+        False, help="Write the file even if the uncertainty over its poses exceeds three times the robot's tolerances."
+    ),
     out: OutputOptions,
 ) -> None:
     """Export a calibrated robot, or fit the offsets of a controller."""
@@ -62,12 +65,15 @@ def command(
             reached = read_and_reach(taskcal.ErrorModel(calibrated.model.robot), task, count, seed, begin)
     if exporter is None:
         q, weights = _poses(reached)
-        offsets = taskcal.export.fit_offsets(calibrated, q, weights)
+        offsets = taskcal.export.fit_offsets(calibrated, q, weights, accept_uncertain=accept_uncertain)
         result: dict[str, Any] = {"robot": name, "form": form, **offsets.summary()}
         outputs.write({output: json.dumps(plain(with_edits(result)), indent=1, allow_nan=False) + "\n"})
         out.give(result, lambda: _show_offsets(name, offsets, task))
         return
-    export = exporter.write(calibrated, _poses(reached)[0], accept_loss)
+    q = _poses(reached)[0]
+    if not accept_uncertain:
+        _check_known(calibrated, form, q)
+    export = exporter.write(calibrated, q, accept_loss)
     outputs.write({output: export.text})
     for remark in export.remarks:
         info(remark)
@@ -75,6 +81,19 @@ def command(
         info(f"lost by the form: {export.loss.rms * 1e3:.3f} mm (3D rms), {', '.join(export.loss.reasons)}")
     result = {"robot": name, "form": form, "file": output, **export.summary()}
     out.give(result, lambda: _show(export, f"wrote {output}: {name} as {form}"))
+
+
+def _check_known(calibration: "taskcal.Calibration", form: str, q: "np.ndarray | None") -> None:
+    """See that the calibration knows something of the poses of a task, or all over the joints' ranges.
+
+    Raises:
+        TaskcalError: it does not.
+    """
+    from taskcal.export.forms import spread_poses
+    from taskcal.identification.uncertainty_budget import check_known
+
+    q, over = (spread_poses(calibration), "the joint ranges (see --task)") if q is None else (q, "the task")
+    check_known(calibration, q, f"{form} over {over} is not written")
 
 
 def _exporter(form: str) -> "taskcal.export.Exporter":

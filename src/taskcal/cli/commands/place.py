@@ -69,13 +69,17 @@ def command(
         False, help="The part is touched off in place: an error common to all targets is removed."
     ),
     force_n: str | None = option(None, "X,Y,Z", "Process force on the tool, newtons, in the base frame."),
+    accept_uncertain: bool = option(
+        False, help="Rank placements even where the uncertainty exceeds three times the robot's tolerances."
+    ),
     output: Path | None = option(None, "MAP.csv", "Output CSV: all placements.", also="-o"),
     page: PageOptions,
 ) -> None:
     """Compare placements of a part by the expected error.
 
     For every placement: the expected error before and after the correction, the deflection under a process force, whether every
-    motion can be executed, and the distance of the joints from their limits and from singularities.
+    motion can be executed, and the distance of the joints from their limits and from singularities. Placements of which the
+    calibration knows less than the robot's tolerances do are not ranked without --accept-uncertain.
     """
     force = _force(force_n)
     is_task = len(what) == 1 and what[0].suffix.lower() == ".toml"
@@ -95,6 +99,7 @@ def command(
             cell=None if cell is None else taskcal.load_cell(cell),
             force=force,
             touched_off=touched_off,
+            accept_uncertain=accept_uncertain,
             progress=lambda done, of: begin("placements"),
         )
     from taskcal.report.placement import SHOWN, placement_page
