@@ -4,11 +4,16 @@ import numpy as np
 import pytest
 
 from taskcal.correction.correction import budget_of
-from taskcal.correction.frames import SOURCES
+from taskcal.correction.frames import SOURCES, Uncertainty
 
 
 def variances(*micrometres):
-    return np.array([micrometres, micrometres], dtype=float) ** 2 * 1e-12
+    return uncertain(np.array([micrometres, micrometres], dtype=float) ** 2 * 1e-12)
+
+
+def uncertain(values):
+    known = np.isfinite(values).all(axis=1)
+    return Uncertainty(variances=values, weights=known / max(known.sum(), 1), common=np.zeros((1, 1)))
 
 
 def test_expected_errors_contain_the_uncertainty():
@@ -37,10 +42,9 @@ def test_the_remedy_is_for_the_largest_share(source, words):
 
 
 def test_targets_that_are_not_known_do_not_count():
-    some = variances(100, 200, 200, 0)
-    some[1] = np.nan
+    some = uncertain(np.array([[100, 200, 200, 0], [np.nan] * 4]) ** 2 * 1e-12)
     assert budget_of(np.ones(1), np.ones(1), some).uncertainty == pytest.approx(3e-4)
-    assert budget_of(np.zeros(0), np.zeros(0), np.full((2, 4), np.nan)).after == 0.0
+    assert budget_of(np.zeros(0), np.zeros(0), uncertain(np.full((2, 4), np.nan))).after == 0.0
 
 
 @pytest.mark.parametrize("model_error", ["A", "B"])

@@ -119,10 +119,13 @@ def test_a_fit_says_what_the_command_line_says_to_the_digit(tab: Tab, example: t
     )
     page.get_by_role("link", name="Show the result").click()
     tab.ready()
-    shown = page.locator("table").first.inner_text()
+    verdict, shown = (page.locator("table").nth(k).inner_text() for k in (0, 1))
     printed = tabulate_errors({key: said[key] for key in ("nominal", "fitted", "held_out")})
     assert [cell for row in printed.rows for cell in row[1:] if cell not in shown.split()] == []
-    assert "Tolerance of tasks/milling.toml met" in text_of(page)
+    judged = command_line(folder, "report", said["calibration"], "--task", "tasks/milling.toml")["verdict"]
+    for judgement in judged["judgements"]:
+        assert judgement["decision"] in verdict
+        assert judgement["expected_mm"] is None or f"{judgement['expected_mm']:.3f}" in verdict
     kept = json.loads((folder / "calibrations" / "measured-geometry.result.json").read_text())
     assert {**kept, "calibration": ""} == {**said, "calibration": ""}
     page.get_by_label("Enlargement").press("End")

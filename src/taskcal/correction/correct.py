@@ -32,7 +32,7 @@ from taskcal.correction.correction import (
     assess,
     budget_of,
 )
-from taskcal.correction.frames import frames_on, place_motions, variances_at
+from taskcal.correction.frames import Uncertainty, frames_on, place_motions, uncertainty_at
 from taskcal.correction.path import RoundedPath
 from taskcal.correction.subdivision import CorrectionProblem, Subdivision, subdivide
 from taskcal.errors import TaskcalError
@@ -612,9 +612,9 @@ def correct(
     directions = drive_directions(robot, moves, trajectory) if uses_directions(calibration.model) else None
     placed = place_motions(calibration, frames, number, directions)
     path = trajectory.path_on(placed, moves)
-    variances = variances_at(frames, number, trajectory, directions)
+    uncertainty = uncertainty_at(frames, number, trajectory.end, directions)
     progress("the joints of the calibrated robot")
-    tolerance, widest = _tolerances(variances) if bounds.tolerance is None else (bounds.tolerance, 0.0)
+    tolerance, widest = _tolerances(uncertainty) if bounds.tolerance is None else (bounds.tolerance, 0.0)
     problem = CorrectionProblem(
         robot=robot, moves=moves, calibration=calibration, placed=placed, wanted=path.segments, trajectory=trajectory,
         directions=directions, tolerance=tolerance, widest=widest,
@@ -643,13 +643,13 @@ def correct(
         wanted=path,
         before=before,
         after=after,
-        budget=budget_of(before.length[before.at_target], after.length[after.at_target], variances),
+        budget=budget_of(before.length[before.at_target], after.length[after.at_target], uncertainty),
         corrected=np.flatnonzero(written),
         pieces=rewritten.pieces,
         origin=rewritten.origin,
         shift=np.where(written, changes.shift, 0.0),
         turn=np.where(written, changes.turn, 0.0),
-        uncertainty=np.sqrt(variances.sum(axis=1)),
+        uncertainty=np.sqrt(uncertainty.variances.sum(axis=1)),
         joint_change=np.where(written, changes.joint, 0.0),
         measured_range=calibration.measured_range,
         farthest=farthest,
@@ -670,12 +670,11 @@ def correct(
     )
 
 
-def _tolerances(variances: Float[np.ndarray, "m sources"]) -> tuple[float, float]:
+def _tolerances(uncertainty: Uncertainty) -> tuple[float, float]:
     """Default tolerance of paths between targets, and the widest, metres.
 
     Args:
-        variances: of what the calibration must expect at the targets, metres².
+        uncertainty: of what is predicted at the targets.
     """
-    known = variances[np.isfinite(variances).all(axis=1)]
-    rms = float(np.sqrt(known.sum(axis=1).mean())) if len(known) else 0.0
+    rms = float(np.sqrt(uncertainty.mean.sum()))
     return max(TOLERANCE, SHARE_OF_UNCERTAINTY * rms), rms

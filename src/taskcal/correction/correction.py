@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.special import gammaincinv
 
 from robot_programs.backup import write_backup
 from robot_programs.core.program import Diagnostic, Move, Program
 from robot_programs.core.source import Source
 from taskcal.correction.controller import ControllerTrajectory, JointMotion
-from taskcal.correction.frames import SOURCES
+from taskcal.correction.frames import SOURCES, Uncertainty
 from taskcal.correction.path import Placed, RoundedPath
 from taskcal.errors import FileError, shortened
 from taskcal.geometry import se3
@@ -109,6 +110,9 @@ def assess(
 
 # The error to be expected along a corrected program, and what it comes from.
 
+LEFT = "uncorrected"
+"""The predicted error of the corrected program, among the sources of what is to be expected of it."""
+
 _REMEDIES = {
     "geometry": "the geometry is known too badly where the program works: measure more poses there (taskcal plan --calibration)",
     "model error": "it is what the model cannot explain: accept it, or identify with effects where that was not done "
@@ -116,6 +120,7 @@ _REMEDIES = {
     "tool": "measure the tool against the reflectors, and state it in a cell file (--cell: reflectors_mm or flange)",
     "part": "measure the part with the tracker, or touch it with the robot, and state it in a cell file (--cell: tracker or "
     "touched_deg)",
+    LEFT: "it is predicted, and not corrected: see which motions stay unchanged, and why",
 }
 
 
@@ -129,6 +134,8 @@ class ErrorBudget:
     """Of the error that is predicted for the corrected program."""
     variances: Mapping[str, float]
     """Of what the calibration must expect beyond its prediction, by `SOURCES`."""
+    variance_of_mean_square: float = 0.0
+    """Of the variances' sum, as an error that is realised once; metres⁴."""
 
     @property
     def uncertainty(self) -> float:
@@ -146,6 +153,27 @@ class ErrorBudget:
         return float(np.sqrt(self.left + self.uncertainty**2))
 
     @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the corrected program's error, rms in space, metres.
+
+        The mean square of errors that go together is spread as a chi-square of as many degrees of freedom as give its mean and
+        its variance (Satterthwaite, Biometrics Bulletin 2, 1946).
+        """
+        mean = sum(self.variances.values())
+        if not (mean and self.variance_of_mean_square):
+            return self.after, self.after
+        half = mean**2 / self.variance_of_mean_square
+        low, high = (float(np.sqrt(self.left + mean * gammaincinv(half, p) / half)) for p in (0.025, 0.975))
+        return low, high
+
+    @property
+    def largest(self) -> tuple[str, float, str]:
+        """The source of the largest share of the error to be expected, that share, and advice that lowers it."""
+        sources = {**self.variances, LEFT: self.left}
+        name = max(sources, key=lambda source: sources[source])
+        return name, sources[name] / (sum(sources.values()) or 1.0), _REMEDIES[name]
+
+    @property
     def uncertain(self) -> bool:
         """Whether the uncertainty is larger than the correction, so that nobody can tell if it makes the program better."""
         return bool(self.uncertainty > np.sqrt(self.correction))
@@ -158,7 +186,7 @@ class ErrorBudget:
 
     @property
     def remedy(self) -> str:
-        """Advice that lowers the largest share."""
+        """Advice that lowers the largest share of the uncertainty."""
         return _REMEDIES[max(self.variances, key=lambda name: self.variances[name])]
 
     def of_targets(self, model_error: Evaluation) -> UncertaintyBudget:
@@ -186,28 +214,26 @@ class ErrorBudget:
         return {
             "before_mm": self.before * 1e3,
             "after_mm": self.after * 1e3,
+            "interval_mm": [bound * 1e3 for bound in self.interval],
             "correction_mm": float(np.sqrt(self.correction)) * 1e3,
             "uncertainty_mm": self.uncertainty * 1e3,
             "shares": self.shares,
         }
 
 
-def budget_of(
-    before: Float[np.ndarray, " b"], after: Float[np.ndarray, " a"], variances: Float[np.ndarray, "m sources"]
-) -> ErrorBudget:
+def budget_of(before: Float[np.ndarray, " b"], after: Float[np.ndarray, " a"], uncertainty: Uncertainty) -> ErrorBudget:
     """The budget over a program.
 
     Args:
         before: lengths of the predicted errors at its targets, metres.
         after: the same, corrected.
-        variances: by source at every target, metres²; NaN where it is not known.
+        uncertainty: of the prediction at every target.
     """
-    known = variances[np.isfinite(variances).all(axis=1)]
-    means = known.mean(axis=0) if len(known) else np.zeros(len(SOURCES))
     return ErrorBudget(
         correction=float(np.mean(before**2)) if len(before) else 0.0,
         left=float(np.mean(after**2)) if len(after) else 0.0,
-        variances=dict(zip(SOURCES, means.tolist(), strict=True)),
+        variances=dict(zip(SOURCES, uncertainty.mean.tolist(), strict=True)),
+        variance_of_mean_square=uncertainty.variance_of_mean_square,
     )
 
 

@@ -18,7 +18,7 @@ from taskcal.arguments import expect_kinds, options_of
 from taskcal.correction.cell import Cell, mount
 from taskcal.correction.controller import ControllerTrajectory, simulate_controller, with_spins
 from taskcal.correction.correction import Deviations, assess
-from taskcal.correction.frames import FrameCalibration, frames_on, place_motions, variances_at
+from taskcal.correction.frames import FrameCalibration, frames_on, place_motions, uncertainty_at
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
@@ -370,8 +370,7 @@ class _View:
         if self.chosen.touched_off:
             known, left = on_touched_parts(frames, number, trajectory, found)
         else:
-            variances = variances_at(frames, number, trajectory, None)
-            left = float(variances[np.isfinite(variances).all(axis=1)].sum(axis=1).mean())
+            left = float(uncertainty_at(frames, number, trajectory.end).mean.sum())
             known = float((found.length[found.at_target] ** 2).mean())
         return float(np.sqrt(known + left)), float(np.sqrt(left))
 

@@ -10,6 +10,7 @@ from plotly.subplots import make_subplots
 
 from taskcal.analysis.identifiability import Identifiability, describe_combination, identifiability
 from taskcal.analysis.sensitivity import sensitivity
+from taskcal.correction.verdict import Verdict
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration, informed_parameters, largest_correlations, list_stations
 from taskcal.identification.held_out import HeldOut, Outlier, Validation, share_inside
@@ -61,6 +62,7 @@ from taskcal.report.theme import (
     styled,
     switch,
 )
+from taskcal.report.verdict import verdict_section
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.parameter import ShownUnit
 from taskcal.task.workspace import Workspace
@@ -1141,6 +1143,7 @@ def _task_section(over: Uncertainty) -> Section:
 def calibration_page(
     calibration: Calibration,
     *,
+    judged: Verdict | None = None,
     over: Uncertainty | None = None,
     space: Workspace | None = None,
     remainder: ResidualAnalysis | None = None,
@@ -1150,6 +1153,7 @@ def calibration_page(
 
     Args:
         calibration: the calibration.
+        judged: the verdict.
         over: uncertainty over a task, if one was named.
         space: the task's workspace.
         remainder: residuals of a campaign, if one was named.
@@ -1157,7 +1161,8 @@ def calibration_page(
     """
     model, source = calibration.model, calibration.provenance
     errors = measured_errors(calibration)
-    sections = [summary_section(calibration, errors, over)]
+    sections = [] if judged is None else [verdict_section(judged)]
+    sections.append(summary_section(calibration, errors, over))
     if errors is not None:
         sections.append(Section("The robot", robot_scene(calibration, errors, space)))
     sections += [held_out_section(calibration), range_section(calibration), residuals_section(calibration, errors)]

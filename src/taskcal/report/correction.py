@@ -12,6 +12,7 @@ import plotly.graph_objects as go
 from robot_programs.core.program import Program
 from robot_programs.core.source import Place
 from taskcal.correction.correction import Correction, Deviations
+from taskcal.correction.verdict import Verdict
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.measured_range import describe_outside
 from taskcal.identification.uncertainty_budget import evaluation_of_model_error
@@ -20,6 +21,7 @@ from taskcal.report.content import Block, Chart, Column, Numbers, Points, Scene,
 from taskcal.report.page import Page, edited_entry
 from taskcal.report.scene import coloured_points, spread_rows, strokes
 from taskcal.report.theme import BLUE, GREY, ORANGE, VERMILION, add_series, styled, with_decades
+from taskcal.report.verdict import verdict_section
 
 # Errors of a corrected program along its path, and in space.
 
@@ -117,6 +119,9 @@ TARGETS = (
     Column("outside range", describe_outside, optional=True),
 )
 
+ON_A_LINE = ("line", "target", "before mm", "after mm", "u mm", "moved mm", "outside range")
+"""Columns of a target that go on one line of a terminal; a page has all."""
+
 
 def state_expected(correction: Correction) -> list[tuple[str, str]]:
     """State the expected error before and after, with the uncertainty and its sources; label and text."""
@@ -160,17 +165,18 @@ def tabulate_errors(correction: Correction) -> Table:
 
 
 def tabulate_targets(correction: Correction, count: int | None = None) -> Table:
-    """Tabulate targets with the largest errors before, or all of them in the order of the program."""
+    """Tabulate some targets with the largest errors before, one a line, or all of them in the order of the program."""
     targets = correction.targets()
     everything = count is None or len(targets) < count
+    columns = TARGETS if count is None else [column for column in TARGETS if column.label in ON_A_LINE]
     if count is not None:
         targets = sorted(targets, key=lambda t: -(t["before_mm"] or 0.0))[:count]
     return Table.of(
         "Targets" if everything else f"The {len(targets)} targets with the largest errors",
-        TARGETS,
+        columns,
         targets,
-        note="u: standard uncertainty at the target, 3D rms. Motions: number written for one. Outside range: joint that leaves the "
-        "measured range farthest in the motion.",
+        note="u: standard uncertainty at the target, 3D rms. Outside range: joint that leaves the measured range farthest in the "
+        "motion." + (" Motions: number written for one." if count is None else ""),
         folded=count is None,
     )
 
@@ -276,16 +282,17 @@ def _from(folder: Path | None, path: Path) -> Path:
     return path if folder is None else path.relative_to(folder)
 
 
-def correction_page(correction: Correction, calibration: Calibration) -> Page:
+def correction_page(correction: Correction, calibration: Calibration, verdict: Verdict) -> Page:
     """Make the page of a correction.
 
     Args:
         correction: the corrected program.
         calibration: by which it was corrected.
+        verdict: on both.
     """
     robot = calibration.model.robot
     names = ", ".join(source.path.name for source in correction.program.sources)
-    sections = [_summary(correction), _errors(correction)]
+    sections = [verdict_section(verdict), _summary(correction), _errors(correction)]
     if len(correction.before.error):
         budget = correction.budget.of_targets(evaluation_of_model_error(calibration))
         sections.append(corrected_uncertainty_section(budget))

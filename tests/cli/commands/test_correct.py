@@ -125,7 +125,7 @@ def test_correction_below_its_uncertainty_is_not_written(run: Run, cell: Path, p
     assert "is tool: measure the tool against the reflectors, and state it in a cell file (--cell" in ended.err
     people = run("correct", "--accept-uncertain", "-c", cell / "cal.json", *around, part, "-o", out)
     assert (people.status, out.exists()) == (0, True)
-    assert people.out.index("expected error") < people.out.index("Predicted error")
+    assert people.out.index("Verdict") < people.out.index("targets") < people.out.index("next")
 
 
 def test_a_dry_run_writes_nothing_and_prints_the_tables(run: Run, cell: Path, part: Path, tmp_path: Path):
@@ -133,7 +133,7 @@ def test_a_dry_run_writes_nothing_and_prints_the_tables(run: Run, cell: Path, pa
         "correct", "--accept-uncertain", "-c", cell / "cal.json", part, "--dry-run", "--report", tmp_path / "page.html"
     )
     assert ended.status == 0
-    for words in ("Predicted error of the true tool", "targets,", "relative to", "joint speed", "part.mod:7"):
+    for words in ("Verdict", "targets", "relative to", "joint speed", "part.mod:7"):
         assert words in ended.out
     assert sorted(path.name for path in tmp_path.iterdir()) == ["page.html", "part.mod"]
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
@@ -312,3 +312,30 @@ def test_a_program_with_logic_keeps_its_language(run: Run, cell, part, tmp_path)
     assert ended.status == 1
     assert "whose logic a new program would lose" in ended.err
     assert not (tmp_path / "out.src").exists()
+
+
+def test_report_and_correction_give_one_verdict(run: Run, cell: Path, part: Path, tmp_path: Path) -> None:
+    """What is said of the measured target over a task is the same wherever it is said."""
+    task = cell / "task.toml"
+    reported = run("report", cell / "cal.json", "--task", task, "-o", tmp_path / "r.html", "--json").json["verdict"]
+    corrected = run(
+        *(
+            "correct",
+            part,
+            "--calibration",
+            cell / "cal.json",
+            "--task",
+            task,
+            "--dry-run",
+            "--report",
+            tmp_path / "c.html",
+        ),
+        "--json",
+    ).json["verdict"]
+    assert reported["judgements"][0] == corrected["judgements"][0]
+    assert reported["judgements"][0]["decision"] == "met"
+    assert [one["expected_mm"] is None for one in reported["judgements"]] == [False, False, True]
+    assert corrected["judgements"][2]["expected_mm"] > corrected["judgements"][0]["expected_mm"]
+    for page in ("r.html", "c.html"):
+        text = (tmp_path / page).read_text(encoding="utf-8")
+        assert text.index("Verdict") < text.index("Summary")

@@ -10,7 +10,14 @@ import typer
 import taskcal
 from robot_programs.core.files import is_backup
 from taskcal.cli.command import argument, option
-from taskcal.cli.options.common import UnsealedOption, above_zero, look_at_calibration, metres, read_calibration
+from taskcal.cli.options.common import (
+    UnsealedOption,
+    above_zero,
+    look_at,
+    look_at_calibration,
+    metres,
+    read_calibration,
+)
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import info, keep_note, read_note, show, show_facts, tell
 from taskcal.cli.progress import bar_over
@@ -19,6 +26,7 @@ from taskcal.errors import FileError
 if TYPE_CHECKING:
     from robot_programs.core.program import Frame, Program
     from robot_programs.core.source import Source
+    from taskcal.correction.verdict import Verdict
 
 
 MAX_SHOWN_TARGETS = 12
@@ -130,6 +138,9 @@ def command(
     destination: DestinationOptions,
     around: CellOptions,
     limits: BoundsOptions,
+    task: Path | None = option(
+        None, "TASK.toml", "Judge the expected error against the tolerance of this task.", also="-t", callback=look_at
+    ),
     keep_joints: bool = option(False, help="Leave motions to joint positions unchanged, such as to a home position."),
     again: bool = option(False, help="Correct a program that taskcal correct wrote."),
     page: PageOptions,
@@ -152,6 +163,7 @@ def command(
 
     calibrated = read_calibration(calibration, unsealed=unsealed)
     cell, program = _read(programs, around, calibrated)
+    described = None if task is None else taskcal.load_task(task)
     if not again:
         check_not_corrected(program.sources)
     if program.backup is not None and destination.output is not None and not destination.dry_run:
@@ -167,7 +179,10 @@ def command(
             accept_uncertain=destination.accept_uncertain or destination.dry_run,
             progress=begin,
         )
+    from taskcal.correction.verdict import judge
     from taskcal.report.correction import correction_page, state_uncertain
+
+    verdict = judge(calibrated, described, correction, cell)
 
     withheld, contents, written = (
         destination.withholds(correction),
@@ -179,11 +194,13 @@ def command(
             contents |= correction.contents(destination.output)
         else:
             written = correction.write(destination.output)
-    made = page.write(outputs, contents, lambda: correction_page(correction, calibrated))
+    made = page.write(outputs, contents, lambda: correction_page(correction, calibrated, verdict))
     written = (*contents, *written)
     if written:
         remember_corrected(correction)
-    page.give(_result(correction, written, page), lambda: _show(correction, written, page.in_words(made)))
+    page.give(
+        _result(correction, verdict, written, page), lambda: _show(correction, verdict, written, page.in_words(made))
+    )
     not_written = "error: not written: " if withheld else ""
     if correction.uncertain:
         info(f"{not_written}{state_uncertain(correction)}")
@@ -243,13 +260,16 @@ def _frame(cell: "taskcal.Cell", name: str | None, kind: str) -> "Frame | None":
     return Frame(name=measured.name, T=measured.controller)
 
 
-def _result(correction: "taskcal.Correction", written: tuple[Path, ...], page: PageOptions) -> dict[str, Any]:
+def _result(
+    correction: "taskcal.Correction", verdict: "Verdict", written: tuple[Path, ...], page: PageOptions
+) -> dict[str, Any]:
     program = correction.program
     return {
         "program": [source.path for source in program.sources],
         "skipped_files": 0 if program.backup is None else program.backup.skipped,
         "written": list(written),
         "report": page.report,
+        "verdict": verdict.summary(),
         **correction.summary(),
         "targets": correction.targets(),
         "refused": [
@@ -263,16 +283,18 @@ def _result(correction: "taskcal.Correction", written: tuple[Path, ...], page: P
     }
 
 
-def _show(correction: "taskcal.Correction", written: tuple[Path, ...], pages: str) -> None:
+def _show(correction: "taskcal.Correction", verdict: "Verdict", written: tuple[Path, ...], pages: str) -> None:
     from taskcal.report import correction as tables
+    from taskcal.report.verdict import next_step, tabulate_verdict
 
-    show_facts(tables.state_expected(correction))
+    judged = tabulate_verdict(verdict)
+    show(judged)
+    tell(f"{judged.note}\n")
     if len(correction.before.error):
-        for table in (tables.tabulate_errors(correction), tables.tabulate_targets(correction, MAX_SHOWN_TARGETS)):
-            show(table)
-            if table.note:
-                tell(f"{table.note}\n")
-    show_facts(tables.tabulate_correction(correction))
+        targets = tables.tabulate_targets(correction, MAX_SHOWN_TARGETS)
+        show(targets)
+        tell(f"{targets.note}\n")
+    show_facts([*tables.state_expected(correction), *tables.tabulate_correction(correction)])
     backup = correction.program.backup
     if backup is not None:
         info(f"{backup.path}: {len(correction.program.sources)} files of the program, {backup.skipped} others")
@@ -285,6 +307,8 @@ def _show(correction: "taskcal.Correction", written: tuple[Path, ...], pages: st
         info(f"written: {path}")
     if pages:
         info(f"written: {pages}")
+    tell()
+    show_facts([("next", next_step(verdict))])
 
 
 # Programs that ``taskcal correct`` wrote: known again by their bytes, wherever they lie, so that none is corrected

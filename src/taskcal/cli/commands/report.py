@@ -10,11 +10,12 @@ from taskcal.cli.command import option
 from taskcal.cli.options.campaign import MeasuredOptions
 from taskcal.cli.options.common import CalibrationArgument, SeedOption, UnsealedOption, read_calibration
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import files_of_task, show, tell
+from taskcal.cli.output import files_of_task, show, show_facts, tell
 from taskcal.cli.progress import bar_over
 from taskcal.report.content import Column, Table
 
 if TYPE_CHECKING:
+    from taskcal.correction.verdict import Verdict
     from taskcal.planning.selection import Rung
     from taskcal.planning.task_map import Uncertainty
 
@@ -40,7 +41,9 @@ def command(
     *,
     calibration: CalibrationArgument,
     unsealed: UnsealedOption = False,
-    task: Path | None = option(None, "TASK.toml", "Show the TCP uncertainty over this task.", also="-t"),
+    task: Path | None = option(
+        None, "TASK.toml", "Judge the expected error over this task; show the TCP uncertainty.", also="-t"
+    ),
     measured: MeasuredOptions,
     out: ReportOptions,
 ) -> None:
@@ -54,25 +57,34 @@ def command(
 
     calibrated = read_calibration(calibration, unsealed=unsealed)
     described = None if task is None else taskcal.load_task(task)
-    from taskcal.planning.task_map import uncertainty_over  # after the files were read: figures take a while
+    from taskcal.correction.verdict import judge  # after the files were read: figures take a while
+    from taskcal.planning.task_map import uncertainty_over
     from taskcal.report.calibration import calibration_page
+    from taskcal.report.verdict import next_step, tabulate_verdict
 
     steps = [OVER_TASK] * (described is not None) + [DEPENDING, CLIMBING] * (measured.campaign is not None)
     with bar_over([*steps, PAGE]) as begin:
-        uncertainty = None
+        uncertainty = verdict = None
         if described is not None:
             begin(OVER_TASK)
             uncertainty = uncertainty_over(calibrated, described, out.seed)
+            verdict = judge(calibrated, described, seed=out.seed)
         remainder, rungs = _examine(calibrated, measured, out.seed, begin)
         begin(PAGE)
         space = None if described is None else described.workspace
         files = out.write(
             outputs,
             {},
-            lambda: calibration_page(calibrated, over=uncertainty, space=space, remainder=remainder, rungs=rungs),
+            lambda: calibration_page(
+                calibrated, judged=verdict, over=uncertainty, space=space, remainder=remainder, rungs=rungs
+            ),
         )
 
     def show_all() -> None:
+        if verdict is not None:
+            judged = tabulate_verdict(verdict)
+            show(judged)
+            tell(judged.note)
         if uncertainty is not None:
             tell(
                 f"over '{uncertainty.task}', 3D rms standard uncertainty: target {uncertainty.target * 1e3:.3f} mm; TCP "
@@ -80,13 +92,16 @@ def command(
             )
         if remainder is not None:
             show_remainder(remainder)
+        if verdict is not None:
+            show_facts([("next", next_step(verdict))])
         tell(f"wrote {out.in_words(files)}")
 
-    out.give(_result(calibrated, uncertainty, remainder), show_all)
+    out.give(_result(calibrated, verdict, uncertainty, remainder), show_all)
 
 
 def _result(
     calibration: "taskcal.Calibration",
+    verdict: "Verdict | None",
     uncertainty: "Uncertainty | None",
     remainder: "taskcal.identification.ResidualAnalysis | None",
 ) -> dict[str, Any]:
@@ -95,6 +110,8 @@ def _result(
         "rows": len(calibration.residuals),
         "outliers": len(calibration.outliers),
     }
+    if verdict is not None:
+        result["verdict"] = verdict.summary()
     if uncertainty is not None:
         result |= {
             "task": uncertainty.task,

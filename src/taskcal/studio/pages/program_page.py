@@ -40,6 +40,7 @@ from taskcal.studio.steps import (
 )
 from taskcal.studio.task_box import read_together
 from taskcal.studio.texts import Texts
+from taskcal.studio.verdict import show_verdict
 from taskcal.studio.views import PointView, add_views
 
 MAX_COMPARED_LINES = 20_000
@@ -66,7 +67,7 @@ async def build(studio: Studio, texts: Texts) -> None:
     chosen = choose_calibration(project, texts)
     if not project.calibrations():
         return
-    result = read_result(project, _written(choices.program), "written", "targets", "refused", "expected")
+    result = read_result(project, _written(choices.program), "written", "targets", "refused", "expected", "verdict")
     reasons = [] if result is None else [item.get("reason", "") for item in result["refused"]]
     _around(project, texts, asked_axes(reasons))
     facts([(texts("program.read"), ", ".join(read_together(project, choices.program)))])
@@ -100,7 +101,12 @@ def arguments_of(project: Project, choices: Choices) -> list[str]:
     """Arguments of ``taskcal`` for a correction."""
     report = f"{LAYOUT.reports}/{Path(choices.program).stem}-correction.html"
     options = ["--calibration", choices.calibration, "--output", LAYOUT.corrected, "--report", report]
-    for option, value in (("--cell", choices.cell), ("--tool", choices.tool), ("--part", choices.part)):
+    for option, value in (
+        ("--task", choices.task),
+        ("--cell", choices.cell),
+        ("--tool", choices.tool),
+        ("--part", choices.part),
+    ):
         options += [f"{option}={value}"] if value else []
     options += ["--accept-uncertain"] if choices.accept_uncertain else []
     return ["correct", *read_together(project, choices.program), *options, "--json"]
@@ -119,11 +125,11 @@ def _written(program: str) -> str:
 
 async def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> None:
     expected = result["expected"]
+    show_verdict(result["verdict"], texts)
     facts(
         [
             (texts("program.motions"), f"{result['moves']}, {result['corrected']}, {len(result['refused'])}"),
             (texts("program.before"), f"{expected['before_mm']:.4f} mm"),
-            (texts("program.after"), f"{expected['after_mm']:.4f} mm"),
             (texts("program.shift"), f"{result['largest_shift_mm']:.4f} mm"),
             *((texts("program.relative"), said) for said in result["relative_to"]),
         ]

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from nicegui import ui
 
+from taskcal.correction.verdict import judge
 from taskcal.errors import TaskcalError
 from taskcal.identification.calibration import Calibration, load_calibration
 from taskcal.identification.validation import measured_errors
@@ -26,8 +27,9 @@ from taskcal.studio.controls import ValueInput, facts, message, tabulated, text
 from taskcal.studio.pages.identify_page import result_of_fit
 from taskcal.studio.project import Project
 from taskcal.studio.runs import Studio
-from taskcal.studio.steps import choose_calibration, show_error
+from taskcal.studio.steps import choose_calibration, link, show_error
 from taskcal.studio.texts import Texts
+from taskcal.studio.verdict import latest, show_verdict
 from taskcal.studio.views import PointView, add_views, figure
 from taskcal.task.task import load_task
 
@@ -54,12 +56,12 @@ async def build(studio: Studio, texts: Texts) -> None:
     if not choose_calibration(project, texts):
         return
     calibration = await asyncio.to_thread(load_calibration, project.path(choices.calibration))
+    await _verdict(calibration, project, texts)
     result = result_of_fit(project, choices.calibration)
     if result is None:
         message(texts("result.no_errors"), fine=True)
     else:
         _errors(result, calibration, texts)
-        _tolerance(result, project, texts)
     for remark in calibration.remarks:
         message(remark, fine=True)
     for shown in (tabulate_left_out(calibration), tabulate_outliers(calibration)):
@@ -91,24 +93,19 @@ def _errors(result: Mapping[str, Any], calibration: Calibration, texts: Texts) -
         text("p", describe_held_out(calibration.held_out)).classes("quiet")
 
 
-def _tolerance(result: Mapping[str, Any], project: Project, texts: Texts) -> None:
-    """Whether held-out rows keep the tolerance of the task."""
-    task = project.choices.task
-    if not task or result["held_out"] is None:
+async def _verdict(calibration: Calibration, project: Project, texts: Texts) -> None:
+    """Whether the expected error keeps the task's tolerance."""
+    chosen = project.choices.task
+    if not chosen:
+        with text("p", texts("verdict.needs_task") + " "):
+            link(texts("task.title"), "/task")
         return
     try:
-        tolerance = load_task(project.path(task)).accuracy
+        verdict = await asyncio.to_thread(judge, calibration, load_task(project.path(chosen)))
     except TaskcalError as error:
         show_error(project, error)
         return
-    if tolerance is None:
-        return
-    largest = result["held_out"]["max_mm"]
-    met = largest <= tolerance * 1e3
-    said = texts(
-        "result.met" if met else "result.not_met", largest=f"{largest:.3f}", tolerance=f"{tolerance * 1e3:g}", task=task
-    )
-    text("p", said).classes("good" if met else "bad")
+    show_verdict(latest(verdict.summary(), project), texts)
 
 
 def _by_row(calibration: Calibration, texts: Texts) -> None:
