@@ -33,7 +33,7 @@ def tabulate_verdict(verdict: Verdict) -> Table:
         if verdict.task
         else "at the targets"
     )
-    note = f"{over[0].upper()}{over[1:]}. {_reasons(verdict)}".strip()
+    note = f"{over[0].upper()}{over[1:]}; the instrument's noise is not in it. {_reasons(verdict)}".strip()
     return Table.of(
         "Verdict: expected error, 3D rms", COLUMNS, [one.summary() for one in verdict.judgements], note=note
     )

@@ -45,7 +45,8 @@ def show_verdict(verdict: Mapping[str, Any], texts: Texts) -> None:
         text("caption", over)
         with ui.element("thead"), ui.element("tr"):
             for key in header:
-                text("th", texts(f"verdict.{key}")).props("scope=col")
+                words = "words" if key in ("subject", "decision", "largest") else ""
+                text("th", texts(f"verdict.{key}")).props("scope=col").classes(words)
         with ui.element("tbody"):
             for judgement in verdict["judgements"]:
                 _row(judgement, texts)
@@ -56,7 +57,8 @@ def show_verdict(verdict: Mapping[str, Any], texts: Texts) -> None:
     page = PAGES[last["largest"]]
     with ui.element("p"):
         share = f"{last['share']:.0%}"
-        text("span", texts("verdict.next", share=share, source=texts.named("verdict", last["largest"])))
+        source = texts.named("verdict", last["largest"])
+        text("span", texts("verdict.next", share=share, source=source) + " ")
         link(texts(f"{page}.title"), f"/{page}")
 
 
