@@ -60,7 +60,13 @@ def page() -> str:
     """The page."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     base = closure(project["dependencies"])
-    parts = [INTRO, _table("Always installed", base, project["dependencies"])]
+    asked = [one for extra in RUNTIME_EXTRAS for one in project["optional-dependencies"][extra]]
+    everything = sum(map(size, closure(asked) | base))
+    parts = [
+        INTRO,
+        f"With all extras: {everything:.0f} MiB.\n",
+        _table("Always installed", base, project["dependencies"]),
+    ]
     for extra in RUNTIME_EXTRAS:
         asked = project["optional-dependencies"][extra]
         parts.append(_table(f"With `taskcal[{extra}]`", closure(asked) - base, asked))
