@@ -3,8 +3,8 @@
 PYTHON runs the tests: what makes the mistakes lives in an environment of its own. Every package has as many of the mistakes as it
 has of the lines. Each is made in a copy of the repository, and tests that need its module are run until one fails: first those of
 the package's own folder, then the nearest of others. What was found stays in `build/mutants/found.jsonl`: what was noticed is not
-tried again, what was not is tried again behind all that was not tried yet, since there may be a test of it now. At the end, the
-tests that failed are run without a mistake: one that fails then, too, has noticed nothing, and its mistakes are tried without it.
+tried again, what was not is tried again for longer behind all that was not tried yet, as there may be a test of it now. At the end,
+the tests that failed are run without a mistake: one that fails then, too, has noticed nothing, and its mistakes are tried without.
 """
 
 import json
@@ -34,7 +34,8 @@ ENDED = (0, 5)
 """Exit statuses of pytest without a failure: all passed, none was there to run."""
 WORKERS = int(os.environ.get("MUTANT_WORKERS", "2"))
 LONGEST_S = 60.0
-"""Processor time that the tests of one folder, or of the others, take for one mistake: a test begins before, or not at all."""
+"""Processor time that the tests of one folder, or of the others, take for one mistake: a test begins before, or not at all. Four
+times that at a second look."""
 MAX_SECONDS = 420.0
 """Seconds after which a mistake has stopped the tests from ending, which is noticing it, too."""
 MAX_DRAWS = 100
@@ -133,7 +134,13 @@ def run_to_the_end(
 
 
 def failing(
-    python: str, folder: Path, tests: Sequence[str], *, first_only: bool = True, leave_out: Sequence[str] = ()
+    python: str,
+    folder: Path,
+    tests: Sequence[str],
+    *,
+    first_only: bool = True,
+    leave_out: Sequence[str] = (),
+    longest: float = LONGEST_S,
 ) -> list[str]:
     """Those of some tests that fail in a copy of the repository; where only the first matters, the tests have an end."""
     if not tests:
@@ -143,7 +150,7 @@ def failing(
     command += [*(["-x"] if first_only else []), *tests]
     # bytecode of a moment ago would be taken for that of a file that was changed since
     own = {"PYTHONPATH": f"{folder / 'src'}{os.pathsep}{folder}", "PYTHONDONTWRITEBYTECODE": "1"}
-    own |= {"NUMBA_CACHE_DIR": str(folder / "kernels"), "MUTANT_SECONDS": str(LONGEST_S if first_only else 1e9)}
+    own |= {"NUMBA_CACHE_DIR": str(folder / "kernels"), "MUTANT_SECONDS": str(longest if first_only else 1e9)}
     ended = run_to_the_end(command, folder, os.environ | own, MAX_SECONDS if first_only else None)
     if ended is None:
         return ["no end"]
@@ -161,6 +168,7 @@ def try_mutation(
     folder: Path,
     tests: Sequence[Sequence[str]],
     useless: Sequence[str] = (),
+    longest: float = LONGEST_S,
 ) -> Trial:
     """Make a mistake in a copy, run tests part by part until one fails, and take it back."""
     place = folder / mutation.path
@@ -170,7 +178,7 @@ def try_mutation(
     try:
         place.write_text(mutation.mutated(folder), encoding="utf-8")
         for part in tests:
-            failed = failed or failing(python, folder, part, leave_out=useless)
+            failed = failed or failing(python, folder, part, leave_out=useless, longest=longest)
     finally:
         place.write_text(sound, encoding="utf-8")
         if kernels:  # those of the first run are those of sound sources, or are compiled once more
@@ -179,7 +187,7 @@ def try_mutation(
     return Trial(mutation, sum(map(len, tests)), failed[0] if failed else "")
 
 
-def try_all(python: str, drawn: Sequence[Mutation], *, useless: Sequence[str] = ()) -> None:
+def try_all(python: str, drawn: Sequence[Mutation], *, useless: Sequence[str] = (), longest: float = LONGEST_S) -> None:
     """Try mistakes in several copies at once; each result is kept as it comes."""
     imports = imports_of_files()
     copies: SimpleQueue[Path] = SimpleQueue()
@@ -192,7 +200,7 @@ def try_all(python: str, drawn: Sequence[Mutation], *, useless: Sequence[str] = 
             tests = [
                 [file for file in part if (folder / file).is_file()] for part in nearest_tests(mutation.path, imports)
             ]
-            return try_mutation(python, mutation, folder, tests, useless)
+            return try_mutation(python, mutation, folder, tests, useless, longest)
         finally:
             copies.put(folder)
 
@@ -258,7 +266,8 @@ def main(python: str, count: int, seed: int, packages: Sequence[str] = ()) -> No
         sys.exit(f"tests do not run in a copy of the repository: {PLACE / 'copy-0'}")
     tried = found()
     try_all(python, [mutation for mutation in drawn if mutation not in tried])
-    try_all(python, [mutation for mutation in drawn if mutation in tried and not tried[mutation].noticed_by])
+    tried = found()
+    try_all(python, [mutation for mutation in drawn if not tried[mutation].noticed_by], longest=4.0 * LONGEST_S)
     without_useless(python, drawn)
     print(summary(drawn))
 

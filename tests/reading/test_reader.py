@@ -58,6 +58,28 @@ def test_unknown_columns_are_ignored_and_reported(tmp_path):
     assert read_campaign(write(tmp_path), ROBOT).notes == ()
 
 
+@pytest.mark.parametrize(
+    ("columns", "read"),
+    [("sx_mm,sy_mm", ""), ("sx_mm,sy_mm,sz_mm", "sx_mm, sy_mm, sz_mm"), ("sx_mm,sy_mm,sz_mm,u_mm", "u_mm")],
+)
+def test_uncertainties_are_read_of_all_three_axes_or_of_the_point(tmp_path, columns, read):
+    """Each column is read or reported as left out, never both; the root mean square of three axes is that of one."""
+    values = {"sx_mm": 0.01, "sy_mm": 0.02, "sz_mm": 0.03, "u_mm": 0.04}
+    own = columns.split(",")
+    rows = [f"{row},{','.join(str(values[name]) for name in own)}" for row in ROWS]
+    campaign = read_campaign(write(tmp_path, f"{HEADER},{columns}", rows), ROBOT)
+    said = [note.partition(";")[0] for note in campaign.notes]
+    left = ", ".join(name for name in own if name not in read.split(", "))
+    assert [note for note in said if note.startswith("column")] == ([f"columns left out: {left}"] if left else [])
+    assert sum("are read" in note for note in said) == ("," in read)
+    if read:
+        of = [values[name] for name in read.split(", ")]
+        seen = campaign.valid
+        np.testing.assert_allclose(campaign.uncertainty[seen], 1e-3 * np.sqrt(np.mean(np.square(of))))
+    else:
+        assert campaign.uncertainty is None
+
+
 def test_rows_without_ids_are_numbered(tmp_path):
     path = write(tmp_path, HEADER.replace("id,", ""), [row.split(",", 1)[1] for row in ROWS])
     assert read_campaign(path, ROBOT).ids == ("1", "2")

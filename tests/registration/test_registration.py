@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from taskcal.campaigns.campaign import Campaign, check_rows
 from taskcal.demo.procedure import reference_task
 from taskcal.errors import CampaignError, ReachError
+from taskcal.observations import Sockets
 from taskcal.registration.registration import register
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -16,6 +17,7 @@ from taskcal.robot.robot_file import robot_from
 from taskcal.task.task import reach_task
 from taskcal.virtual.cell import simulate
 from tests.laws.campaigns import measure
+from tests.laws.observations import campaign_of
 from tests.laws.robots import generators, industrial, industrial_positions
 
 KINDS = {"one target": {}, "three targets": {"targets": 3}, "poses": {"pose": True}}
@@ -118,6 +120,17 @@ def test_target_stays_at_tcp_and_unlocated_in_one_orientation(kind):
     np.testing.assert_allclose(found.T_tool_target[0, :3, 3], 0.0, atol=1e-9)
     predicted = (found.T_tracker_base @ model.poses(q) @ found.T_tool_target[0])[:, :3, 3]
     np.testing.assert_allclose(predicted, campaign.points[:, 0], atol=1e-3)
+
+
+def test_a_ball_in_sockets_in_one_orientation_is_not_located():
+    """What a kind of observation does not tell of its own target the registration states, of this target alone."""
+    model, rng = gantry(), np.random.default_rng(0)
+    of = np.arange(18) % 3
+    q = rng.uniform(-0.4, 0.4, (3, 3))[of] + 1e-5 * rng.normal(size=(18, 3))
+    kind = Sockets(sockets=("a", "b", "c"), of=of)
+    found = register(model, campaign_of(q, "ball", kind))
+    assert found.located == (False,)
+    np.testing.assert_allclose(found.unobservable, np.eye(3), atol=1e-9)
 
 
 def test_poses_rotated_about_one_axis_register_by_position():

@@ -14,6 +14,7 @@ from taskcal.robot.robot_file import robot_from
 from taskcal.task.task import reach_task
 from taskcal.virtual.cell import simulate
 from tests.laws.campaigns import measure
+from tests.laws.observations import observed_with_points
 from tests.laws.robots import industrial, industrial_positions
 
 KINDS = {
@@ -39,6 +40,19 @@ def test_wrong_rows_are_far_off_and_the_frame_is_that_of_the_others(kind, mistak
     found, distance = register_trimmed(nominal_poses(model, spoilt), spoilt, model)
     np.testing.assert_array_equal(np.flatnonzero(distance > 5e-3), np.sort(rows))
     np.testing.assert_allclose(found.T_tracker_base, truth.T_tracker_base, atol=2e-4)
+
+
+def test_wrong_rows_of_a_tracker_are_found_beside_sockets():
+    """Rows far from where the tracker's other points have the base do not place the sockets either."""
+    model, mixed, truth = observed_with_points("socket", 3, rows=40)
+    q, wrong = mixed.q.copy(), np.array([5, 21])  # among the rows that the tracker saw
+    q[wrong, 1] += np.radians(15.0)
+    spoilt = replace(mixed, q=q)
+    found, distance = register_trimmed(model.poses(q, truth.x), spoilt, model)
+    assert distance[np.setdiff1d(np.arange(40), wrong)].max() < 1e-3
+    whole = register_trimmed(model.poses(mixed.q, truth.x), mixed, model)[0]
+    np.testing.assert_allclose(found.T_tracker_base, whole.T_tracker_base, atol=1e-3)
+    np.testing.assert_allclose(found.unknowns[1], whole.unknowns[1], atol=1e-3)
 
 
 def test_points_along_a_line_are_refused_though_they_agree():

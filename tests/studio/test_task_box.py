@@ -47,6 +47,7 @@ def test_what_is_shown_of_a_changed_box_is_what_its_file_says(tmp_path_factory, 
     saved = save_box(path, changed)
     at, shown = saved.workspace, changed.workspace
     np.testing.assert_allclose(at.sample(20), shown.sample(20), atol=1e-9)
+    np.testing.assert_allclose(load_task(path).workspace.sample(20), shown.sample(20), atol=1e-9)
     np.testing.assert_array_equal(saved.turn, changed.turn)
     assert saved.rooms[0] == box.rooms[1]
     assert at.orientations[0].rotation.tolist() == box.workspace.orientations[1].rotation.tolist()  # the file's own

@@ -570,7 +570,8 @@ def targets_of(measured: MeasuredTable) -> tuple[dict[str, Any], tuple[str, ...]
         farthest = max((float(np.nanmax(np.abs(values), initial=0.0)) for values in points.values()), default=0.0)
         largest = MAX_UNCERTAINTY_SHARE * farthest
         uncertainty, in_metres = _uncertainty(replace(measured, table=table), set(units.values()), largest)
-    short = [name for name, meaning in measured.of("uncertainty") if meaning.form]
+    unread = {measured.table.header[k] for k in _unused(measured.known)}
+    short = [name for name, meaning in measured.of("uncertainty") if meaning.form and name not in unread]
     if short and uncertainty:
         notes.append(f"{shown(', '.join(short))} are read as standard uncertainties")
     faults.raise_any()
