@@ -4,8 +4,8 @@ import sys
 
 import pytest
 
+from robot_programs.core import writing
 from taskcal.errors import FileError
-from taskcal.io import files
 from taskcal.io.files import write_all, write_whole
 
 
@@ -37,7 +37,7 @@ def test_interrupted_write_keeps_old_file_and_no_temp_file(tmp_path, monkeypatch
     def fail(*_):
         raise failure
 
-    monkeypatch.setattr(files.os, "replace", fail)
+    monkeypatch.setattr(writing.os, "replace", fail)
     with pytest.raises((FileError, KeyboardInterrupt)) as caught:
         write_whole(path, "new")
     if isinstance(failure, OSError):
@@ -74,13 +74,13 @@ def test_cleanup_removes_only_temp_files_of_dead_processes(tmp_path):
     """Temporary files of a killed process are removed by the next write; those of a running one are kept."""
     path, other = tmp_path / "a.csv", tmp_path / "b.csv"
     code = (
-        "import os, sys, signal; from taskcal.io import files; files.os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL); "
+        "import os, sys, signal; from taskcal.io import files; os.fsync = lambda *_: os.kill(os.getpid(), signal.SIGKILL); "
         "files.write_all({path: 'half' for path in sys.argv[1:]})"
     )
     ended = subprocess.run([sys.executable, "-c", code, str(path), str(other)], check=False)
     assert ended.returncode != 0
-    assert len(list(tmp_path.iterdir())) == 2
-    running = files._lay_beside(path, path, "of this process")
+    assert [stray.name[:7] for stray in tmp_path.iterdir()] == [".a.csv."]
+    running = writing.lay_file(path, b"of this process").part
     write_all({path: "whole", other: "whole"})
     assert sorted(tmp_path.iterdir()) == sorted([path, other, running])
 
@@ -98,7 +98,7 @@ def test_interrupt_between_files_leaves_consistent_set(tmp_path, monkeypatch):
         if len(calls) == 1:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(files.os, "replace", interrupted)
+    monkeypatch.setattr(writing.os, "replace", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write_all(dict.fromkeys(paths, "new"))
     assert [path.read_text() for path in paths] == ["new"] * 3

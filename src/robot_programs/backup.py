@@ -11,8 +11,18 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 
 from robot_programs.core.errors import FileError, shown
-from robot_programs.core.files import PART, ZIP, ZipKind, beside, open_zip, read_bytes, remove_strays
+from robot_programs.core.files import ZIP, ZipKind, open_zip, read_bytes
 from robot_programs.core.source import Backup, Source
+from robot_programs.core.writing import (
+    PART,
+    Laid,
+    beside,
+    discard,
+    finish_writing,
+    remove_strays,
+    sync,
+    umask,
+)
 from robot_programs.languages import LANGUAGES, Language
 
 # What is taken for a backup: a folder, or a zip file.
@@ -48,8 +58,8 @@ _OF_A_TASK = ("PROGMOD", "SYSMOD")
 _MODULE = re.compile(r"^\s*MODULE\s+(\w+)", re.MULTILINE | re.IGNORECASE)
 
 
-def write_backup(backup: Backup, out: str | Path, sources: Sequence[Source]) -> Path:
-    """Write the same folder or zip file with other texts of the program, all or nothing.
+def lay_backup(backup: Backup, out: str | Path, sources: Sequence[Source]) -> Laid:
+    """Lay beside its place the same folder or zip file with other texts of the program; `put_in_place` puts it there.
 
     Args:
         backup: what was read.
@@ -61,14 +71,26 @@ def write_backup(backup: Backup, out: str | Path, sources: Sequence[Source]) -> 
     """
     out = Path(out)
     check_place(backup, out)
+    place = out.resolve()
     contents = {source.path.relative_to(backup.path).as_posix(): source.encode() for source in sources}
-    write = _write_folder if backup.path.is_dir() else _write_zip
-    remove_strays(out.resolve())
+    remove_strays(place)
+    prefix, folder = beside(place), place.parent
     try:
-        write(backup.path, out, contents)
+        if backup.path.is_dir():
+            laid = Laid(out, Path(tempfile.mkdtemp(prefix=prefix, suffix=PART, dir=folder)), place)
+            write = _write_folder
+        else:
+            handle, part = tempfile.mkstemp(prefix=prefix, suffix=PART, dir=folder)
+            os.close(handle)
+            laid, write = Laid(out, Path(part), place), _write_zip
+        try:
+            write(backup.path, laid.part, contents)
+        except BaseException:
+            discard([laid])
+            raise
     except OSError as error:
         raise FileError(out, f"cannot be written: {error.strerror or error}") from error
-    return out
+    return laid
 
 
 def check_place(backup: Backup, out: Path) -> None:
@@ -78,6 +100,7 @@ def check_place(backup: Backup, out: Path) -> None:
         FileError: it cannot.
     """
     folder = backup.path.is_dir()
+    finish_writing(out.resolve().parent)
     if folder == (out.suffix.lower() == ZIP):
         what = (
             "a folder, and the corrected one is one too" if folder else "a zip file, and the corrected one is one too"
@@ -91,46 +114,40 @@ def check_place(backup: Backup, out: Path) -> None:
         raise FileError(out, f"cannot be written: there is no folder '{out.parent}'; make it, or name one that exists")
 
 
-def _write_folder(path: Path, out: Path, contents: Mapping[str, bytes]) -> None:
-    place, left = out.resolve(), set(contents)
-    with tempfile.TemporaryDirectory(prefix=beside(place), suffix=PART, dir=place.parent) as part:
-        made = Path(part) / "out"
-        made.mkdir()
-        for name, own in _files_of(path):
-            target = made / name
-            target.parent.mkdir(parents=True, exist_ok=True)
-            if name in contents:
-                target.write_bytes(contents[name])
-                left.discard(name)
-            else:
-                shutil.copyfile(own, target)
-        _refuse_changed(path, left)
-        if out.is_dir():
-            out.rmdir()
-        os.replace(made, out)
+def _write_folder(path: Path, made: Path, contents: Mapping[str, bytes]) -> None:
+    left = set(contents)
+    for name, own in _files_of(path):
+        target = made / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if name in contents:
+            target.write_bytes(contents[name])
+            left.discard(name)
+        else:
+            shutil.copyfile(own, target)
+        sync(target)
+    _refuse_changed(path, left)
+    made.chmod(0o777 & ~umask())
+    for folder, _, _ in os.walk(made):
+        sync(Path(folder))
 
 
-def _write_zip(path: Path, out: Path, contents: Mapping[str, bytes]) -> None:
-    place, left = out.resolve(), set(contents)
-    handle, part = tempfile.mkstemp(prefix=beside(place), suffix=PART, dir=place.parent)
-    os.close(handle)
-    try:
-        with open_zip(path, ZIPPED) as packed, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as made:
-            for entry in packed.entries:
-                again = zipfile.ZipInfo(entry.name, entry.info.date_time)
-                again.compress_type = zipfile.ZIP_DEFLATED
-                again.external_attr = entry.info.external_attr
-                with made.open(again, "w", force_zip64=True) as target:
-                    if entry.name in contents:
-                        target.write(contents[entry.name])
-                        left.discard(entry.name)
-                    elif not entry.is_folder:
-                        for piece in packed.pieces(entry):
-                            target.write(piece)
-        _refuse_changed(path, left)
-        os.replace(part, out)
-    finally:
-        Path(part).unlink(missing_ok=True)
+def _write_zip(path: Path, part: Path, contents: Mapping[str, bytes]) -> None:
+    left = set(contents)
+    with open_zip(path, ZIPPED) as packed, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as made:
+        for entry in packed.entries:
+            again = zipfile.ZipInfo(entry.name, entry.info.date_time)
+            again.compress_type = zipfile.ZIP_DEFLATED
+            again.external_attr = entry.info.external_attr
+            with made.open(again, "w", force_zip64=True) as target:
+                if entry.name in contents:
+                    target.write(contents[entry.name])
+                    left.discard(entry.name)
+                elif not entry.is_folder:
+                    for piece in packed.pieces(entry):
+                        target.write(piece)
+    _refuse_changed(path, left)
+    part.chmod(0o666 & ~umask())
+    sync(part)
 
 
 def _refuse_changed(path: Path, left: set[str]) -> None:

@@ -13,9 +13,10 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
-from robot_programs.backup import write_backup
+from robot_programs.backup import lay_backup
 from robot_programs.core.files import elsewhere_on_windows
 from robot_programs.core.source import Backup
+from robot_programs.core.writing import put_in_place
 from taskcal.cli import main
 from taskcal.cli.options import page
 from taskcal.errors import FileError
@@ -122,7 +123,7 @@ def test_backup_that_cannot_be_put_in_place_leaves_nothing(tmp_path, monkeypatch
     (tmp_path / "in" / "a.mod").write_text("MODULE a\nENDMODULE\n")
     monkeypatch.setattr(os, "replace", held_open)
     with pytest.raises(FileError, match=r"out: cannot be written: .*used by another process"):
-        write_backup(Backup(path=tmp_path / "in", skipped=0), tmp_path / "out", [])
+        put_in_place([lay_backup(Backup(path=tmp_path / "in", skipped=0), tmp_path / "out", [])])
     assert os.listdir(tmp_path) == ["in"]
 
 

@@ -10,10 +10,11 @@ import zipfile
 import numpy as np
 import pytest
 
-from robot_programs.backup import open_backup, write_backup
+from robot_programs.backup import lay_backup, open_backup
+from robot_programs.core import writing
+from robot_programs.core.writing import put_in_place
 from taskcal.cli import main
 from taskcal.errors import FileError
-from taskcal.io import files
 from taskcal.io.files import write_all, write_whole
 from taskcal.reading import chunked as chunked_campaign
 from taskcal.reading.chunked import campaign_in_chunks
@@ -75,7 +76,7 @@ def test_backup_is_not_written_if_its_program_disappeared(kind, tmp_path):
     else:
         (path / "Part.mod").unlink()
     with pytest.raises(FileError, match=r"was replaced while it was read: Part\.mod is not in it any more"):
-        write_backup(backup, out, sources)
+        put_in_place([lay_backup(backup, out, sources)])
     assert sorted(p.name for p in tmp_path.iterdir()) == [path.name]
 
 
@@ -90,14 +91,15 @@ def test_next_backup_removes_remains_of_killed_process(kind, tmp_path):
         (path / "Part.mod").write_text(MODULE)
     code = (
         "import os, sys, signal; from robot_programs import backup\n"
-        "backup.os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL)\n"
-        "backup.write_backup(*backup.open_backup(sys.argv[1])[:1], sys.argv[2], backup.open_backup(sys.argv[1])[1])"
+        "os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "found, sources = backup.open_backup(sys.argv[1]); from robot_programs.core.writing import put_in_place\n"
+        "put_in_place([backup.lay_backup(found, sys.argv[2], sources)])"
     )
     ended = subprocess.run([sys.executable, "-c", code, str(path), str(out)], check=False)
     assert ended.returncode < 0
     assert len(list(tmp_path.iterdir())) == 2
     backup, sources = open_backup(path)
-    write_backup(backup, out, sources)
+    put_in_place([lay_backup(backup, out, sources)])
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted([path.name, out.name])
 
 
@@ -151,8 +153,8 @@ def test_removes_stale_temp_file_with_future_mtime(tmp_path):
     path = tmp_path / "a.csv"
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
-    stray = tmp_path / files.beside(path).replace(str(os.getpid()), str(gone.pid))
-    stray = stray.with_name(f"{stray.name}x{files.PART}")
+    stray = tmp_path / writing.beside(path).replace(str(os.getpid()), str(gone.pid))
+    stray = stray.with_name(f"{stray.name}x{writing.PART}")
     stray.write_text("half")
     os.utime(stray, (4e9, 4e9))
     write_all({path: "whole"})

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from robot_programs import backup as backup_module
-from robot_programs.backup import open_backup, write_backup
+from robot_programs.backup import lay_backup, open_backup
 from robot_programs.core.source import Source
+from robot_programs.core.writing import put_in_place
 from robot_programs.reading import read_program
 from taskcal.errors import FileError
 from taskcal.robot.catalogue import load_robot
@@ -68,7 +69,7 @@ def test_backup_is_written_with_only_the_program_changed(made):
         for s in sources
     ]
     out = made.with_name(f"corrected{made.suffix}")
-    write_backup(found, out, edited)
+    put_in_place([lay_backup(found, out, edited)])
     expected = {**FILES, "RAPID/TASK1/PROGMOD/Part.mod": MODULE.replace("fine", "z1").encode()}
     assert contents(out) == expected
     assert sorted(p.name for p in made.parent.iterdir()) == sorted([made.name, out.name])
@@ -77,13 +78,13 @@ def test_backup_is_written_with_only_the_program_changed(made):
 def test_nothing_is_written_where_something_is(made):
     found, sources = open_backup(made)
     with pytest.raises(FileError, match="exists already"):
-        write_backup(found, _taken(made), sources)
+        put_in_place([lay_backup(found, _taken(made), sources)])
     other = made.with_name("c" if made.suffix else "c.zip")
     with pytest.raises(FileError, match="another kind"):
-        write_backup(found, other, sources)
+        put_in_place([lay_backup(found, other, sources)])
     if made.is_dir():
         with pytest.raises(FileError, match="which is read"):
-            write_backup(found, made / "inside", sources)
+            put_in_place([lay_backup(found, made / "inside", sources)])
 
 
 def _taken(made: Path) -> Path:
@@ -100,14 +101,14 @@ def test_a_failure_on_the_way_leaves_nothing(made, monkeypatch):
     found, sources = open_backup(made)
     broken = [Source(path=s.path, text="\udcff", encoding="utf-8") for s in sources]
     with pytest.raises(UnicodeEncodeError):
-        write_backup(found, made.with_name(f"out{made.suffix}"), broken)
+        put_in_place([lay_backup(found, made.with_name(f"out{made.suffix}"), broken)])
 
     def fails(*args, **kwargs):
         raise OSError(28, "no space left")
 
     monkeypatch.setattr(os, "replace", fails)
     with pytest.raises(FileError, match="no space left"):
-        write_backup(found, made.with_name(f"out{made.suffix}"), sources)
+        put_in_place([lay_backup(found, made.with_name(f"out{made.suffix}"), sources)])
     assert [p.name for p in made.parent.iterdir()] == [made.name]
 
 
@@ -120,7 +121,7 @@ def test_backup_keeps_the_names_that_a_packer_gave(name, tmp_path):
         packed.writestr(name, MODULE)
     found, sources = open_backup(path)
     changed = [Source(path=s.path, text=s.text.replace("fine", "z1"), encoding=s.encoding) for s in sources]
-    write_backup(found, out, changed)
+    put_in_place([lay_backup(found, out, changed)])
     assert contents(out) == {"./": b"", "RAPID/Part.mod": MODULE.replace("fine", "z1").encode()}
 
 
@@ -164,7 +165,7 @@ def test_a_zip_file_that_cannot_be_copied_whole_leaves_nothing(tmp_path):
     path.write_bytes(data[: at + 24] + (10).to_bytes(4, "little") + data[at + 28 :])
     found, sources = open_backup(path)
     with pytest.raises(FileError, match=r"liar\.zip/other\.txt: unpacks to more than the 10 bytes it states"):
-        write_backup(found, tmp_path / "out.zip", sources)
+        put_in_place([lay_backup(found, tmp_path / "out.zip", sources)])
     assert [place.name for place in tmp_path.iterdir()] == ["liar.zip"]
 
 

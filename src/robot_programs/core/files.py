@@ -1,24 +1,21 @@
-"""Files on the way in and out: no larger than a bound that their reader can lift, what lies beside a place, and zip files."""
+"""Files on the way in: no larger than a bound that their reader can lift, and zip files."""
 
 import io
 import os
-import platform
 import re
-import shutil
 import stat
-import sys
-import time
 import zipfile
 import zlib
 from collections.abc import Generator, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from robot_programs.core.errors import FileError, shown
+from robot_programs.core.writing import finish_writing
 
-# Files on the way in and out: ordinary ones, no larger than a bound that their reader can lift; and what lies beside a place.
+# Ordinary files, no larger than a bound that their reader can lift.
 
 
 MAX_FILE_MB = 50.0
@@ -80,11 +77,12 @@ def read_bytes(path: str | Path, largest_mb: float = MAX_FILE_MB) -> bytes:
 
 
 def open_ordinary(path: str | Path) -> io.BufferedReader:
-    """A file open for reading bytes.
+    """A file open for reading bytes; what was written with it is in place, too, if whoever wrote it was killed.
 
     Raises:
         FileError: it is missing, cannot be read, is a folder, a pipe or a device.
     """
+    finish_writing(Path(os.path.realpath(path)).parent if "\0" not in str(path) else Path())
     try:
         # a pipe nobody writes to would hold up an ordinary open
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
@@ -111,56 +109,6 @@ def _bound(path: str | Path, largest_mb: float) -> float:
     if not 0.0 < bound <= 1e6:
         raise FileError(path, f"{VARIABLE} is {stated[:40]!r}; give megabytes above 0 and up to 1e6, such as 200")
     return bound
-
-
-# What is written beside its place before it is put there, so that an interrupted write leaves the old one.
-
-PART = ".part"
-"""Ending of a file that lies beside its place."""
-NAME_BYTES = 120
-"""Of a file's name that its name beside begins with: file systems take 255, its process and machine come behind."""
-
-HOUR = 3600.0
-"""Seconds after which a file laid beside by another machine is taken for a stray."""
-
-
-def beside(path: Path) -> str:
-    """Beginning of the name of a file that this process lays beside a file or a folder; it ends in `PART`."""
-    return f".{_short(path)}.{os.getpid()}-{_machine()}."
-
-
-def remove_strays(path: Path) -> None:
-    """Remove what processes that were killed left beside a file or a folder; those that still run keep theirs."""
-    pattern = re.compile(rf"\.{re.escape(_short(path))}\.(\d+)-(.*)\.[^.]*\{PART}")
-    with suppress(OSError):
-        for stray in path.parent.iterdir():
-            match = pattern.fullmatch(stray.name)
-            if match and not _may_run(int(match[1]), match[2], stray):
-                if stray.is_dir():
-                    shutil.rmtree(stray, ignore_errors=True)
-                else:
-                    stray.unlink(missing_ok=True)
-
-
-def _short(path: Path) -> str:
-    return os.fsencode(path.name)[:NAME_BYTES].decode(sys.getfilesystemencoding(), "ignore")
-
-
-def _may_run(process: int, machine: str, stray: Path) -> bool:
-    """Whether the process that laid a file beside may still be at it."""
-    if machine == _machine() and os.name == "posix":
-        try:
-            os.kill(process, 0)
-        except ProcessLookupError:
-            return False
-        except OSError:
-            return True
-        return True
-    return time.time() - stray.stat().st_mtime < HOUR
-
-
-def _machine() -> str:
-    return re.sub(r"[^\w-]", "-", platform.node())[:40]
 
 
 # Zip files that people hand in, read so that a hostile one costs neither time nor memory and names no place outside it.

@@ -7,7 +7,7 @@ import re
 import shlex
 import shutil
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -19,7 +19,7 @@ import typer
 from robot_programs.core.files import elsewhere_on_windows
 from taskcal.cli.progress import clear_line
 from taskcal.errors import FileError, printable, shortened
-from taskcal.io.files import to_bytes, write_all, write_whole
+from taskcal.io.files import Laid, finish_writing, to_bytes, write_all, write_whole
 from taskcal.io.json_file import parse_json
 from taskcal.report.content import Table, fold, lay_out_facts, lay_out_table
 
@@ -240,12 +240,17 @@ class Outputs:
     paths: tuple[Path, ...]
     force: bool = False
 
-    def write(self, contents: Mapping[Path, str | bytes] | Mapping[Path | None, str | bytes]) -> None:
+    def write(
+        self,
+        contents: Mapping[Path, str | bytes] | Mapping[Path | None, str | bytes],
+        lay: Callable[[], Laid] | None = None,
+    ) -> None:
         """Write files that belong together, all or none, and remember them as this command's.
 
         Args:
             contents: of each file; that of an option that was not given, None, is not written. Files whose names were not known
                 before are each in a folder that may still have to be made.
+            lay: lays what else belongs to them beside its place.
 
         Raises:
             FileError: one of them cannot be written, or exists and is not as this command wrote it.
@@ -257,8 +262,8 @@ class Outputs:
                 path.parent.mkdir(exist_ok=True)
         for path, content in named.items():
             _remember(path, self.command, content)
-        if named:
-            write_all(named)
+        if named or lay is not None:
+            write_all(named, lay)
             _account.written.extend(named)
 
 
@@ -367,6 +372,7 @@ def _check_place(path: Path) -> None:
     folder = path.parent
     if not folder.is_dir():
         raise FileError(path, f"cannot be written: there is no folder '{folder}'; make it, or name one that exists")
+    finish_writing(path.resolve().parent)
     if path.is_dir():
         raise FileError(path, "cannot be written: it is a folder; name a file in it")
     if sys.platform == "win32" and (reason := elsewhere_on_windows(path.name)):

@@ -1,7 +1,8 @@
 """A Correction: a program rewritten for the robot as calibrated, and what that does to its accuracy."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.special import gammaincinv
 
-from robot_programs.backup import write_backup
+from robot_programs.backup import lay_backup
 from robot_programs.core.program import Diagnostic, Move, Program
 from robot_programs.core.source import Source
 from taskcal.correction.controller import ControllerTrajectory, JointMotion
@@ -19,7 +20,7 @@ from taskcal.errors import FileError, shortened
 from taskcal.geometry import se3
 from taskcal.identification.measured_range import MeasuredRange
 from taskcal.identification.uncertainty_budget import UNEXPLAINED, Evaluation, UncertaintyBudget, budget_of_parts
-from taskcal.io.files import write_all
+from taskcal.io.files import Laid, write_all
 from taskcal.short_repr import short_repr
 
 # How far the true tool is from where a program wants it, at its targets and between them.
@@ -356,12 +357,20 @@ class Correction:
         """
         if self.why_unwritten:
             raise FileError(out, f"is not written: {self.why_unwritten}")
+        contents, lay = self.parts(out)
+        write_all(contents, lay)
+        return (Path(out),) if lay is not None else tuple(contents)
+
+    def parts(self, out: str | Path) -> tuple[dict[Path, bytes], Callable[[], Laid] | None]:
+        """What `write` writes: contents of files, or what lays a backup beside its place.
+
+        Raises:
+            FileError: it would overwrite what was read.
+        """
         backup = self.program.backup
         if backup is not None and len(self.sources) == len(self.program.sources):
-            return (write_backup(backup, out, self.sources),)
-        contents = self.contents(out)
-        write_all(contents)
-        return tuple(contents)
+            return {}, partial(lay_backup, backup, out, self.sources)
+        return self.contents(out), None
 
     def contents(self, out: str | Path) -> dict[Path, bytes]:
         """Contents of the corrected files, by path.

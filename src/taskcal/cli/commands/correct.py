@@ -184,18 +184,10 @@ def command(
 
     verdict = judge(calibrated, described, correction, cell)
 
-    withheld, contents, written = (
-        destination.withholds(correction),
-        dict[Path, str | bytes](),
-        tuple[Path, ...](),
-    )
-    if destination.output is not None and not destination.dry_run and not withheld:
-        if program.backup is None:
-            contents |= correction.contents(destination.output)
-        else:
-            written = correction.write(destination.output)
-    made = page.write(outputs, contents, lambda: correction_page(correction, calibrated, verdict))
-    written = (*contents, *written)
+    withheld, out = destination.withholds(correction), destination.output
+    contents, lay = ({}, None) if out is None or destination.dry_run or withheld else correction.parts(out)
+    made = page.write(outputs, contents, lambda: correction_page(correction, calibrated, verdict), lay)
+    written = tuple(contents) if lay is None or out is None else (out,)
     if written:
         remember_corrected(correction)
     page.give(

@@ -12,6 +12,7 @@ import taskcal
 from taskcal.cli.command import Declared, option
 from taskcal.cli.output import Outputs, check_outputs, info, tell_edits, warn_of_edits, write_json
 from taskcal.errors import FileError
+from taskcal.io.files import finish_writing
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -34,6 +35,7 @@ def look_at(path: Path | None) -> Path | None:
     """
     if path is not None:
         try:
+            finish_writing(path.resolve().parent)
             os.stat(path)
         except OSError as error:
             raise FileError(path, f"cannot be read: {error.strerror or error}") from error

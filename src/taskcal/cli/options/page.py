@@ -14,6 +14,7 @@ from taskcal.cli.command import option
 from taskcal.cli.options.common import OutputOptions
 from taskcal.cli.output import Outputs, edit_warnings
 from taskcal.errors import FileError
+from taskcal.io.files import Laid
 from taskcal.io.toml_file import Finite, Section, read_toml
 
 if TYPE_CHECKING:
@@ -80,7 +81,11 @@ class PageOptions(OutputOptions):
         return [] if self.header is None else read_header(self.header)
 
     def write(
-        self, outputs: Outputs, contents: Mapping[Path, str | bytes], make: "Callable[[], Page]"
+        self,
+        outputs: Outputs,
+        contents: Mapping[Path, str | bytes] | Mapping[Path, bytes],
+        make: "Callable[[], Page]",
+        lay: Callable[[], Laid] | None = None,
     ) -> dict[Path, str | bytes]:
         """Write a command's files, with those of its page, which is made if one is asked for.
 
@@ -88,6 +93,7 @@ class PageOptions(OutputOptions):
             outputs: the files.
             contents: of the others.
             make: the page.
+            lay: lays what else is to be written beside its place.
 
         Returns:
             the page's files.
@@ -97,7 +103,7 @@ class PageOptions(OutputOptions):
             TaskcalError: the figures cannot be drawn.
         """
         made = self._compose(make()) if self.asked else {}
-        outputs.write({**contents, **made})
+        outputs.write({**contents, **made}, lay)
         return made
 
     def _compose(self, page: "Page") -> dict[Path, str | bytes]:
