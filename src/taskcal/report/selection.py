@@ -1,5 +1,7 @@
 """A choice of parameters as a page: how many the task needs, which, and why the others are not among them."""
 
+from itertools import groupby
+
 import plotly.graph_objects as go
 
 from taskcal.analysis.sensitivity import Sensitivity
@@ -70,28 +72,39 @@ def _chosen(selection: Selection) -> NestedModel:
 
 
 def tabulate_ladder(selection: Selection) -> Table:
-    """Tabulate the error over the task by size of the model; cross-validated where there were measurements."""
+    """Tabulate the error over the task by size of the model; cross-validated where there were measurements.
+
+    Neighbouring sizes with the same figures share a row.
+    """
     columns = (
-        Column("parameters", "size", "d"),
-        millimetres("expected mm (rms)", "expected"),
-        Column("cross-validated mm (mean)", "cross_validated", ".3f", 1e3, optional=True),
-        Column("", lambda nested: "chosen" if nested.size == len(selection.kept) else ""),
+        Column(
+            "parameters",
+            lambda sizes: str(sizes[0].size) if len(sizes) == 1 else f"{sizes[0].size} to {sizes[-1].size}",
+        ),
+        millimetres("expected mm (rms)", lambda sizes: sizes[0].expected),
+        Column("cross-validated mm (mean)", lambda sizes: sizes[0].cross_validated, ".3f", 1e3, optional=True),
+        Column("", lambda sizes: "chosen" if sizes[0].size == len(selection.kept) else ""),
     )
-    return Table.of("3D error over the task, by size of the model", columns, selection.ladder, folded=True)
+    shown = columns[1:]
+    rows = [list(sizes) for _, sizes in groupby(selection.ladder, lambda one: [column.cell([one]) for column in shown])]
+    return Table.of("3D error over the task, by size of the model", columns, rows, folded=True)
 
 
 def tabulate_dropped(selection: Selection, model: ErrorModel) -> Table:
-    """Tabulate parameters that were dropped, in their order, and why."""
+    """Tabulate why parameters were dropped, in the order in which the first of each reason was, and which."""
     symbols = {p.name: p.symbol for p in model.parameters}
     whole = {own[0]: name for name, own in selection.groups.items()}
     inside = {name for own in selection.groups.values() for name in own[1:]}
-    rows = [
-        (whole.get(name, name), symbols[name] if whole.get(name, name) == name else "", reason)
-        for name, reason in selection.dropped.items()
-        if name not in inside
-    ]
-    title = f"The {len(selection.dropped)} dropped parameters, in their order"
-    return Table.of_rows(title, ("parameter", "symbol", "reason"), rows, text_columns=(0, 1, 2), folded=True)
+    by_reason: dict[str, list[str]] = {}
+    for name, reason in selection.dropped.items():
+        if name not in inside:
+            symbol = symbols[name] if name not in whole else ""
+            by_reason.setdefault(reason, []).append(
+                f"{whole.get(name, name)} ({symbol})" if symbol else whole.get(name, name)
+            )
+    rows = [(reason, ", ".join(names)) for reason, names in by_reason.items()]
+    title = f"The {len(selection.dropped)} dropped parameters"
+    return Table.of_rows(title, ("reason", "parameters"), rows, text_columns=(0, 1), folded=True)
 
 
 def selection_page(

@@ -33,7 +33,9 @@ def test_every_robot_can_be_shown(run: Run, name: str) -> None:
     assert len(sheet["joint_table"]) == sheet["joints"]
 
 
-def test_the_word_show_and_the_place_of_json_do_not_matter(run: Run) -> None:
+def test_the_words_show_and_list_and_the_place_of_json_do_not_matter(run: Run) -> None:
+    assert run("robots", "list").out == run("robots").out
+    assert run("robots", "--json", "list").json == run("robots", "list", "--json").json == run("robots", "--json").json
     assert run("robots", "show", "ur5").out == run("robots", "ur5").out
     assert run("robots", "--json", "ur5").json == run("robots", "ur5", "--json").json
 

@@ -55,9 +55,19 @@ def catalogue(context: typer.Context, as_json: JsonOption = False) -> None:
     taskcal robots import TABLE.csv --convention dh -o ROBOT.toml — from a table
     """
     context.obj = as_json
-    if context.invoked_subcommand is not None:
-        return
+    if context.invoked_subcommand is None:
+        list_robots(as_json)
 
+
+@app.command("list", cls=Command)
+@laid_out
+def listed(*, context: typer.Context, as_json: JsonOption = False) -> None:
+    """List the catalogue (the word 'list' may be omitted)."""
+    list_robots(as_json or bool(context.obj))
+
+
+def list_robots(as_json: bool) -> None:
+    """Print the robots of the catalogue."""
     result = {"robots": [catalogue_entry(taskcal.load_robot(name)) for name in taskcal.catalogue_names()]}
     if as_json:
         write_json(result)

@@ -16,7 +16,7 @@ from taskcal.cli.options.common import (
     metres,
 )
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import files_of_task, info, show, show_facts
+from taskcal.cli.output import files_of_task, info, show, show_facts, tell
 from taskcal.cli.progress import bar_over
 
 if TYPE_CHECKING:
@@ -95,8 +95,6 @@ def _show(model: "taskcal.ErrorModel", selection: "taskcal.Selection", result: M
     from taskcal.report.content import state_model_error
     from taskcal.report.selection import tabulate_dropped, tabulate_ladder
 
-    show(tabulate_ladder(selection))
-    show(tabulate_dropped(selection, model))
     error = state_model_error(result["model_error_mm"], result["model_error_origin"], result.get("model_error_mrad"))
     facts = [
         ("selected", f"{len(selection.kept)}: {', '.join(selection.kept_groups)}"),
@@ -110,6 +108,9 @@ def _show(model: "taskcal.ErrorModel", selection: "taskcal.Selection", result: M
     ]
     if result["unreachable"]:
         facts.append(("out of reach", f"{result['unreachable']:.1%} of the task's poses"))
-    if pages:
-        facts.append(("report", f"wrote {pages}"))
     show_facts(facts)
+    tell()
+    show(tabulate_ladder(selection))
+    show(tabulate_dropped(selection, model))
+    if pages:
+        tell(f"wrote {pages}")
