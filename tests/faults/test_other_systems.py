@@ -14,6 +14,7 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 from robot_programs.backup import lay_backup
+from robot_programs.core import writing
 from robot_programs.core.files import elsewhere_on_windows
 from robot_programs.core.source import Backup
 from robot_programs.core.writing import put_in_place
@@ -115,6 +116,34 @@ def test_file_that_another_program_holds_open_is_refused_and_stays(tmp_path, mon
     with pytest.raises(FileError, match=r"table\.csv: cannot be written: .*used by another process"):
         write_all({path: "new", tmp_path / "more.csv": "more"})
     assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("table.csv", "old")]
+
+
+def no_folders(path: Path, flags: int, *more: int) -> int:
+    if Path(path).is_dir():
+        raise PermissionError(13, "Permission denied", path)
+    return os.open(path, flags, *more)
+
+
+def killing(process: int, number: int) -> None:
+    pytest.fail("os.kill(…, 0) sends Ctrl-C on Windows")
+
+
+def test_writing_neither_opens_folders_nor_signals_processes_on_windows(tmp_path, monkeypatch) -> None:
+    """A file of another process that may still run is left there, for nothing tells whether it does."""
+    monkeypatch.setattr(
+        writing, "os", SimpleNamespace(**vars(os) | {"name": "nt", "open": no_folders, "kill": killing})
+    )
+    write_all({tmp_path / "a.csv": "old", tmp_path / "b.csv": "old"})
+    fresh, stale = (
+        tmp_path / f"{writing.beside(Path('a.csv')).replace(str(os.getpid()), number)}x.part" for number in ("1", "2")
+    )
+    for file in (fresh, stale):
+        file.touch()
+    os.utime(stale, (0.0, 0.0))
+    write_all({tmp_path / "a.csv": "new", tmp_path / "b.csv": "new"})
+    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {
+        "a.csv": "new", "b.csv": "new", fresh.name: "",
+    }  # fmt: skip
 
 
 def test_backup_that_cannot_be_put_in_place_leaves_nothing(tmp_path, monkeypatch) -> None:
