@@ -25,6 +25,7 @@ POOR = (
     ("barrett-wam", "first two joints"),
     ("fanuc-m20ia", "joints within 1°"),
     ("franka-panda", "four rows"),
+    ("abb-irb4600-60-2.05", "eight rows"),
 )
 
 

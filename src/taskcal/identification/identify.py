@@ -523,7 +523,10 @@ def _fit(
     # what a sibling left as error beside all parameters is not what some of them leave
     own = chosen if alone else replace(chosen, like=None)
     fit = fit_with_hyperparameters(problem, prior_of(problem.layout, chosen.prior, chosen.target_within), own)
-    if alone:
+    if alone and len(kept) == len(model) and _hides_error(fit, campaign, chosen):
+        typical = replace(fit.hyper, variances=np.full(len(fit.hyper.variances), TYPICAL**2))
+        outcome = replace(consider(fit, problem, whole, fit.prior, typical), help=fit.help)
+    elif alone:
         outcome = fitted_alone(fit, problem, whole.layout)
     else:
         prior = prior_of(whole.layout, chosen.prior, chosen.target_within)
@@ -555,6 +558,18 @@ def _checked(registration: Registration, model: ErrorModel, campaign: Campaign, 
     check_plausible(registration, model, campaign)
     check_targets(registration, campaign, target_within)
     return registration
+
+
+FEW_NUMBERS = 2.0 / 3.0
+"""Measured numbers over unknowns, below which no fit tells a model error, however large. Of virtual robots with one of 0.05 mm, 8
+to 10 rows (24 to 30 numbers, 51 unknowns) had 67 to 85 % of the errors inside of the 95 % regions without it, 12 rows all."""
+
+
+def _hides_error(fit: Fitted, campaign: Campaign, options: FitOptions) -> bool:
+    """Whether a fit found no model error only because its rows are so few that it explains any."""
+    few = _measured_numbers(campaign, fit.residual.shape[2]) < FEW_NUMBERS * len(fit.solution.z)
+    found = options.model_error == "estimate" and not fit.hyper.variances.any()
+    return few and found and fit.prior.parameters is not None
 
 
 def _unlearnt(fit: Fitted, options: FitOptions) -> float | None:
@@ -696,6 +711,11 @@ def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign, has_prior: bool)
         out.append("model error and prior scale had not settled when the search for them ended")
     if outcome.hyper.variances[0] == 0.0 and measured < 2 * unknowns:
         out.append("no model error could be told from so few rows, so the stated uncertainty leaves it out")
+    if outcome.hyper.variances[0] > fit.hyper.variances[0] == 0.0 and len(fit.prior.sizes) == len(layout.estimated):
+        out.append(
+            f"no model error could be told from so few rows, so the stated uncertainty takes {TYPICAL * 1e3:.2g} mm per axis, as "
+            "of any robot"
+        )
     errors = np.sqrt(np.diag(outcome.covariance))
     estimates = {layout.names[i]: (float(outcome.z[i]), float(errors[i])) for i in outcome.estimated}
     model = layout.model
