@@ -114,7 +114,11 @@ def check_first_calls(function: Any) -> Any:
     """Check calls of a function, or constructions of a dataclass, as far as they tell something new."""
     if isclass(function):
         if is_dataclass(function) and "__init__" in vars(function):
-            function.__init__ = _check_new_signatures(function.__init__)
+            init = function.__init__
+            if hasattr(init, "__wrapped__"):  # of a class that makes arguments what its annotations say
+                init.__wrapped__ = _check_new_signatures(init.__wrapped__)
+            else:
+                function.__init__ = _check_new_signatures(init)
         return function
     calls = _calls.setdefault(function.__code__, _Calls())
     if calls.test == _test and calls.number >= CALLS:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,9 @@ def read_program(
         FileError: a file is missing, or is not a program; of a CSV: it cannot be read as a path.
         InputError: no file, several languages, or a tool where the program says its own.
     """
-    _expect_kinds(robot=robot, tool=tool, part=part)
+    _expect_kinds(paths, robot=robot, tool=tool, part=part)
+    if tools is not None and not isinstance(tools, Mapping):
+        raise WrongKind(f"tools is {shown(repr(tools))}, not a dictionary of Frames by their names in the program")
     files = [Path(path) for path in paths]
     if not files:
         raise InputError("no program was given; name its files")
@@ -65,12 +68,16 @@ _KINDS: dict[str, tuple[type, str]] = {
 """What arguments are, and where one comes from."""
 
 
-def _expect_kinds(**arguments: object) -> None:
+def _expect_kinds(paths: Sequence[object], **arguments: object) -> None:
     """See that arguments are what their names say, where they are given.
 
     Raises:
         WrongKind: one is something else.
     """
+    for path in paths:
+        if not isinstance(path, str | PathLike):
+            given = shown(repr(path)) if isinstance(path, int | float) else type(path).__name__
+            raise WrongKind(f"a path is {given}, not text or a Path; name the program's files")
     for name, value in arguments.items():
         kind, made_by = _KINDS[name]
         if value is not None and not isinstance(value, kind):

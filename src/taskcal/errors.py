@@ -9,7 +9,7 @@ from robot_programs.core.errors import SHOWN_CHARACTERS as SHOWN_CHARACTERS
 from robot_programs.core.errors import Faults as Faults
 from robot_programs.core.errors import FaultyFile as FaultyFile
 from robot_programs.core.errors import FileError as FileError
-from robot_programs.core.errors import InputError
+from robot_programs.core.errors import InputError as InputError
 from robot_programs.core.errors import WrongKind as WrongKind
 from robot_programs.core.errors import printable as printable
 from robot_programs.core.errors import shortened as shortened
@@ -19,6 +19,10 @@ TaskcalError = InputError
 """Something the data, a file or a request cannot give; the message names the value and a remedy.
 
 The library of robot programs, which knows nothing of Taskcal, raises the same classes."""
+
+
+class WrongValue(TaskcalError, ValueError):
+    """An argument of the right kind whose value a function cannot use; the message names it, its row, and what would work."""
 
 
 class RobotError(TaskcalError):

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taskcal.campaigns.campaign import Campaign
-from taskcal.errors import CampaignError, UnknownName
+from taskcal.errors import CampaignError, TaskcalError, UnknownName
 from taskcal.observations.base import TrackerNoise
 from taskcal.robot.conditions import Conditions
 
@@ -109,3 +109,30 @@ def test_the_digest_is_of_the_measurements_alone():
     assert campaign().digest == campaign().digest
     assert campaign(seed=1).digest != campaign().digest
     assert campaign().take(slice(0, 11)).digest != campaign().digest
+
+
+@pytest.mark.parametrize(
+    ("field", "place", "value", "message"),
+    [
+        ("points", (3, 1, 2), np.inf, "points: row 3 is not finite"),
+        ("points", (3, 1, 2), np.nan, r"row 3 \(id row 3\).*'smr1'.*part"),
+        ("points", (5,), np.ma.masked, "points: row 5 is masked"),
+        ("q", (4, 0), np.ma.masked, "q: row 4 is masked"),
+        ("q", (4, 0), np.nan, r"row 4 \(id row 4\)"),
+    ],
+)
+def test_numbers_that_were_not_measured_are_refused_with_their_row(field, place, value, message):
+    whole = campaign()
+    array = np.ma.masked_array(getattr(whole, field).copy())
+    array[place] = value
+    with pytest.raises(TaskcalError, match=message):
+        replace(whole, **{field: array})
+    assert type(replace(whole, q=np.ma.masked_array(whole.q)).q) is np.ndarray
+
+
+def test_rows_of_one_id_are_refused_wherever_they_come_from():
+    whole = campaign()
+    with pytest.raises(CampaignError, match="rows 1 and 4 are both named 'row 1'"):
+        replace(whole, ids=(*whole.ids[:4], "row 1", *whole.ids[5:]))
+    with pytest.raises(CampaignError, match="rows 0 and 2 are both named 'row 5'"):
+        whole.take([5, 6, 5])

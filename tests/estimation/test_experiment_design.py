@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -9,8 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskcal.estimation import experiment_design
-from taskcal.estimation.experiment_design import CRITERIA, Candidates, choose, choose_at_random
+from taskcal.estimation.experiment_design import Candidates, Criterion, choose, choose_at_random
 from tests.laws.robots import generators
+
+CRITERIA = get_args(Criterion)
 
 COUNT, OF = 6, 12
 CLOSED = ("task", "A", "D")

@@ -231,7 +231,7 @@ def test_unknown_names_are_refused_with_the_known_ones(model, task):
         study(model, task, robots=1, counts=(8,), plans=("grid",), models=("al",))
     with pytest.raises(UnknownName, match=r"engine 'threads'.*threading"):
         study(model, task, robots=1, counts=(8,), plans=("grid",), engine="threads")
-    with pytest.raises(UnknownName, match=r"plan 'planed'.*'planned'"):
+    with pytest.raises(TaskcalError, match=r"plans\[0\] is 'planed'.*'planned'"):
         study(model, task, robots=1, counts=(8,), plans=iter(["planed"]))
     plain = ErrorModel(load_robot("ur5"))
     q = np.random.default_rng(0).uniform(-1, 1, (20, 6))

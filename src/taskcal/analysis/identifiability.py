@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.arguments import expect_kinds
+from taskcal.arguments import checked
 from taskcal.errors import shortened
 from taskcal.estimation.experiment_design import Observability, observability
 from taskcal.geometry import se3
@@ -340,6 +340,7 @@ class Identifiability:
         return B
 
 
+@checked
 def identifiability(
     model: ErrorModel,
     q: Float[np.ndarray, "n joints"],
@@ -360,7 +361,6 @@ def identifiability(
     Raises:
         ClosureError: a closed loop cannot be assembled at some pose.
     """
-    expect_kinds({"model": ErrorModel}, model=model)
     pose = components == "pose"
     J = model.jacobian(q, x, angular=pose)
     names, tolerances = list(model.names), model.tolerances

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.arguments import expect_kinds
+from taskcal.arguments import checked
 from taskcal.campaigns.campaign import Campaign
 from taskcal.geometry import se3
 from taskcal.observations.base import TrackerNoise
@@ -86,6 +86,7 @@ class Sensitivity:
         }
 
 
+@checked
 def sensitivity(
     model: ErrorModel, q: Float[np.ndarray, "n joints"], x: Float[np.ndarray, " p"] | None = None
 ) -> Sensitivity:
@@ -99,7 +100,6 @@ def sensitivity(
     Raises:
         ClosureError: a closed loop cannot be assembled at some pose.
     """
-    expect_kinds({"model": ErrorModel}, model=model)
     return Sensitivity(model=model, matrix=model.jacobian(q, x, angular=False))
 
 

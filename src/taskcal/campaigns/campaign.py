@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.errors import CampaignError, FileError, UnknownName, shortened
+from taskcal.arguments import checked_with_gaps, repeated
+from taskcal.errors import CampaignError, FileError, UnknownName, shortened, shown
 from taskcal.geometry import se3
 from taskcal.observations import Point, Pose, block_size
 from taskcal.observations.base import UNMEASURED, Measured, Observation, TrackerNoise, check_lengths
@@ -46,12 +47,19 @@ def in_blocks(rows: int, stations: int) -> Int[np.ndarray, " rows"]:
     return np.arange(rows) * stations // max(rows, 1)
 
 
+@checked_with_gaps
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Campaign:
-    """Measurements, one row per robot pose."""
+    """Measurements, one row per robot pose.
+
+    Raises:
+        WrongKind, WrongValue: a field is not what its annotation says, or an entry is masked or infinite.
+        CampaignError: fields of different lengths, a row named twice, a joint position that is not a number, or a point of which
+            only a part is.
+    """
 
     ids: tuple[str, ...]
-    """Name of every row."""
+    """Name of every row, each its own: rows that are left out are known by it. `read_campaign` averages what repeats in a file."""
     q: Float[np.ndarray, "n joints"]
     """Controller joint positions, radians (metres where a joint slides)."""
     targets: tuple[str, ...]
@@ -113,6 +121,19 @@ class Campaign:
         if self.observations and len(self.observations) != targets:
             raise CampaignError(
                 f"{len(self.observations)} observations do not belong to {targets} targets; give one for each"
+            )
+        if len(set(self.ids)) < n:
+            name = repeated(self.ids)[0]
+            first, second, *_ = (row for row, other in enumerate(self.ids) if other == name)
+            raise CampaignError(
+                f"rows {first} and {second} are both named '{shown(name)}'; give each row an id of its own"
+            )
+        partly = np.isnan(self.points).any(axis=2) & ~np.isnan(self.points).all(axis=2)
+        if not self.observations and partly.any():
+            row, target = map(int, np.argwhere(partly)[0])
+            raise CampaignError(
+                f"{self.row(row)} has a point of '{self.targets[target]}' of which only a part is a number; give NaN for all three "
+                "where the beam was lost"
             )
         if not np.isfinite(self.q).all():
             row = int(np.flatnonzero(~np.isfinite(self.q).all(axis=1))[0])

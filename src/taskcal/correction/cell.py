@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from robot_programs.core.program import Diagnostic, Frame, Move, Program
 from robot_programs.languages import language_of
-from taskcal.arguments import repeated
+from taskcal.arguments import checked, repeated
 from taskcal.errors import FileError, TaskcalError
 from taskcal.geometry import se3
 from taskcal.io.files import write_whole
@@ -260,6 +260,7 @@ class CellFile(Section):
         return self
 
 
+@checked
 def load_cell(path: str | Path) -> Cell:
     """Read a cell file (TOML).
 

@@ -11,7 +11,7 @@ from robot_programs.core.program import Diagnostic, Move, Program, Waypoint, kee
 from robot_programs.core.source import Place, Source
 from robot_programs.languages import language_of
 from robot_programs.reading import compose_program, parse_program
-from taskcal.arguments import expect_kinds
+from taskcal.arguments import checked
 from taskcal.correction.cell import Cell, ask_for_base, base_statement, mount
 from taskcal.correction.controller import (
     TURN_SPEED_RAD_S,
@@ -565,6 +565,7 @@ MAX_REASONS = 3
 """Diagnostics that are shown where no motion could be resolved."""
 
 
+@checked
 def correct(
     calibration: Calibration,
     program: Program,
@@ -594,8 +595,6 @@ def correct(
         TaskcalError: the program has no motion that is known; no rotation about the tool's axis lets the robot follow it; what was
             measured does not fit; or the calibration knows less at the targets than the robot's tolerances do.
     """
-    expect_kinds({"calibration": Calibration, "program": Program}, calibration=calibration, program=program)
-    expect_kinds({"cell": Cell | None, "bounds": Bounds | None}, cell=cell, bounds=bounds)
     cell, bounds, robot = cell or Cell(), bounds or Bounds(), calibration.model.robot
     if not program.moves:
         why = "".join(f"; {diagnostic}" for diagnostic in program.diagnostics[:MAX_REASONS])

@@ -13,6 +13,7 @@ from scipy.special import gammaincinv
 from robot_programs.backup import lay_backup
 from robot_programs.core.program import Diagnostic, Move, Program
 from robot_programs.core.source import Source
+from taskcal.arguments import checked
 from taskcal.correction.controller import ControllerTrajectory, JointMotion
 from taskcal.correction.frames import SOURCES, Uncertainty
 from taskcal.correction.path import Placed, RoundedPath
@@ -245,6 +246,7 @@ SHARE_OF_UNCERTAINTY = 0.2
 """A distance from the path that is this share of the uncertainty adds a fiftieth to it."""
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
     """Bounds of a correction."""

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 
 from robot_programs.core.program import THROUGH_TARGET, Frame, Move, Program, Target
 from robot_programs.core.source import Place
-from taskcal.arguments import expect_kinds, options_of
+from taskcal.arguments import checked, options_of
 from taskcal.correction.cell import Cell, mount
 from taskcal.correction.controller import ControllerTrajectory, simulate_controller, with_spins
 from taskcal.correction.correction import Deviations, assess
@@ -86,6 +86,7 @@ class PlacementChoices(TypedDict, total=False):
     accept_uncertain: bool
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class PlacementOptions:
     """Options of placements; `dataclasses.replace` gives others."""
@@ -142,7 +143,7 @@ class PlacedPart:
     @property
     def possible(self) -> bool:
         """Whether every motion can be executed, none comes near a singular posture, and the calibration knows something there."""
-        return self.reached == 1.0 and not self.obstacle and self.conditioning >= MIN_SINGULAR_RATIO
+        return not self.obstacle and self.conditioning >= MIN_SINGULAR_RATIO
 
     def summary(self) -> dict[str, Any]:
         """In millimetres and degrees; None for what is not known."""
@@ -178,6 +179,7 @@ class PartPlacements:
         return tuple(sorted((p for p in self.all if p.possible), key=lambda p: (round(p.expected, 9), -p.conditioning)))
 
 
+@checked
 def place(
     on: Calibration | Robot,
     what: Program | Task,
@@ -214,7 +216,6 @@ def place(
         TaskcalError: there is no motion to a pose; the robot's file does not tell how it yields; or a part is to be touched off
             that is in the robot's hand.
     """
-    expect_kinds({"on": Calibration | Robot, "what": Program | Task, "region": Region}, on=on, what=what, region=region)
     calibration, chosen = (
         on if isinstance(on, Calibration) else None,
         options_of(PlacementOptions, options, "placements"),

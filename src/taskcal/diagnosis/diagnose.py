@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.arguments import expect_kinds
+from taskcal.arguments import checked
 from taskcal.campaigns.campaign import Campaign, Stations, check_rows
 from taskcal.diagnosis.drift import find_drift_or_slip, find_large_move
 from taskcal.diagnosis.fits import LEVER_SHARE, MIN_ERROR_M, misfits
@@ -338,6 +338,7 @@ class Diagnosis:
     """What was examined and what was not, where that is not everything."""
 
 
+@checked
 @single_threaded
 def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -> Diagnosis:
     """Find the mistakes of a campaign: what is written wrong, and what went wrong in its course.
@@ -364,7 +365,6 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -
     Raises:
         CampaignError: a target of a file was calculated, not measured.
     """
-    expect_kinds({"campaign": Campaign, "robot": Robot}, campaign=campaign, robot=robot)
     if campaign.stations is not None and len(campaign.stations.names) > 1:
         return _diagnose_stations(campaign, campaign.stations, robot, progress)
     case = Case.of(robot, campaign)

@@ -51,7 +51,6 @@ def observability(singular_values: Float[np.ndarray, " p"], poses: int) -> Obser
 
 
 Criterion = Literal["task", "D", "A", "E", "O1", "O2", "O3", "O4", "O5"]
-CRITERIA: tuple[Criterion, ...] = ("task", "D", "A", "E", "O1", "O2", "O3", "O4", "O5")
 
 SHORTLIST_SIZE = 200
 """Candidates of the largest D-gain among which a criterion of the spectrum is evaluated exactly."""

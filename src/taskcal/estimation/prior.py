@@ -6,11 +6,14 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.arguments import checked
+from taskcal.errors import WrongValue
 from taskcal.estimation.matrices import invert_scaled
 from taskcal.kernels import points
 from taskcal.short_repr import short_repr
 
 
+@checked
 @short_repr
 @dataclass(frozen=True, eq=False)
 class GaussianPrior:
@@ -24,9 +27,9 @@ class GaussianPrior:
     def __post_init__(self) -> None:
         p = len(self.mean)
         if self.covariance.shape != (p, p):
-            raise ValueError(f"a prior on {p} parameters needs a covariance of ({p}, {p}), not {self.covariance.shape}")
+            raise WrongValue(f"mean has {p} entries; give a covariance of ({p}, {p}), not {self.covariance.shape}")
         if not np.all(np.linalg.eigvalsh(self._correlation()) > 0):
-            raise ValueError("a prior's covariance must be positive definite")
+            raise WrongValue("a prior's covariance must be positive definite")
 
     def _correlation(self) -> np.ndarray:
         scale = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
@@ -69,6 +72,7 @@ class Squared:
         return np.ones_like(z)
 
 
+@checked
 @dataclass(frozen=True)
 class Huber:
     """Squared up to the threshold, linear beyond (Huber 1964)."""
@@ -81,6 +85,7 @@ class Huber:
         return self.threshold / np.maximum(np.abs(z), self.threshold)
 
 
+@checked
 @dataclass(frozen=True)
 class Cauchy:
     """Logarithmic beyond the threshold: a gross outlier counts for next to nothing."""

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from pydantic import Field, ValidationError
 
+from taskcal.arguments import checked
 from taskcal.campaigns.campaign import Campaign, Stations, named_file
 from taskcal.errors import CampaignError, FileError, FitError, TaskcalError, shown
 from taskcal.estimation.matrices import factor_positive, single_threaded
@@ -846,6 +847,7 @@ class Calibration:
         deviation = np.sqrt(np.maximum(np.diag(self.z_covariance), 1e-300))
         return self.z_covariance / deviation / deviation[:, None]
 
+    @checked
     def predict(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
     ) -> Float[np.ndarray, "n targets 3"] | Float[np.ndarray, "n 4 4"]:
@@ -1015,6 +1017,7 @@ class Calibration:
         """The report, in millimetres and milliradians."""
         return summarise_calibration(self)
 
+    @checked
     def save(self, path: str | Path) -> None:
         """Write a versioned JSON file, all at once; `load_calibration` reads it back exactly.
 
@@ -1318,6 +1321,7 @@ class CalibrationFile(Section):
         return array_of("group_deviations", self.group_deviations, (parameters,))
 
 
+@checked
 def load_calibration(path: str | Path, *, unsealed: bool = False) -> Calibration:
     """Read a calibration saved by `Calibration.save`.
 

@@ -14,7 +14,8 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.errors import TaskcalError
+from taskcal.arguments import checked
+from taskcal.errors import TaskcalError, WrongValue
 from taskcal.estimation.matrices import single_threaded
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
@@ -148,6 +149,7 @@ class Comparison:
         }
 
 
+@checked
 @single_threaded
 def compare(first: Calibration, second: Calibration, q: Float[np.ndarray, "n joints"] | None = None) -> Comparison:
     """Compare two calibrations of one robot, whatever their parameters, targets and tracker frames.
@@ -158,6 +160,7 @@ def compare(first: Calibration, second: Calibration, q: Float[np.ndarray, "n joi
         q: poses at which it matters, radians; by default those at which both were measured.
 
     Raises:
+        WrongValue: there are no poses.
         TaskcalError: robots with different joints, or no poses where the files do not tell those measured.
         ClosureError: a closed loop cannot be assembled at some pose.
     """
@@ -168,6 +171,9 @@ def compare(first: Calibration, second: Calibration, q: Float[np.ndarray, "n joi
             f"{', '.join(robots[1].joint_names)}: calibrations of one robot can be compared"
         )
     q = _measured(first, second) if q is None else np.asarray(q, dtype=float)
+    robots[0].check_radians(q)
+    if not len(q):
+        raise WrongValue("q has no rows; give the poses at which a difference matters, or leave it out")
     tips = first.T_tool_target[:, :3, 3]
     T = first.tool_in_base(q)
     start = np.stack([se3.apply(T, tip) for tip in tips], axis=1)

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.analysis.identifiability import Collinearity, identifiability
-from taskcal.arguments import expect_kinds
+from taskcal.arguments import checked
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import ClosureError, FitError, TaskcalError, shortened
 from taskcal.estimation.matrices import single_threaded
@@ -50,6 +50,7 @@ from taskcal.short_repr import short_repr
 # Which effects may be added to the geometry, and how they are put to the proof.
 
 
+@checked
 @short_repr
 @dataclass(frozen=True, kw_only=True)
 class EffectSearch:
@@ -238,6 +239,7 @@ def _silent(_: str) -> None:
     """Say nothing."""
 
 
+@checked
 def explain(
     model: ErrorModel,
     campaign: Campaign,
@@ -268,6 +270,7 @@ def explain(
     return select_effects(model, campaign, search, options=options, progress=progress)
 
 
+@checked
 @single_threaded
 def select_effects(
     model: ErrorModel,
@@ -299,8 +302,6 @@ def select_effects(
         FitError: nothing explains the rows, and they are farther off than the robot's tolerances allow.
         TaskcalError: effects are to be found by evidence, without a prior or with one that is given.
     """
-    expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
-    expect_kinds({"search": EffectSearch | None, "options": FitOptions | None}, search=search, options=options)
     search, options = search or EffectSearch(), options or FitOptions()
     if search.effects is None and options.prior is None:
         raise TaskcalError(

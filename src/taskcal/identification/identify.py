@@ -7,7 +7,7 @@ from typing import Unpack
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.arguments import expect_kinds
+from taskcal.arguments import checked
 from taskcal.campaigns.campaign import Campaign, check_rows, named_file
 from taskcal.errors import CampaignError, FitError, NothingLearntError, OpenFrameError
 from taskcal.estimation.matrices import invert_positive, single_threaded
@@ -360,6 +360,7 @@ class Attempt:
         return calibration
 
 
+@checked
 @single_threaded
 def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices]) -> Calibration:
     """Identify the model's parameters from a campaign, the tracker frame and the targets with them.
@@ -473,7 +474,6 @@ def _identify(model: ErrorModel, campaign: Campaign, chosen: FitOptions) -> Cali
     Raises:
         NothingLearntError: it took everything that was measured for error.
     """
-    expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
     kept = np.arange(len(model)) if chosen.keep is None else model.indices(chosen.keep)
     check_rows(campaign)
     if chosen.frames == "fixed" and campaign.stations is not None and len(campaign.stations.names) > 1:

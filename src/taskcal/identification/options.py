@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, TypedDict, Unpack
 
-from taskcal.arguments import expect_kinds, with_choices
+from taskcal.arguments import checked, options_of
 from taskcal.campaigns.campaign import Campaign
 from taskcal.estimation.prior import GaussianPrior, Loss, Squared
 from taskcal.identification.calibration import Calibration
@@ -47,6 +47,7 @@ class FitChoices(TypedDict, total=False):
     like: Calibration | None
 
 
+@checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FitOptions:
     """Options of a fit; `dataclasses.replace` gives others.
@@ -82,26 +83,6 @@ class FitOptions:
     what is expected of any robot."""
 
     def __post_init__(self) -> None:
-        if isinstance(self.keep, str):
-            raise ValueError(f"keep is {self.keep!r}; give a list of names, or None for all parameters")
-        if not (self.prior is None or self.prior == "tolerances" or isinstance(self.prior, GaussianPrior)):
-            raise ValueError(f"prior is {self.prior!r}; give 'tolerances', None, or a GaussianPrior")
-        expect_kinds(
-            {
-                "loss": Loss,
-                "noise": TrackerNoise | None,
-                "registration": Registration | None,
-                "like": Calibration | None,
-            },
-            loss=self.loss,
-            noise=self.noise,
-            registration=self.registration,
-            like=self.like,
-        )
-        if self.frames not in ("fit", "fixed"):
-            raise ValueError(f"frames is {self.frames!r}; give 'fit' or 'fixed'")
-        if self.gross_errors not in ("leave out", "keep"):
-            raise ValueError(f"gross_errors is {self.gross_errors!r}; give 'leave out' or 'keep'")
         if not _within(self.target_within, 0.0, LARGEST_TARGET_WITHIN):
             raise ValueError(
                 f"target_within is {self.target_within!r}; give metres from 0 to {LARGEST_TARGET_WITHIN:g}"
@@ -128,15 +109,9 @@ class FitOptions:
         Raises:
             TypeError: an option that does not exist; the message names all.
         """
-        options = choices.pop("options", None)
-        expect_kinds({"options": FitOptions | None}, options=options)
-        options = options or cls()
-        keep = choices.get("keep")
-        if keep is not None and not isinstance(keep, str):
-            choices["keep"] = tuple(keep)
         if "loss" in choices and choices["loss"] is None:
             choices["loss"] = Squared()
-        return with_choices(options, choices, "a fit")
+        return options_of(cls, choices, "a fit")
 
     def keeping(self, names: Iterable[str]) -> "FitOptions":
         """The options, with these parameters estimated too where not all are."""

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.arguments import expect_kinds
+from taskcal.arguments import checked
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FitError
 from taskcal.estimation.least_squares import Stopping, fit
@@ -47,6 +47,7 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 
 
+@checked
 def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool = False) -> Validation:
     """Compare a campaign with the calibration's predictions.
 
@@ -60,7 +61,6 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
         CampaignError: nothing was measured, or the targets are not the calibration's.
         ClosureError: a closed loop cannot be assembled at some pose.
     """
-    expect_kinds({"calibration": Calibration, "campaign": Campaign}, calibration=calibration, campaign=campaign)
     if reregister:
         calibration = reregister_frames(calibration, campaign)
     _, others = in_its_frames(calibration, campaign)

@@ -381,10 +381,9 @@ def allocate_columns(
     shape = (n, 6 if angular else 3, layout.count)
     if out is None:
         return np.empty(shape)
-    if out.shape != shape or out.dtype != float or not (out.flags.c_contiguous and out.flags.writeable):
-        raise ValueError(
-            f"out has shape {out.shape} and type {out.dtype}; it has to be a writable, contiguous array of {shape} doubles"
-        )
+    if type(out) is not np.ndarray or out.shape != shape or out.dtype != float or not out.flags.carray:
+        given = f"has shape {out.shape} and type {out.dtype}" if hasattr(out, "dtype") else f"is a {type(out).__name__}"
+        raise ValueError(f"out {given}; it has to be a writable, contiguous array of {shape} doubles")
     return out
 
 

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from taskcal.arguments import checked
 from taskcal.errors import CampaignError, FileError, TaskcalError, UnknownName, shown
 from taskcal.plugins import load_plugins, state_faults
 from taskcal.robot.parameter import ShownUnit
@@ -121,6 +122,7 @@ class ObservedColumns:
 # Uncertainty of a laser tracker's points: along the beam and across it, growing with distance.
 
 
+@checked
 @short_repr
 @dataclass(frozen=True, kw_only=True)
 class TrackerNoise:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from pydantic import Field
 
-from taskcal.arguments import repeated
+from taskcal.arguments import checked, repeated
 from taskcal.errors import FileError, ReachError
 from taskcal.geometry import se3
 from taskcal.io.toml_file import Direction, Finite, HalfTurn, NotNegative, Positive, Quaternion, Section, read_toml
@@ -67,6 +67,7 @@ class Reflector:
     """Largest angle between its axis and the beam, radians."""
 
 
+@checked
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Station:
@@ -159,6 +160,7 @@ class StationFile(Section):
         )
 
 
+@checked
 def load_station(path: str | Path) -> Station:
     """Read a station file.
 

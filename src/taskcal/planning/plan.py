@@ -7,10 +7,10 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.arguments import expect_kinds, options_of
+from taskcal.arguments import checked, options_of
 from taskcal.campaigns.campaign import Campaign, in_blocks
-from taskcal.errors import CampaignError, ReachError, UnknownName
-from taskcal.estimation.experiment_design import CRITERIA, Candidates, Choice, Criterion, choose, choose_at_random
+from taskcal.errors import CampaignError, ReachError
+from taskcal.estimation.experiment_design import Candidates, Choice, Criterion, choose, choose_at_random
 from taskcal.estimation.matrices import single_threaded
 from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.clearance import place_links
@@ -200,13 +200,14 @@ class PlanChoices(TypedDict, total=False):
     stations: int
 
 
+@checked
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlanOptions:
     """Options of a plan; `dataclasses.replace` gives others.
 
     Raises:
-        UnknownName: a criterion that does not exist.
+        WrongKind: a criterion that does not exist.
         ValueError: a campaign and a calibration.
     """
 
@@ -242,26 +243,8 @@ class PlanOptions:
     """Places that the tracker is moved to, as many poses one after another at each; the frame of each is unknown."""
 
     def __post_init__(self) -> None:
-        expect_kinds(
-            {
-                "campaign": Campaign | None,
-                "calibration": Calibration | None,
-                "station": Station | None,
-                "registration": Registration | None,
-                "noise": TrackerNoise | None,
-                "observe": Instrument | None,
-            },
-            campaign=self.campaign,
-            calibration=self.calibration,
-            station=self.station,
-            registration=self.registration,
-            noise=self.noise,
-            observe=self.observe,
-        )
         if self.campaign is not None and self.calibration is not None:
             raise ValueError("give the campaign or the calibration from it; together they would count it twice")
-        if self.criterion not in CRITERIA:
-            raise UnknownName("criterion", self.criterion, CRITERIA)
         if self.stations < 1 or (self.stations > 1 and (self.observe or self.campaign or self.calibration)):
             raise ValueError(
                 f"{self.stations} stations are those of a tracker and of a plan that begins anew; give one or more, and leave out "
@@ -600,6 +583,7 @@ def check_count(count: int, options: PlanOptions, targets: int) -> None:
         )
 
 
+@checked
 @single_threaded
 def plan(model: ErrorModel, task: Task, count: int = 60, **options: Unpack[PlanChoices]) -> Plan:
     """Choose the poses whose measurement leaves the least expected error over the task.
@@ -646,7 +630,6 @@ def plan(model: ErrorModel, task: Task, count: int = 60, **options: Unpack[PlanC
         ReachError: no candidate can be reached and seen, or a fixture cannot be measured.
         CampaignError: fewer poses than frames and fixtures need, or a campaign or calibration that cannot be extended.
     """
-    expect_kinds({"model": ErrorModel, "task": Task}, model=model, task=task)
     chosen = options_of(PlanOptions, options, "a plan")
     targets = 1 if chosen.station is None else len(chosen.station.reflectors)
     check_count(count, chosen, targets)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.analysis.identifiability import Identifiability, describe_combination, identifiability, published_kept
-from taskcal.arguments import expect_kinds, options_of
+from taskcal.arguments import checked, options_of
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, shortened
 from taskcal.estimation.matrices import pseudo_invert_scaled, single_threaded
@@ -50,6 +50,7 @@ class SelectionChoices(TypedDict, total=False):
     progress: Callable[[str], None]
 
 
+@checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SelectionOptions:
     """Options of a choice of parameters; `dataclasses.replace` gives others."""
@@ -69,13 +70,6 @@ class SelectionOptions:
     None for that of the robot's file, or of a typical robot (`model_error_of`)."""
     progress: Callable[[str], None] = lambda _: None
     """Told what is being done."""
-
-    def __post_init__(self) -> None:
-        expect_kinds(
-            {"noise": TrackerNoise | None, "hyperparameters": Hyperparameters | None},
-            noise=self.noise,
-            hyperparameters=self.hyperparameters,
-        )
 
 
 # Why parameters are not in a model that was chosen.
@@ -321,6 +315,7 @@ class Selection:
         }
 
 
+@checked
 @single_threaded
 def select(
     model: ErrorModel,
@@ -360,9 +355,6 @@ def select(
         ReachError: the robot does not reach the task.
         CampaignError: the accuracy is below what even the full model is expected to reach, or too few rows.
     """
-    expect_kinds(
-        {"model": ErrorModel, "task": Task, "campaign": Campaign | None}, model=model, task=task, campaign=campaign
-    )
     chosen = options_of(SelectionOptions, options, "a selection")
     chosen.progress(REACHING)
     reached = reach_task(model, task, chosen.count, chosen.seed)

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.analysis.identifiability import published_kept
-from taskcal.arguments import expect_kinds, options_of
+from taskcal.arguments import checked, options_of
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import (
     CampaignError,
@@ -81,12 +81,13 @@ class StudyChoices(TypedDict, total=False):
     stations: int
 
 
+@checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StudyOptions:
     """Options of a study; `dataclasses.replace` gives others.
 
     Raises:
-        UnknownName: a plan or a model that does not exist.
+        UnknownName: a model that does not exist.
     """
 
     robots: int = 200
@@ -116,13 +117,6 @@ class StudyOptions:
     """Places that the tracker is moved to, as many poses one after another at each."""
 
     def __post_init__(self) -> None:
-        kinds = {"noise": TrackerNoise | None, "calibration": Calibration | None}
-        expect_kinds(kinds, noise=self.noise, calibration=self.calibration)
-        for name in ("counts", "plans", "models", "observe"):
-            object.__setattr__(self, name, tuple(getattr(self, name)))
-        for kind in self.plans:
-            if kind not in PLANS:
-                raise UnknownName("plan", kind, PLANS)
         for name in self.models:
             if name not in MODELS:
                 raise UnknownName("model", name, MODELS)
@@ -487,6 +481,7 @@ class Study:
         }
 
 
+@checked
 def study(
     model: ErrorModel,
     task: Task,
@@ -533,12 +528,11 @@ def study(
 
     Raises:
         CampaignError: the calibration is of another robot or model, or has no prior.
-        UnknownName: a plan, model or engine that does not exist.
+        UnknownName: a model or engine that does not exist.
         FileError: the file to resume from belongs to another study.
         ReachError: the robot does not reach the task.
         FitError: not a single campaign could be fitted; where some were, `Study.failed` has the others.
     """
-    expect_kinds({"model": ErrorModel, "task": Task}, model=model, task=task)
     chosen = options_of(StudyOptions, options, "a study")
     setting = _prepare(model, task, chosen)
     done = _read(resume, setting)

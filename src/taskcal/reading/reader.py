@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from taskcal.arguments import expect_kinds
+from taskcal.arguments import checked
 from taskcal.campaigns.campaign import Campaign, with_distances, with_unknown_scale
-from taskcal.errors import FileError, shown
+from taskcal.errors import FileError, WrongValue, shown
 from taskcal.observations import Point, Pose, Read, kinds
 from taskcal.reading.readings import MAX_TARGETS, AngleForm, Readings, no_joint, read_readings
 from taskcal.reading.rows import average_shots, side_by_side, with_targets_in_names, without_means
@@ -36,6 +36,7 @@ class ReadOptions:
     """Whether the scale of measured lengths (`d_mm`) is unknown."""
 
 
+@checked
 def read_campaign(
     path: str | Path | Sequence[str | Path],
     robot: Robot,
@@ -75,14 +76,15 @@ def read_campaign(
     Raises:
         FileError: with file, line, column, value and a remedy, for anything that cannot be read as a campaign; the first
             twenty faults.
+        WrongValue: no file is named.
         CampaignError: the rows of a station do not determine where it is.
     """
-    expect_kinds({"robot": Robot}, robot=robot)
+    paths = [path] if isinstance(path, (str, Path)) else path
+    if not paths:
+        raise WrongValue("path names no file; give one or several")
     parts = [
         (name, campaign_of(part, robot, targets, reference_points))
-        for name, part in _by_station(
-            [path] if isinstance(path, (str, Path)) else path, robot, options or ReadOptions()
-        )
+        for name, part in _by_station(paths, robot, options or ReadOptions())
     ]
     campaign = _joined(parts, robot) if parts[0][0] else parts[0][1]
     if options is not None and options.wire_scale:

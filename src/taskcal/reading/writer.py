@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.arguments import checked
 from taskcal.campaigns.campaign import Campaign
 from taskcal.geometry import se3
 from taskcal.io.files import write_whole
@@ -20,6 +21,7 @@ Columns = dict[str, list[str]]
 """Cells as text, by the names of their columns."""
 
 
+@checked
 def write_campaign(path: str | Path, campaign: Campaign, robot: Robot) -> None:
     """Write a campaign that `read_campaign` reads back: millimetres and degrees, lost beams empty.
 
@@ -97,12 +99,15 @@ def readings_text(readings: Readings, robot: Robot) -> str:
     return _table(columns)
 
 
+@checked
 def write_joints(path: str | Path, q: Float[np.ndarray, "n joints"], robot: Robot) -> None:
     """Write joint positions to be measured: ``id`` and a column for each joint.
 
     Raises:
+        WrongValue: they are of another number of joints.
         FileError: the folder is missing or not writable.
     """
+    robot.check_shape(q)
     write_whole(path, joints_text(q, robot))
 
 

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.arguments import expect_kinds
+from taskcal.arguments import checked
 from taskcal.campaigns.campaign import Campaign, check_rows, named_file
 from taskcal.errors import CampaignError, ClosureError
 from taskcal.estimation.matrices import single_threaded
@@ -167,6 +167,7 @@ class Registration:
         return tuple(bool(s < 1e-6) for s in share)
 
 
+@checked
 @single_threaded
 def register(model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 4 4"] | None = None) -> Registration:
     """Find the tracker frame and every target in closed form, then by a search from many orientations if that fails.
@@ -183,7 +184,6 @@ def register(model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 
     Raises:
         CampaignError: too few rows, or rows that do not determine the frames.
     """
-    expect_kinds({"model": ErrorModel, "campaign": Campaign}, model=model, campaign=campaign)
     check_rows(campaign)
     T = nominal_poses(model, campaign) if poses is None else poses
     if campaign.observations:

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.arguments import expect_kinds
+from taskcal.arguments import checked, repeated
 from taskcal.campaigns.campaign import Campaign, Stations, join, named_file
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
@@ -28,6 +28,7 @@ TRACKER_NOISE_M = 1e-4
 laser tracker."""
 
 
+@checked
 def join_stations(model: ErrorModel, parts: Sequence[tuple[str, Campaign]]) -> Campaign:
     """One campaign of what a tracker measured from several stations, carried into the frame of the first.
 
@@ -43,7 +44,6 @@ def join_stations(model: ErrorModel, parts: Sequence[tuple[str, Campaign]]) -> C
         CampaignError: a part has no name, was not measured by a tracker alone, or does not determine where its station is;
             reference points keep no distance; or some parts state uncertainties or rotations and others do not.
     """
-    expect_kinds({"model": ErrorModel}, model=model)
     for name, part in parts:
         if not name:
             raise CampaignError(f"{named_file(part)}a station has no name; give each row's in the column station")
@@ -55,9 +55,12 @@ def join_stations(model: ErrorModel, parts: Sequence[tuple[str, Campaign]]) -> C
     names = tuple(dict.fromkeys(name for name, _ in parts))
     whole = join([part for _, part in parts], alike=True)
     of = np.repeat([names.index(name) for name, _ in parts], [len(part) for _, part in parts])
-    ids = tuple(text for _, part in parts for text in part.ids)
-    if len(set(ids)) < len(ids):
-        ids = tuple(f"{names[k]}:{text}" for k, text in zip(of, ids, strict=True))
+    named = [(name, number, text) for number, (name, part) in enumerate(parts, 1) for text in part.ids]
+    ids = tuple(text for _, _, text in named)
+    if repeated(ids):
+        ids = tuple(f"{name}:{text}" for name, _, text in named)
+    if repeated(ids):  # several parts of one station
+        ids = tuple(f"{name}:{number}:{text}" for name, number, text in named)
     stations = Stations(names=names, of=of, T_first_station=np.tile(np.eye(4), (len(names), 1, 1)))
     whole = replace(whole, ids=ids, stations=stations)
     if len(names) == 1:

@@ -7,6 +7,7 @@ from typing import Any
 
 import tomli_w
 
+from taskcal.arguments import checked
 from taskcal.errors import FileError, TaskcalError, UnknownName, shown
 from taskcal.plugins import load_plugins, state_faults
 from taskcal.robot.importers import dh, ur, urdf
@@ -99,6 +100,7 @@ def _catalogued(name: str) -> Robot:
     return read_robot(_folder() / f"{name}.toml")
 
 
+@checked
 def load_robot(
     source: str | Path, *, tip: str | None = None, base: str | None = None, trust_xacro: bool = False
 ) -> Robot:

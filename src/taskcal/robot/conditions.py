@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from taskcal.arguments import checked_with_gaps
 from taskcal.errors import TaskcalError
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
 
 
+@checked_with_gaps
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Conditions:

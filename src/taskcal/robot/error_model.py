@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.arguments import expect_kinds, repeated
+from taskcal.arguments import checked, repeated
 from taskcal.errors import TaskcalError, UnknownName
 from taskcal.kernels import walk
 from taskcal.kernels.chain import Chain, ErrorFrame, Joint, Step
@@ -89,8 +89,8 @@ class ErrorModel:
     effect_names: tuple[str, ...]
     """Names of their parameters."""
 
+    @checked
     def __init__(self, robot: Robot, *, lengths_only: bool = False, effects: Sequence[Effect] = ()):
-        expect_kinds({"robot": Robot}, robot=robot)
         self.robot = robot
         self.lengths_only = lengths_only
         self.effects = tuple(effects)
@@ -275,9 +275,7 @@ class ErrorModel:
             ClosureError: a closed loop cannot be assembled at some pose.
         """
         q = np.ascontiguousarray(q, dtype=float)
-        joints = len(self.robot.joints)
-        if q.ndim != 2 or q.shape[1] != joints:
-            raise ValueError(f"q has shape {q.shape}; {self.robot.name} needs (n, {joints}), in radians")
+        self.robot.check_shape(q)
         x = np.zeros(len(self.parameters)) if x is None else np.asarray(x, dtype=float)
         if x.shape != (len(self.parameters),):
             raise ValueError(
@@ -302,6 +300,7 @@ class ErrorModel:
             factor = np.concatenate(factors, axis=1)
         return Walk(s=s, e=self.error_frames(x), factor=factor, slopes=tuple(slopes))
 
+    @checked
     def poses(
         self,
         q: Float[np.ndarray, "n joints"],
@@ -333,6 +332,7 @@ class ErrorModel:
         in_chunks(fill, len(q))
         return out
 
+    @checked
     def jacobian(
         self,
         q: Float[np.ndarray, "n joints"],

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from taskcal.errors import ReachError, shortened
+from taskcal.errors import ReachError, WrongValue, shortened
 from taskcal.geometry import se3
 from taskcal.kernels import walk
 from taskcal.kernels.chain import Chain, Fixed, Joint, JointKind, Step
@@ -304,13 +304,24 @@ class Robot:
                 out.append((int(row), f"{shown} is outside {low * scale:g} to {high * scale:g}{unit}"))
         return sorted(out)
 
+    def check_shape(self, q: Float[np.ndarray, "n joints"]) -> None:
+        """Refuse joint positions of another number of joints.
+
+        Raises:
+            WrongValue: they are.
+        """
+        if q.ndim != 2 or q.shape[1] != len(self.joints):
+            raise WrongValue(f"q has shape {q.shape}; {self.name} needs (n, {len(self.joints)}), in radians")
+
     def check_radians(self, q: Float[np.ndarray, "n joints"]) -> None:
         """Refuse joint positions that can only be degrees: more than two turns, and beyond the joint's limits.
 
         Raises:
-            ReachError: one is; the message names it.
+            WrongValue: as `check_shape`.
+            ReachError: one can only be degrees; the message names it.
         """
-        if not np.size(q) or np.abs(q).max() <= TWO_TURNS or q.ndim != 2 or q.shape[1] != len(self.joints):
+        self.check_shape(q)
+        if not len(q) or np.abs(q).max() <= TWO_TURNS:
             return
         low, high = self.limits.T
         wrong = (np.abs(q) > TWO_TURNS) & ((q < low) | (q > high)) & ~np.array(self.prismatic)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from pydantic import Field, model_validator
 
-from taskcal.arguments import expect_kinds
+from taskcal.arguments import checked
 from taskcal.errors import FileError, ReachError
 from taskcal.geometry import se3
 from taskcal.io.toml_file import Direction, Finite, HalfTurn, Positive, Section, read_toml
@@ -26,6 +26,7 @@ AT_THE_BASE = 0.01
 Triple = tuple[Finite, Finite, Finite]
 
 
+@checked
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Task:
@@ -64,6 +65,7 @@ class TaskPoses:
         return len(self.q)
 
 
+@checked
 def reach_task(model: ErrorModel, task: Task, count: int = 200, seed: int = 0) -> TaskPoses:
     """Poses of a task with the joints that reach them, continuous in the branch of the task's middle.
 
@@ -76,7 +78,6 @@ def reach_task(model: ErrorModel, task: Task, count: int = 200, seed: int = 0) -
     Raises:
         ReachError: the robot reaches the task nowhere, or leaves the branch along a path; or the task is at its very base.
     """
-    expect_kinds({"model": ErrorModel, "task": Task}, model=model, task=task)
     model = model.nominal
     _check_unit(model, task)
     if task.workspace is not None:
@@ -350,6 +351,7 @@ def _read_poses(path: Path) -> tuple[Float[np.ndarray, "n 4 4"], Float[np.ndarra
     return T, weights
 
 
+@checked
 def load_task(path: str | Path) -> Task:
     """Read a task file.
 

@@ -6,10 +6,12 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
+from taskcal.arguments import checked
 from taskcal.geometry import se3
 from taskcal.short_repr import short_repr
 
 
+@checked
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Orientation:
@@ -32,6 +34,7 @@ class Orientation:
         return self.rotation @ se3.exp(tilt[:, None] * axis) @ se3.exp(turn)
 
 
+@checked
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Workspace:

@@ -7,7 +7,7 @@ from typing import TypedDict, Unpack
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.arguments import expect_kinds, options_of
+from taskcal.arguments import checked, options_of
 from taskcal.campaigns.campaign import Campaign, in_blocks, join
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
@@ -270,6 +270,7 @@ class SimulationChoices(TypedDict, total=False):
     stations: int
 
 
+@checked
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SimulationOptions:
@@ -304,11 +305,6 @@ class SimulationOptions:
     """How many places the tracker stands at, evenly about the robot; as many rows one after another are measured from each."""
 
     def __post_init__(self) -> None:
-        expect_kinds(
-            {"noise": TrackerNoise | None, "conditions": Conditions | None},
-            noise=self.noise,
-            conditions=self.conditions,
-        )
         for name in self.kinds:
             if self.instruments.count(name) > 1:
                 raise CampaignError(f"'{self.observe}' names {name} twice; name each instrument once")
@@ -352,6 +348,7 @@ class SimulationOptions:
         return dict(list(named.items())[:1]) if self.pose else named
 
 
+@checked
 def simulate(
     model: ErrorModel,
     q: Float[np.ndarray, "n joints"],
@@ -405,7 +402,6 @@ def simulate(
         CampaignError: in none of some cells does the robot reach all that stands there.
         ClosureError: a closed loop cannot be assembled at some pose.
     """
-    expect_kinds({"model": ErrorModel}, model=model)
     chosen, q = options_of(SimulationOptions, options, "a simulation"), np.asarray(q, dtype=float)
     kinds = chosen.kinds
     if len(q) < len(kinds):

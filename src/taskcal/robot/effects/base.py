@@ -1,12 +1,13 @@
 """Base of all effects: names, joints, tolerances, description and registration."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.arguments import as_kind
 from taskcal.errors import TaskcalError, UnknownName, shown
 from taskcal.kernels.chain import ErrorFrame, Fixed, Joint, Step
 from taskcal.plugins import load_plugins, state_faults
@@ -305,6 +306,15 @@ class Effect:
                     "quantity", quantity, get_args(Quantity), f"that a campaign tells, for {cls.__name__}"
                 )
         register(cls)
+
+    def __post_init__(self) -> None:
+        """See that options are what their annotations say.
+
+        Raises:
+            WrongKind, WrongValue: as `taskcal.arguments.checked`.
+        """
+        for option in fields(self):
+            object.__setattr__(self, option.name, as_kind(option.name, getattr(self, option.name), option.type))
 
     @classmethod
     def candidates(cls, robot: Robot, conditions: Conditions) -> "Sequence[Effect]":

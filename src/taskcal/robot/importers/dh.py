@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from jaxtyping import Bool, Float
 
-from taskcal.arguments import repeated
+from taskcal.arguments import checked, repeated
 from taskcal.errors import FileError, TaskcalError, UnknownName, printable, shown
 from taskcal.robot.importers.base import RobotImporter
 from taskcal.robot.robot import Robot
@@ -354,6 +354,7 @@ def describe_dh_table(
     return described
 
 
+@checked
 def read_dh_table(path: str | Path, convention: str, name: str | None = None, units: str | None = None) -> Robot:
     """The robot of a Denavit–Hartenberg table; arguments and errors as `describe_dh_table`."""
     return robot_from(describe_dh_table(path, convention, name, units))
