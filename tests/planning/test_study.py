@@ -317,7 +317,7 @@ def test_an_accuracy_is_judged_at_single_poses():
     geometry = rng.uniform(0.1, 0.3, 20)
     single = np.hypot(geometry, 0.25)
     rows = tuple(
-        {"robot": i, "observe": "tracker", "plan": plan, "count": 10, "model": "all", "max_mm": 1.0}
+        {"robot": i, "observe": "tracker", "plan": plan, "count": 10, "model": "all", "max_mm": 1.0, "failed": ""}
         | {"rms_mm": factor * geometry[i], "rms_with_model_error_mm": factor * single[i]}
         for i in range(20)
         for plan, factor in (("grid", 1.0), ("random", 2.0))
