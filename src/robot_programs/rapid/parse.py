@@ -171,8 +171,9 @@ class ExpressionParser(Words):
             case _:
                 if token.key == "[" and (end := self._numbers(token.start)):
                     self.jump(end)
-                    self.grow(0)
-                    return Aggregate(start=token.start, end=end, content=self.text)
+                    literal = Aggregate(start=token.start, end=end, content=self.text)
+                    self.grow(0 if literal.is_plain else 1)
+                    return literal
                 if self.skip("["):
                     items = self._list("]")
                     self.grow(self.height)
@@ -186,7 +187,7 @@ class ExpressionParser(Words):
 
     def _numbers(self, start: int) -> int:
         """End of a list of nothing but numbers; 0 where there is none, or where its signs are nested too deeply."""
-        return list_end(self.text, start) if self.depth + 2 <= MAX_DEPTH else 0
+        return list_end(self.text, start) if self.depth + 3 <= MAX_DEPTH else 0
 
     def _list(self, closing: str) -> tuple[Expression, ...]:
         if self.skip(closing):

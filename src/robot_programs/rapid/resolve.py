@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -171,7 +172,7 @@ class TargetArgument:
     external: tuple[float, ...]
     """Positions of external axes, as the program gives them."""
 
-    @property
+    @cached_property
     def T(self) -> Float[np.ndarray, "4 4"]:
         """The pose that is meant."""
         return pose_of(self.meant[:3], self.meant[3:7])
@@ -327,13 +328,14 @@ def leaves(literal: Aggregate) -> tuple[Number, ...]:
 
 def _literal(node: Aggregate, type_: TargetType) -> Aggregate | None:
     shape = (3, 4, 4, 6) if type_ == "robtarget" else (6, 6)
-    if len(node.items) != len(shape):
+    items = node.items
+    if len(items) != len(shape):
         return None
-    for item, count in zip(node.items, shape, strict=True):
+    for item, count in zip(items, shape, strict=True):
         if not isinstance(item, Aggregate):
             return None
         if item.is_plain:
-            if len(item.numbers) != count:
+            if item.count != count:
                 return None
             continue
         if len(item.items) != count or not all(isinstance(leaf, Number) for leaf in item.items):

@@ -29,6 +29,9 @@ _NUMBER = r"(?: [0-9]+ (?:\.[0-9]*)? | \.[0-9]+ ) (?:[eE][+-]?[0-9]+)?"
 _SIGNED = rf"(?: [+-] \s* )? {_NUMBER}"
 # bounded, as what is repeated is kept by the search until the list ends
 _LIST = re.compile(rf"\[ \s* {_SIGNED} \s* (?: , \s* {_SIGNED} \s* ){{0,99}} \]", re.VERBOSE)
+# a target that is written out: lists of numbers in one, each tried in one way only
+_NESTED = re.compile(rf"\[ \s* (?>{_LIST.pattern}) \s* (?: , \s* (?>{_LIST.pattern}) \s* ){{0,9}} \]", re.VERBOSE)
+_BEGINS_NESTED = re.compile(r"\[\s*\[")
 _IN_LIST = re.compile(rf"(?: ([+-]) \s* )? ({_NUMBER})", re.VERBOSE)
 
 HEADER = "%%%"
@@ -80,8 +83,8 @@ def words(text: str, start: int, end: int) -> Iterator[Token]:
 
 
 def list_end(text: str, start: int) -> int:
-    """End of the list of decimal numbers and nothing else that begins somewhere; 0 where none does, or a long one."""
-    found = _LIST.match(text, start)
+    """End of the list of decimal numbers, or of lists of these, that begins somewhere; 0 where none does, or a long one."""
+    found = (_NESTED if _BEGINS_NESTED.match(text, start) else _LIST).match(text, start)
     return found.end() if found else 0
 
 
@@ -144,27 +147,54 @@ class Aggregate(Node):
     """Values in square brackets: a record or an array."""
 
     content: "tuple[Expression, ...] | str"
-    """The values; the text of the file where they are a few numbers, which are most of a program and read again."""
+    """The values; the text of the file where they are a few numbers or lists of these, most of a program, which are read again."""
+
+    @property
+    def is_literal(self) -> bool:
+        """Whether it is known to hold nothing but numbers, itself or in lists."""
+        return isinstance(self.content, str)
 
     @property
     def is_plain(self) -> bool:
-        """Whether it is known to hold nothing but numbers."""
-        return isinstance(self.content, str)
+        """Whether it is known to hold nothing but numbers itself."""
+        return isinstance(self.content, str) and not _BEGINS_NESTED.match(self.content, self.start)
 
     @property
     def numbers(self) -> tuple[float, ...]:
         """Numbers of a plain aggregate."""
-        return tuple(value for _, _, value in self._listed())
+        if not isinstance(self.content, str):
+            return ()
+        try:
+            return tuple(map(float, self.content[self.start + 1 : self.end - 1].split(",")))
+        except ValueError:  # a sign stands apart from its number
+            return tuple(value for _, _, value in self._listed())
+
+    @property
+    def count(self) -> int:
+        """How many numbers a plain aggregate has."""
+        return self.content.count(",", self.start, self.end) + 1 if isinstance(self.content, str) else 0
+
+    @property
+    def values(self) -> "tuple[float | tuple[float, ...], ...]":
+        """Numbers of a literal one, those of its lists together."""
+        return self.numbers if self.is_plain else tuple(one.numbers for one in self._lists())
 
     @property
     def items(self) -> tuple["Expression", ...]:
-        """The values; those of a plain one are other objects each time."""
+        """The values; those of a literal one are other objects each time."""
         if not isinstance(self.content, str):
             return self.content
+        if not self.is_plain:
+            return tuple(self._lists())
         return tuple(Number(start=start, end=end, value=value) for start, end, value in self._listed())
 
     def _listed(self) -> Iterator[tuple[int, int, float]]:
         return listed(self.content, self.start, self.end) if isinstance(self.content, str) else iter(())
+
+    def _lists(self) -> "Iterator[Aggregate]":
+        text = self.content if isinstance(self.content, str) else ""
+        for found in _LIST.finditer(text, self.start + 1, self.end):
+            yield Aggregate(start=found.start(), end=found.end(), content=text)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -230,7 +260,7 @@ def parts(node: Expression) -> Iterator[Expression]:
 def inside(node: Expression) -> tuple[Expression, ...]:
     """The expressions that stand right in one; none of a list of nothing but numbers."""
     match node:
-        case Aggregate() if not node.is_plain:
+        case Aggregate() if not node.is_literal:
             return node.items
         case Operation():
             return node.operands

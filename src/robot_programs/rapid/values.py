@@ -562,8 +562,8 @@ class Values:
         match expression:
             case Number() | Text() | Truth():
                 return expression.value
-            case Aggregate() if expression.is_plain and depth < MAX_REFERENCES:
-                return expression.numbers
+            case Aggregate() if expression.is_literal and depth < MAX_REFERENCES - 1:
+                return expression.values
             case Aggregate():
                 return tuple(self.of(item, scope, depth + 1) for item in expression.items)
             case Reference():
@@ -666,6 +666,8 @@ class Values:
             raise Unresolved(f"'{symbol.name}' is declared without a value")
         if isinstance(node, Number) and depth < MAX_REFERENCES:
             return node.value
+        if isinstance(node, Aggregate) and node.is_literal:
+            return node.values
         if node not in self._known:
             self._known[node] = Values(assigned=self.assigned, _known=self._known).of(node, symbol.scope, depth + 1)
         return self._known[node]

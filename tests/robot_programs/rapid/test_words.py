@@ -70,3 +70,21 @@ def test_list_of_numbers_holds_each_with_its_place(blanks):
     assert [repr(n.value) for n in plain.items] == [repr(n.value) for n in whole.items]
     assert [text[n.start : n.end] for n in plain.items] == numbers
     assert plain.numbers == tuple(n.value for n in whole.items)
+    assert plain.count == len(numbers)
+
+
+@pytest.mark.parametrize("blanks", ["", " ", "\n\t"])
+def test_target_of_numbers_is_the_same_as_word_by_word(blanks):
+    target = "[[1,-2.5,3E2],[1,0,0,0],[0,-1,- 1,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+    target = target.replace(",", f"{blanks},{blanks}").replace("[", f"[{blanks}").replace("]", f"{blanks}]")
+    text = f"MODULE M\nCONST robtarget p:={target};\nENDMODULE\n"
+    slow = text.replace("[", "[!\n")
+    ((module,), problems), ((other,), others) = parser.parse(text), parser.parse(slow)
+    assert not problems
+    assert not others
+    one, two = module.declarations[0].value, other.declarations[0].value
+    assert (one.is_literal, one.is_plain, two.is_literal) == (True, False, False)
+    assert one.values == tuple(tuple(n.value for n in inner.items) for inner in two.items)
+    spelled = [[text[n.start : n.end] for n in inner.items] for inner in one.items]
+    assert spelled == [[slow[n.start : n.end] for n in inner.items] for inner in two.items]
+    assert text[one.start : one.end] == target
