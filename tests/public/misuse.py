@@ -28,7 +28,7 @@ from taskcal.virtual.cell import SimulationOptions
 RESULTS = {"Calibration", "Comparison", "Correction", "Plan", "Selection", "Study", "Validation", "Robot", "Cell"}
 """Classes that functions make and users do not."""
 
-SECONDS = 20
+SECONDS = 120
 """After which a call counts as hung."""
 
 
