@@ -113,6 +113,16 @@ def test_commands_share_the_options_of_a_campaign(name: str) -> None:
         assert parameters[one.name] == [f"--{one.name.replace('_', '-')}", *second]
 
 
+def test_no_command_takes_a_count_of_no_poses(run: Run) -> None:
+    counted = [name for name, command in commands().items() if any("--count" in one.opts for one in command.params)]
+    assert len(counted) > 4
+    for name in counted:
+        ended = run(name, "--count", "0")
+        assert ended.status == 2
+        assert "--count" in ended.err
+        assert "Missing" not in ended.err
+
+
 def test_option_names_have_their_unit() -> None:
     units = {"MM": "-mm", "DEG": "-deg", "S": "-s", "MM/S": "-mm-s"}
     named = [

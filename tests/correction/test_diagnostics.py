@@ -9,7 +9,7 @@ import pytest
 from robot_programs.core.program import Program
 from robot_programs.core.source import Source
 from taskcal.correction.cell import Cell, Measured
-from taskcal.correction.controller import JointMotion
+from taskcal.correction.controller import TURN_SPEED_RAD_S, JointMotion
 from taskcal.correction.correct import diagnose, diagnose_unchanged_files, diagnose_unused_frames
 
 
@@ -77,6 +77,12 @@ def test_singular_posture_is_named_by_its_motion(robot, program, corrected):
     (diagnostic,) = said(program, corrected, calm(robot, conditioning=0.01, nearest_singular=2))
     assert diagnostic.place == program.moves[2].place
     assert "passes near a singular posture (ratio 0.010)" in diagnostic.text
+
+
+def test_an_assumed_turning_speed_is_said_in_degrees_per_second(robot, program, corrected):
+    (diagnostic,) = said(program, corrected, calm(robot, turn_speed_assumed=1))
+    assert diagnostic.place == program.moves[1].place
+    assert f"those at {round(180.0 / np.pi * TURN_SPEED_RAD_S)}°/s from here on" in diagnostic.text
 
 
 def test_unused_frames_are_named_with_the_used_ones(program):

@@ -23,7 +23,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from tests.mutants.budget import TIME_IS_UP
-from tests.mutants.mutations import Mutation, mutations
+from tests.mutants.mutations import Mutation, is_python, mutations
 from tests.mutants.nearest_tests import nearest_tests, package_of, shares
 from tests.touched import imports_of_files
 
@@ -96,7 +96,9 @@ def _draw_of_package(lines: Mapping[Path, int], count: int, rng: random.Random) 
             for mutation in mutations(ROOT, path):
                 possible[path][mutation.line].append(mutation)
         if possible[path]:
-            drawn[rng.choice(possible[path][rng.choice(sorted(possible[path]))])] = None
+            one = rng.choice(possible[path][rng.choice(sorted(possible[path]))])
+            if one in drawn or is_python(one.mutated(ROOT)):
+                drawn[one] = None
     return list(drawn)
 
 

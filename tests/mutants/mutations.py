@@ -75,6 +75,15 @@ def _operator(name: str) -> "Operator":
     return OWN[name]() if name in OWN else get_operator(name)()
 
 
+def is_python(text: str) -> bool:
+    """Whether a module can be read: one that cannot, as where a dictionary's `**` became `*`, is noticed by any run."""
+    try:
+        ast.parse(text)
+    except SyntaxError:
+        return False
+    return True
+
+
 def silent_ranges(text: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
     """Beginning and end, line and column, of what a run does not notice: annotations, decorators, imports."""
     for node in ast.walk(ast.parse(text)):

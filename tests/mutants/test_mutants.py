@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from tests.mutants.__main__ import Trial, failing, trial_of, wilson
-from tests.mutants.mutations import Mutation, silent_ranges
+from tests.mutants.mutations import Mutation, is_python, silent_ranges
 from tests.mutants.nearest_tests import nearest_tests, package_of, shares
 
 MODULE = Path("src/taskcal/geometry/se3.py")
@@ -24,6 +24,11 @@ def test_annotations_decorators_and_imports_are_silent() -> None:
     lines = text.splitlines()
     found = [lines[begin[0] - 1][begin[1] : end[1]] for begin, end in silent_ranges(text)]
     assert sorted(found) == ["'Float[3]'", "Literal[5]", "f(1)", "from a import b"]
+
+
+def test_what_is_no_python_is_told() -> None:
+    assert is_python("a = {1: 2, **b}\n")
+    assert not is_python("a = {1: 2, *b}\n")
 
 
 def test_tests_of_a_module_are_its_own_then_the_nearest() -> None:

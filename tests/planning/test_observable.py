@@ -4,7 +4,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from taskcal.observations import CameraInstrument
-from taskcal.observations.instrument import find_measurable
+from taskcal.observations.instrument import Instrument, find_measurable, instrument_class
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from tests.planning.without_tracker import INSTRUMENTS, MODEL, TASK, TIP, instrument_of
@@ -20,6 +20,17 @@ def test_joints_that_turn_more_than_once_are_not_wound_up():
     reached = model.poses(found.q[found.visible[:, 0]])
     apart = np.abs(reached[:, None] - goals[None]).max(axis=(2, 3)).min(axis=1)
     assert apart.max() < 1e-6
+
+
+def test_a_probe_is_brought_to_the_plane_that_it_touches():
+    """In the orientations in which it would be anywhere about the task."""
+    way = instrument_class("plane").set_up(MODEL, TASK, TIP)
+    u = qmc.Halton(6, rng=0).random(30)
+    anywhere = Instrument.goals(way, MODEL, TASK, 0, u)
+    for number, (*normal, offset) in enumerate(way.unknown.reshape(-1, 4)):
+        goals = way.goals(MODEL, TASK, number, u)
+        np.testing.assert_allclose((goals @ way.T_tool_tip)[:, :3, 3] @ normal, offset, atol=1e-9)
+        np.testing.assert_allclose(goals[:, :3, :3], anywhere[:, :3, :3], atol=1e-12)
 
 
 def test_default_fixtures_are_above_base_and_apart():

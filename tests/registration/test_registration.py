@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from taskcal.campaigns.campaign import Campaign, check_rows
 from taskcal.demo.procedure import reference_task
 from taskcal.errors import CampaignError, ReachError
-from taskcal.observations import Sockets
+from taskcal.observations import Point, Sockets
 from taskcal.registration.registration import register
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -123,14 +123,24 @@ def test_target_stays_at_tcp_and_unlocated_in_one_orientation(kind):
 
 
 def test_a_ball_in_sockets_in_one_orientation_is_not_located():
-    """What a kind of observation does not tell of its own target the registration states, of this target alone."""
+    """What the rows do not tell of a target is stated of it alone, whatever measured it; located is what all axes tell of."""
     model, rng = gantry(), np.random.default_rng(0)
     of = np.arange(18) % 3
     q = rng.uniform(-0.4, 0.4, (3, 3))[of] + 1e-5 * rng.normal(size=(18, 3))
-    kind = Sockets(sockets=("a", "b", "c"), of=of)
-    found = register(model, campaign_of(q, "ball", kind))
+    campaign = campaign_of(q, "ball", Sockets(sockets=("a", "b", "c"), of=of))
+    found = register(model, campaign)
     assert found.located == (False,)
     np.testing.assert_allclose(found.unobservable, np.eye(3), atol=1e-9)
+    assert replace(found, unobservable=np.diag([0.0, 0.0, 1.0])).located == (False,)
+    tracked = replace(
+        campaign,
+        targets=("ball", "smr"),
+        points=np.stack([np.zeros((18, 3)), model.poses(q)[:, :3, 3]], axis=1),
+        observations=(*campaign.observations, Point()),
+    )
+    beside = register(model, tracked)
+    assert beside.located == (False, False)
+    np.testing.assert_allclose(beside.unobservable, np.eye(6), atol=1e-9)
 
 
 def test_poses_rotated_about_one_axis_register_by_position():

@@ -169,6 +169,11 @@ def test_the_sound_description_is_sound():
     assert robot.title == "arm"
 
 
+@pytest.mark.parametrize("assembly", [1, -1])
+def test_a_loop_of_either_assembly_is_read(assembly):
+    assert robot_from(edited("four_bar", "assembly", value=assembly)).four_bar.bar.assembly == assembly
+
+
 def test_several_problems_are_counted():
     with pytest.raises(RobotError, match=r"'colour' is not a known key; .*; 'weight' is not a known key"):
         robot_from({**SOUND, "colour": "red", "weight": 3})
