@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 
 import plotly.graph_objects as go
 
-from taskcal.identification.provenance import package_version
+from taskcal.identification.calibration import package_version
 from taskcal.report.content import Chart, Commands, Numbers, Points, Scene, Section, Table
 from taskcal.report.page import Page, as_markdown, figures_of
 

@@ -33,9 +33,8 @@ from taskcal.demo.procedure import reference_task, rms
 from taskcal.demo.true_robot import Sizes, TrueRobot, draw_true_robot
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
-from taskcal.identification.calibration import Calibration, load_calibration
+from taskcal.identification.calibration import Calibration, load_calibration, package_version
 from taskcal.identification.effects import select_effects
-from taskcal.identification.provenance import package_version
 from taskcal.io.files import write_whole
 from taskcal.kinematics.inverse import solve_near
 from taskcal.observations.point import Reflector, Station

@@ -4,8 +4,10 @@ import base64
 import binascii
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from dataclasses import asdict, dataclass, field, replace
+from datetime import UTC, datetime
+from functools import cache, cached_property
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -24,7 +26,6 @@ from taskcal.identification.held_out import NO_UNCERTAINTY, HeldOut, LeftOut, Ou
 from taskcal.identification.layout import Layout
 from taskcal.identification.measured_range import MeasuredRange
 from taskcal.identification.problem import Rows, Seen, joint_columns
-from taskcal.identification.provenance import Provenance
 from taskcal.io.files import write_whole
 from taskcal.io.json_file import ON_PURPOSE, note_of_edits, parse_json, sealed, unseal, without_seal
 from taskcal.io.toml_file import Finite, NotNegative, Section, explain
@@ -688,6 +689,51 @@ def _probes(
         if off is not None:
             told = [getattr(conditions, quantity) for quantity in effect.needs]
             yield off, np.max([np.ones(count) if t is None else ~np.isfinite(t) for t in told], axis=0).astype(float)
+
+
+# Where a calibration comes from.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Provenance:
+    """Where a calibration comes from."""
+
+    robot: str
+    robot_digest: str
+    campaign: str
+    """File of the campaign."""
+    campaign_digest: str
+    rows: int
+    version: str
+    created: str
+    options: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """Of the identification: parameters kept, prior, loss, noise, and what was given instead of estimated."""
+    notes: tuple[str, ...] = ()
+    """What the reader of the campaign left out and decided."""
+
+    @classmethod
+    def of(cls, model: ErrorModel, campaign: Campaign, options: Mapping[str, Any]) -> "Provenance":
+        """Provenance of a fit made now with these options."""
+        return cls(
+            robot=model.robot.name,
+            robot_digest=model.robot.digest,
+            campaign=campaign.source,
+            campaign_digest=campaign.digest,
+            rows=len(campaign),
+            version=package_version(),
+            created=datetime.now(UTC).isoformat(timespec="seconds"),
+            options=options,
+            notes=campaign.notes,
+        )
+
+
+@cache
+def package_version() -> str:
+    """Version of the installed package."""
+    try:
+        return version("taskcal")
+    except PackageNotFoundError:
+        return "unknown"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

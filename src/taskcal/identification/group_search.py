@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.campaigns.campaign import Campaign
-from taskcal.identification.calibration import Calibration, spread_of
+from taskcal.identification.calibration import Calibration, Provenance, spread_of
 from taskcal.identification.group_model import (
     EMPTY,
     GEOMETRY,
@@ -27,7 +27,6 @@ from taskcal.identification.holdout import LeftOutErrors, validate_groups
 from taskcal.identification.layout import errors_by_unlocated, layout_of, unlocated_directions
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, problem_of
-from taskcal.identification.provenance import Provenance
 from taskcal.identification.sibling import (
     Help,
     described_with,

@@ -12,7 +12,7 @@ from taskcal.campaigns.campaign import Campaign, check_rows, named_file
 from taskcal.errors import CampaignError, FitError, NothingLearntError, OpenFrameError
 from taskcal.estimation.matrices import invert_positive, single_threaded
 from taskcal.estimation.trimmed_squares import LinearRows, Sizes, find_agreeing, scaled_lengths, student_limits
-from taskcal.identification.calibration import Calibration, covariance_on, spread_of, tells_nothing
+from taskcal.identification.calibration import Calibration, Provenance, covariance_on, spread_of, tells_nothing
 from taskcal.identification.group_model import FREEDOM, MIN_VARIANCE, TYPICAL
 from taskcal.identification.held_out import LeftOut, studentise
 from taskcal.identification.holdout import growth_of
@@ -28,7 +28,6 @@ from taskcal.identification.layout import Layout, PriorOfEstimate, layout_of, pr
 from taskcal.identification.measured_range import MeasuredRange
 from taskcal.identification.options import FitChoices, FitOptions
 from taskcal.identification.problem import Problem, problem_of
-from taskcal.identification.provenance import Provenance
 from taskcal.identification.sibling import check_sibling, described_with, remark_on
 from taskcal.observations.base import TrackerNoise
 from taskcal.registration.plausibility import check_plausible, check_targets, is_in_base, most_wrong_rows

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Literal
 from markupsafe import Markup
 
 from taskcal.errors import TaskcalError, printable
-from taskcal.identification.provenance import package_version
+from taskcal.identification.calibration import package_version
 from taskcal.io.files import to_bytes
 from taskcal.report.content import Chart, Scene, Section
 
