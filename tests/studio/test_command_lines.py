@@ -28,5 +28,6 @@ def test_values_from_the_project_s_file_are_no_options(tmp_path: Path) -> None:
     assert "--tool=--force" in program_page.arguments_of(Project(tmp_path), choices)
     assert "--force" not in program_page.arguments_of(Project(tmp_path), choices)
     assert report_page.arguments_of(choices) == [
-        *("report", "calibrations/c.json", "--output", "reports/c.html", "--json"),
+        *("report", "calibrations/c.json", "--output", "reports/c.html", "--certificate", "reports/c-certificate.html"),
+        "--json",
     ]

@@ -198,3 +198,21 @@ def test_every_page_has_a_head_and_a_summary_if_asked_for(
     wrong = run(*given, "--markdown", summary)
     assert wrong.status == 1
     assert "head.toml" in wrong.err
+
+
+def test_a_certificate_has_what_is_known_and_lines_for_the_rest(run: Run, cell: Path, tmp_path: Path) -> None:
+    """One sheet without figures, whose verdict is that of the report; fields of the head that are missing are blank."""
+    head, task, sheet = tmp_path / "head.toml", cell / "task.toml", tmp_path / "certificate.html"
+    head.write_text('serial_number = "6660-1"\n')
+    files = ("-o", tmp_path / "r.html", "--certificate", sheet, "--header", head)
+    ended = run("report", cell / "cal.json", "--task", task, *files, "--json")
+    assert ended.status == 0
+    text = sheet.read_text(encoding="utf-8")
+    assert len(text) < 30_000
+    assert "6660-1" in text
+    for blank in ("operator", "instrument", "date"):
+        assert f"<dt>{blank}</dt><dd>…" in text
+    for judgement in ended.json["verdict"]["judgements"]:
+        expected = judgement["expected_mm"]
+        assert expected is None or f"{expected:.3f}" in text
+        assert judgement["decision"] in text

@@ -28,12 +28,19 @@ MAX_P_VALUE = 0.05
 """Probability that chance explains as much, up to which a quantity is listed."""
 
 
+ON_CERTIFICATE = ("serial_number", "place", "date", "operator", "instrument", "temperature_C")
+"""Fields of the head that a certificate has in any case."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class ReportOptions(PageOptions):
     """The page and how the result is given."""
 
     named = "--output"
     report: Path | None = option(Path("report.html"), "REPORT.html", "Output: the page.", named="--output", also="-o")
+    certificate: Path | None = option(
+        None, "CERT.html", "Output: a certificate of one page, to be signed; fields that --header leaves out are blank."
+    )
     seed: SeedOption = 0
 
 
@@ -53,14 +60,16 @@ def command(
     parameters with their intervals and status, outliers, and provenance. With --task, the TCP uncertainty over a task; with
     --campaign, residual analysis and the error reduction by model stage.
     """
-    outputs = out.begin("report", [], [calibration, *files_of_task(task), *measured.inputs])
+    outputs = out.begin(
+        "report", [("--certificate", out.certificate)], [calibration, *files_of_task(task), *measured.inputs]
+    )
 
     calibrated = read_calibration(calibration, unsealed=unsealed)
     described = None if task is None else taskcal.load_task(task)
     from taskcal.correction.verdict import judge  # after the files were read: figures take a while
     from taskcal.planning.task_map import uncertainty_over
     from taskcal.report.calibration import calibration_page
-    from taskcal.report.verdict import next_step, tabulate_verdict
+    from taskcal.report.verdict import BLANK, certificate_page, next_step, tabulate_verdict
 
     steps = [OVER_TASK] * (described is not None) + [DEPENDING, CLIMBING] * (measured.campaign is not None)
     with bar_over([*steps, PAGE]) as begin:
@@ -72,9 +81,12 @@ def command(
         remainder, rungs = _examine(calibrated, measured, out.seed, begin)
         begin(PAGE)
         space = None if described is None else described.workspace
+        signed: dict[Path, str | bytes] = {}
+        if out.certificate is not None:
+            signed[out.certificate] = out.headed(certificate_page(calibrated, verdict), ON_CERTIFICATE, BLANK).html()
         files = out.write(
             outputs,
-            {},
+            signed,
             lambda: calibration_page(
                 calibrated, judged=verdict, over=uncertainty, space=space, remainder=remainder, rungs=rungs
             ),
@@ -94,7 +106,7 @@ def command(
             show_remainder(remainder)
         if verdict is not None:
             show_facts([("next", next_step(verdict))])
-        tell(f"wrote {out.in_words(files)}")
+        tell(f"wrote {out.in_words([*signed, *files])}")
 
     out.give(_result(calibrated, verdict, uncertainty, remainder), show_all)
 

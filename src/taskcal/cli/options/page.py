@@ -106,13 +106,26 @@ class PageOptions(OutputOptions):
         outputs.write({**contents, **made}, lay)
         return made
 
+    def headed(self, page: "Page", asked: Iterable[str] = (), blank: str = "") -> "Page":
+        """The page with its head.
+
+        Args:
+            page: without it.
+            asked: fields that it has in any case.
+            blank: what stands for one that is not given.
+        """
+        from taskcal.report.page import edited_entry
+
+        given = dict(self._labelled())
+        warnings = [edited_entry(warning) for warning in edit_warnings()]
+        empty = [(label, blank) for label in map(label_of, asked) if label not in given]
+        return replace(page, header=tuple(dict.fromkeys([*page.header, *warnings, *given.items(), *empty])))
+
     def _compose(self, page: "Page") -> dict[Path, str | bytes]:
         """Every file that is asked for of a page."""
-        from taskcal.report.page import as_markdown, draw_figures, edited_entry, figures_of
+        from taskcal.report.page import as_markdown, draw_figures, figures_of
 
-        warnings = [edited_entry(warning) for warning in edit_warnings()]
-        head = tuple(dict.fromkeys([*page.header, *warnings, *self._labelled()]))
-        page, out, named = replace(page, header=head), dict[Path, str | bytes](), dict[str, str]()
+        page, out, named = self.headed(page), dict[Path, str | bytes](), dict[str, str]()
         if self.report is not None:
             out[self.report] = page.html()
         if self.figures is not None:
@@ -168,16 +181,20 @@ class ReportHeader(Section):
     remark: Line | None = None
 
 
+def label_of(field: str) -> str:
+    """A field's name in words."""
+    return {"serial_number": "serial number", "temperature_C": "temperature"}.get(field, field)
+
+
 def read_header(path: Path) -> list[tuple[str, str]]:
     """Labels and values of the fields that a report's head has.
 
     Raises:
         FileError: the file cannot be read, or a field is not known or not a text, a number or a date.
     """
-    names = {"serial_number": "serial number", "temperature_C": "temperature"}
     units = {"temperature_C": " °C"}
     return [
-        (names.get(key, key), f"{value}{units.get(key, '')}")
+        (label_of(key), f"{value}{units.get(key, '')}")
         for key, value in read_toml(path, ReportHeader).model_dump().items()
         if value is not None
     ]

@@ -35,7 +35,9 @@ async def build(studio: Studio, texts: Texts) -> None:
 
 def arguments_of(choices: Choices) -> list[str]:
     """Arguments of ``taskcal`` for a report."""
-    report = f"{LAYOUT.reports}/{Path(choices.calibration).stem}.html"
+    report, certificate = (
+        f"{LAYOUT.reports}/{Path(choices.calibration).stem}{which}.html" for which in ("", "-certificate")
+    )
     options = ["--task", choices.task] if choices.task else []
     options += ["--campaign", choices.campaign] if choices.campaign else []
-    return ["report", choices.calibration, *options, "--output", report, "--json"]
+    return ["report", choices.calibration, *options, "--output", report, "--certificate", certificate, "--json"]
