@@ -1,9 +1,11 @@
 """The text of a program file, which keeps every byte that is not edited on purpose."""
 
+import gc
 import re
 from array import array
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -156,6 +158,18 @@ def lines_of(text: str, start: int = 0, end: int | None = None) -> Iterator[tupl
         last = end if newline < 0 else newline
         yield start, last - 1 if last > start and text[last - 1] == "\r" else last
         start = last + 1
+
+
+@contextmanager
+def uncollected() -> Generator[None]:
+    """Read without the collector of reference cycles: all that is read is kept, and it would go through that again and again."""
+    collected = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collected:
+            gc.enable()
 
 
 # Numbers in the text of a program: a new value in the digits of the old one.

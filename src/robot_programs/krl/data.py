@@ -222,12 +222,12 @@ DECIMALS = {**dict.fromkeys("XYZ", 5), **dict.fromkeys("ABC", 6), **dict.fromkey
 
 def has_pose(aggregate: Aggregate) -> bool:
     """Whether any component of a pose is stated."""
-    return any(aggregate.field(name) for name in POSE)
+    return any(component.name in POSE for component in aggregate.fields)
 
 
 def has_axes(aggregate: Aggregate) -> bool:
     """Whether any axis is stated."""
-    return any(aggregate.field(name) for name in AXES)
+    return any(component.name in AXES for component in aggregate.fields)
 
 
 def pose(aggregate: Aggregate, *, needed: tuple[str, ...] = POSE) -> Float[np.ndarray, "4 4"]:

@@ -11,7 +11,7 @@ from robot_programs.core import flow, se3
 from robot_programs.core.errors import FileError
 from robot_programs.core.flow import MIN_LINES, Body, Counts, Group, Loop, Node, lines_in
 from robot_programs.core.program import Diagnostic, Frame, Move, MoveKind, Target, Unresolved
-from robot_programs.core.source import Source
+from robot_programs.core.source import Source, uncollected
 from robot_programs.krl.data import (
     AXES,
     EXTERNAL,
@@ -109,7 +109,7 @@ UNKNOWN = "it counts from where the motion before ended, and that is not known"
 def is_incomplete(aggregate: Aggregate) -> bool:
     """Whether components of a pose, or axes, are left out."""
     names = POSE if has_pose(aggregate) else AXES
-    return not all(aggregate.field(name) for name in names)
+    return not {component.name for component in aggregate.fields}.issuperset(names)
 
 
 def completed_axes(aggregate: Aggregate, before: Move | None) -> Float[np.ndarray, " joints"]:
@@ -820,23 +820,23 @@ class _Walk(flow.Walk[State, Routine]):
         state, returned = self._points_returned(line, state)
         if not state.reached:
             return UNREACHED
-        behind = replace(state, last=None, variables=without_places(state.variables))
+        variables = without_places(state.variables)
         if self.flow.scouting:
-            return behind
+            return replace(state, last=None, variables=variables)
         trigger, self.trigger = self.trigger, False
         text = (file.number, line.start)
         if self.flow.all_ways and text in findings.seen:
-            return behind
+            return replace(state, last=None, variables=variables)
         try:
             move, site = resolver.resolve(line, state, in_spline=self.in_spline, returned=returned)
         except Unresolved as trouble:
             findings.fail(text, file, f"{line.keyword} stays as it is: {trouble}")
-            return behind
+            return replace(state, last=None, variables=variables)
         if trigger:
             said = "a TRIGGER acts along this motion; check it if the motion is divided"
             findings.diagnose(file, line.start, said)
         number = findings.note(move, site, None if self.in_spline else state.last)
-        return replace(behind, last=number)
+        return replace(state, last=number, variables=variables)
 
     def _points_returned(self, line: Motion, state: State) -> tuple[State, dict[int, AbstractValue]]:
         """State after the program's functions in a motion, and what they return of its points, by their first character."""
@@ -868,6 +868,7 @@ MAX_PASSES = 30
 routines set is taken as not known, and loops are not taken turn by turn."""
 
 
+@uncollected()
 def read_krl(sources: Sequence[Source]) -> KrlProgram:
     """Read a KRL program.
 

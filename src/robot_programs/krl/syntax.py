@@ -70,9 +70,9 @@ def _words(text: str, start: int, end: int) -> list[Word]:
     if text.startswith("&", start):
         return []
     return [
-        Word(match.lastgroup, match.group(), *match.span())
+        Word(kind, match[0], *match.span())
         for match in _WORD.finditer(text, start, end)
-        if match.lastgroup and match.lastgroup != "blank"
+        if (kind := match.lastgroup) and kind != "blank"
     ]
 
 
@@ -295,7 +295,7 @@ class Control(Statement):
 # The words of a line of KRL, taken one after the other: operands, structures and what WITH sets.
 
 PASSING = {"C_PTP", "C_DIS", "C_VEL", "C_ORI", "C_SPL"}
-QUOTES = ("'", '"')
+QUOTES = frozenset("'\"")
 
 
 class Cursor:
@@ -303,6 +303,7 @@ class Cursor:
 
     def __init__(self, words: Sequence[Word]):
         self._words = words
+        self._uppers = [word.text.upper() for word in words]
         self._next = 0
 
     @property
@@ -313,7 +314,7 @@ class Cursor:
     @property
     def next(self) -> str:
         """The next word in capitals; empty where all are taken."""
-        return "" if self.done else self._words[self._next].upper
+        return "" if self.done else self._uppers[self._next]
 
     @property
     def behind(self) -> str:
@@ -322,7 +323,7 @@ class Cursor:
 
     def at(self, text: str) -> bool:
         """Whether a symbol comes next."""
-        return self.next == text
+        return not self.done and self._uppers[self._next] == text
 
     def at_name(self, names: set[str]) -> bool:
         """Whether one of some names comes next."""
@@ -346,12 +347,12 @@ class Cursor:
     def skip_to(self, *stops: str) -> None:
         """Pass over words up to one that stops, outside of any bracket."""
         depth = 0
-        while not self.done:
-            word = self._words[self._next]
-            if depth == 0 and word.upper in stops:
+        for i in range(self._next, len(self._words)):
+            if depth == 0 and self._uppers[i] in stops:
+                self._next = i
                 return
-            depth += _opens(word)
-            self._next += 1
+            depth += _opens(self._words[i])
+        self._next = len(self._words)
 
     def skip_brackets(self) -> None:
         """Pass over an index or a size."""
@@ -443,7 +444,7 @@ class Cursor:
         self.skip_to(",", "}")
         words = self._words[start : self._next]
         if (
-            self.done or not words or any(word.text in QUOTES for word in words)
+            self.done or not words or not QUOTES.isdisjoint([word.text for word in words])
         ):  # a quote that is a word has no other end
             return None
         text = _joined(words)
@@ -459,8 +460,10 @@ class Cursor:
 
 def _joined(words: Sequence[Word]) -> str:
     """Words in a row, those that no symbol parts with a blank between them."""
-    apart = ("symbol" not in (before.kind, word.kind) for before, word in pairwise(words))
-    return words[0].text + "".join(f" {w.text}" if blank else w.text for blank, w in zip(apart, words[1:], strict=True))
+    if len(words) == 1:
+        return words[0].text
+    behind = (w.text if "symbol" in (before.kind, w.kind) else f" {w.text}" for before, w in pairwise(words))
+    return words[0].text + "".join(behind)
 
 
 def _number(words: Sequence[Word]) -> float | None:

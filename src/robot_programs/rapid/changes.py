@@ -24,6 +24,7 @@ from robot_programs.rapid.names import (
 from robot_programs.rapid.parse import RESERVED
 from robot_programs.rapid.resolve import CHANGED_BY, MOTION_FORMS, ONLY_EXTERNAL
 from robot_programs.rapid.syntax import (
+    Aggregate,
     Argument,
     Assignment,
     Call,
@@ -166,6 +167,23 @@ def instruction_may_change(instruction: str, type_: str) -> bool:
         return instruction not in INSTRUCTIONS and SYSTEM_MOTION.fullmatch(instruction) is None
     moves = instruction in MOTION_FORMS or instruction == ONLY_EXTERNAL
     return instruction not in MOTIONLESS and (not moves or instruction in CHANGED_BY)
+
+
+def _only_reads(instruction: Instruction, scope: Scope) -> bool:
+    """Whether an instruction is a motion to a place that is given by values and names alone, most lines of long programs."""
+    return (
+        is_read(instruction, scope)
+        and instruction.name.key not in CHANGED_BY
+        and all(
+            argument.option not in RETURNING
+            and (
+                argument.value is None
+                or (isinstance(argument.value, Reference) and not argument.value.selectors)
+                or (isinstance(argument.value, Aggregate) and argument.value.is_literal)
+            )
+            for argument in instruction.arguments
+        )
+    )
 
 
 def may_change(called: str, type_: str, *, function: bool) -> bool:
@@ -337,7 +355,7 @@ def changes(everywhere: Iterable[Context]) -> Changes:
     while True:
         more: set[tuple[str, str]] = set()
         for context in everywhere:
-            for mention in mentions([context], parameters):
+            for mention in mentions([context], parameters, changing=True):
                 symbol = mention.symbol if mention.changes else None
                 if symbol is None:
                     continue
@@ -380,15 +398,18 @@ def _assignment(mention: Mention) -> str:
     return f"may be assigned to in {place}, which is not understood ({mention.unparsed.trouble(source)})"
 
 
-def mentions(everywhere: Iterable[Context], changed: frozenset[tuple[str, str]] = frozenset()) -> Iterator[Mention]:
+def mentions(
+    everywhere: Iterable[Context], changed: frozenset[tuple[str, str]] = frozenset(), *, changing: bool = False
+) -> Iterator[Mention]:
     """Every reference to data in modules and routines.
 
     Args:
         everywhere: modules and routines.
         changed: keys of routines and of those of their parameters that they change.
+        changing: whether lines may be left out that change nothing.
     """
     for context in everywhere:
-        walker = _Walker(context.file, changed)
+        walker = _Walker(context.file, changed, changing=changing)
         for symbol in context.declared:
             if symbol.declaration is not None and symbol.declaration.value is not None:
                 yield from walker.read(symbol.declaration.value, context.scope)
@@ -402,8 +423,8 @@ def mentions(everywhere: Iterable[Context], changed: frozenset[tuple[str, str]] 
 class _Walker:
     """Finds the references in a file."""
 
-    def __init__(self, file: File, changed: frozenset[tuple[str, str]]):
-        self.file, self.changed = file, changed
+    def __init__(self, file: File, changed: frozenset[tuple[str, str]], *, changing: bool):
+        self.file, self.changed, self.changing = file, changed, changing
 
     def mention(self, reference: Reference, scope: Scope, changes: bool, *, lent_to: str = "") -> Iterator[Mention]:
         yield Mention(reference=reference, scope=scope, file=self.file, changes=changes, lent_to=lent_to)
@@ -414,6 +435,11 @@ class _Walker:
         for node in nodes:
             line: Line = node.line
             match line:
+                case Instruction() if _only_reads(line, scope):
+                    if not self.changing:
+                        for argument in line.arguments:
+                            if isinstance(argument.value, Reference):
+                                yield from self.mention(argument.value, scope, False)
                 case Instruction():
                     yield from self.arguments(line.arguments, line.name, scope)
                 case Assignment():
@@ -508,6 +534,8 @@ class Effects:
 
     def of(self, node: Node, scope: Scope, file: File) -> frozenset[Symbol]:
         """Data that a statement may change, with all that stands in it and all that it calls."""
+        if isinstance(node.line, Instruction) and _only_reads(node.line, scope):
+            return frozenset[Symbol]()
         if node.line not in self._of_line:
             own = changed_by([node], scope, file, self.changes)
             others = (self.of_routine.get(r, frozenset[Symbol]()) for r in may_call(lines_in([node]), scope))
@@ -547,7 +575,7 @@ SOFT = Symbol(name="SoftAct", type="bool")
 
 def changed_by(nodes: Sequence[Node], scope: Scope, file: File, changes: Changes) -> frozenset[Symbol]:
     """Data that statements may change by themselves and by the parameters that they give, not by what they call."""
-    walker = _Walker(file, changes.parameters)
+    walker = _Walker(file, changes.parameters, changing=True)
     symbols = (mention.symbol for mention in walker.nodes(nodes, scope) if mention.changes)
     soft = any(
         isinstance(line, Instruction)

@@ -8,7 +8,7 @@ from robot_programs.core import flow as form
 from robot_programs.core.errors import FileError
 from robot_programs.core.flow import MIN_LINES, with_called
 from robot_programs.core.program import Diagnostic, Unresolved
-from robot_programs.core.source import Source
+from robot_programs.core.source import Source, uncollected
 from robot_programs.rapid.changes import (
     ANY_ROUTINE,
     SOFT,
@@ -492,7 +492,7 @@ class Findings(form.Findings[Instruction, Motion]):
         try:
             if not is_read(instruction, scope):
                 raise Unresolved("this motion is not read")
-            motion = resolve(instruction, scope, context.file, replace(self.settings, values=values), name)
+            motion = resolve(instruction, scope, context.file, self.settings, values, name)
         except Unresolved as reason:
             self.fail(instruction, context.file, str(reason))
             return None
@@ -627,6 +627,7 @@ def _start(flow: Flow, context: Context) -> State:
 # From the files of a RAPID program to its motions.
 
 
+@uncollected()
 def read_rapid(sources: Sequence[Source]) -> RapidProgram:
     """Read the modules of a program: those with its routines and those with its tools, work objects and targets.
 
@@ -653,7 +654,7 @@ def read_rapid(sources: Sequence[Source]) -> RapidProgram:
     everywhere = tuple(contexts(files))
     changed = changes(everywhere)
     values = Values(assigned=changed.assigned)
-    settings = replace(_settings(everywhere, values), T_world_base=T_world_base)
+    settings = replace(_settings(everywhere), T_world_base=T_world_base)
     findings = Findings(settings=settings, files=files)
     follow_program(everywhere, effects_of(everywhere, changed), values, findings)
     motions = findings.motions()
@@ -684,7 +685,7 @@ def _parsed(source: Source) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:
     return modules, problems
 
 
-def _settings(everywhere: Iterable[Context], values: Values) -> Settings:
+def _settings(everywhere: Iterable[Context]) -> Settings:
     """Settings of the program's instructions for all of it: where they do so sometimes, they may do so always."""
     off: set[str] = set()
     shift = offset = soft = ""
@@ -700,7 +701,7 @@ def _settings(everywhere: Iterable[Context], values: Values) -> Settings:
         elif name.key == SOFTENING and not soft:
             soft = f"{name.text} in {file.source.place(name.start)}"
     return Settings(
-        values=values, postures_off=frozenset(off), shift=shift, external_offset=offset, soft=soft,
+        postures_off=frozenset(off), shift=shift, external_offset=offset, soft=soft,
     )  # fmt: skip
 
 

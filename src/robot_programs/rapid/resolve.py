@@ -235,7 +235,8 @@ def _resolve(
         case Aggregate():
             meant, external = _numbers(values.of(node, scope), type_, "the target")
             return TargetArgument(
-                argument=argument, argument_file=file, type=type_, origin=None, literal=_literal(node, type_), file=file,
+                argument=argument, argument_file=file, type=type_, origin=None,
+                literal=node if node.is_literal else _literal(node, type_), file=file,
                 shifted=False, meant=meant, external=external,
             )  # fmt: skip
         case Reference():
@@ -497,7 +498,6 @@ class Motion:
 class Settings:
     """Settings that hold throughout a program."""
 
-    values: Values
     postures_off: frozenset[str]
     """Kinds of motion for which the controller is told to take the nearest posture (ConfJ and ConfL)."""
     shift: str
@@ -546,7 +546,9 @@ def layout(instruction: Instruction) -> Layout:
     return Layout(via=via, to=to, speed=speed, zone=zone, tool=tool, options=options)
 
 
-def resolve(instruction: Instruction, scope: Scope, file: File, settings: Settings, routine: str) -> Motion:
+def resolve(
+    instruction: Instruction, scope: Scope, file: File, settings: Settings, values: Values, routine: str
+) -> Motion:
     """A motion with its targets, tool and frame; what comes before it is still to be said.
 
     Raises:
@@ -554,7 +556,6 @@ def resolve(instruction: Instruction, scope: Scope, file: File, settings: Settin
     """
     form = MOTION_FORMS[instruction.name.key]
     kind = form.kind
-    values = settings.values
     where = layout(instruction)
     if kind != "axes" and settings.shift:
         raise Unresolved(settings.shift)
@@ -562,12 +563,13 @@ def resolve(instruction: Instruction, scope: Scope, file: File, settings: Settin
     type_ = "jointtarget" if kind == "axes" else "robtarget"
     end = resolve_target(where.to, type_, scope, values, file)
     via = resolve_target(where.via, type_, scope, values, file) if where.via else None
-    stops, zone = _zone(where, scope, file, settings)
+    stops, zone = _zone(where, scope, file, settings, values)
+    speed, turn_speed = _speeds(where, scope, values)
     move = Move(
         kind=kind, end=end.target(True), via=via.target(True) if via else None, tool=frames.tool, part=frames.part,
         part_in_hand=frames.part_in_hand,
-        speed=_speed(where, scope, values) if form.speed_counts or "on" in where.options else None,
-        turn_speed=_turn_speed(where, scope, values), divisible=form.repeats and not where.options.keys() & {"on", "off"},
+        speed=speed if form.speed_counts or "on" in where.options else None, turn_speed=turn_speed,
+        divisible=form.repeats and not where.options.keys() & {"on", "off"},
         stops=stops, zone=zone, follows=None, routine=routine,
         place=file.source.place(instruction.start), carrier=frames.carrier,
         external=tuple(axis if abs(axis) < MAX_AXIS_POSITION else math.nan for axis in end.external),
@@ -590,9 +592,12 @@ def following(motion: Motion, follows: int | None, settings: Settings, texts_mot
     # where the motion before is not known, the configuration is the best there is even if the controller does not check it
     binds = move.kind not in settings.postures_off
     counts = binds or follows is None
+    end, via = move.end, move.via
+    if not (counts and binds):
+        end, via = motion.end.target(counts, binds), motion.via.target(counts) if motion.via else None
     move = replace(
-        move, end=motion.end.target(counts, binds), via=motion.via.target(counts) if motion.via else None, follows=follows,
-        texts_motions=texts_motions, divisible=move.divisible and texts_motions == 1,
+        move, end=end, via=via, follows=follows, texts_motions=texts_motions,
+        divisible=move.divisible and texts_motions == 1,
     )  # fmt: skip
     return replace(motion, move=move)
 
@@ -634,31 +639,29 @@ def _data(
             return "", values.of(node, scope)
 
 
-def _speed(where: Layout, scope: Scope, values: Values) -> float | None:
-    """Metres per second; None where the text does not say, or it is a limit of the robot (vmax)."""
-    given = where.options.get("v")
-    try:
-        if given is not None and given.value is not None:
-            speed = values.number(given.value, scope)
-        else:
-            data = values.of(where.speed.value, scope) if where.speed.value else None
-            speed = data[0] if isinstance(data, tuple) and data else None
-    except Unresolved:
-        return None
-    return speed / 1e3 if isinstance(speed, float) and 0.0 < speed < 1e8 else None
+def _speeds(where: Layout, scope: Scope, values: Values) -> tuple[float | None, float | None]:
+    """Metres per second, and radians per second of the reorientation (v_ori of the speeddata).
 
-
-def _turn_speed(where: Layout, scope: Scope, values: Values) -> float | None:
-    """Radians per second (v_ori of the speeddata); None where the text does not say."""
+    None where the text does not say, or it is a limit of the robot (vmax).
+    """
     try:
         data = values.of(where.speed.value, scope) if where.speed.value else None
     except Unresolved:
-        return None
-    degrees = data[1] if isinstance(data, tuple) and len(data) > 1 else None
-    return math.radians(degrees) if isinstance(degrees, float) and 0.0 < degrees < 1e8 else None
+        data = None
+    speed, degrees, *_ = (*data, None, None) if isinstance(data, tuple) else (None, None)
+    given = where.options.get("v")
+    if given is not None and given.value is not None:
+        try:
+            speed = values.number(given.value, scope)
+        except Unresolved:
+            speed = None
+    return (
+        speed / 1e3 if isinstance(speed, float) and 0.0 < speed < 1e8 else None,
+        math.radians(degrees) if isinstance(degrees, float) and 0.0 < degrees < 1e8 else None,
+    )
 
 
-def _zone(where: Layout, scope: Scope, file: File, settings: Settings) -> tuple[bool, Zone | None]:
+def _zone(where: Layout, scope: Scope, file: File, settings: Settings, values: Values) -> tuple[bool, Zone | None]:
     r"""Whether a motion stops, and how near it passes by its target otherwise.
 
     The size of the zone for the TCP is also given by ``\Z``. Zones of the reorientation that are smaller are as large
@@ -667,7 +670,7 @@ def _zone(where: Layout, scope: Scope, file: File, settings: Settings) -> tuple[
     if "inpos" in where.options or where.zone is None:
         return True, THROUGH_TARGET
     try:
-        data = settings.values.of(where.zone.value, scope) if where.zone.value else None
+        data = values.of(where.zone.value, scope) if where.zone.value else None
     except Unresolved as reason:
         note = f"the zone of a motion is not known, which is taken as a stop: {reason}"
         settings.notes.setdefault(note, (file, where.zone.start))
@@ -675,7 +678,7 @@ def _zone(where: Layout, scope: Scope, file: File, settings: Settings) -> tuple[
     if not isinstance(data, tuple) or not data or not isinstance(data[0], bool):
         raise Unresolved("its zone is not zonedata")
     try:
-        return data[0], _sizes(data, where, scope, settings.values)
+        return data[0], _sizes(data, where, scope, values)
     except Unresolved:
         return data[0], None
 

@@ -177,7 +177,13 @@ class Aggregate(Node):
     @property
     def values(self) -> "tuple[float | tuple[float, ...], ...]":
         """Numbers of a literal one, those of its lists together."""
-        return self.numbers if self.is_plain else tuple(one.numbers for one in self._lists())
+        if self.is_plain or not isinstance(self.content, str):
+            return self.numbers
+        *lists, _, _ = self.content[self.start : self.end].split("]")
+        try:
+            return tuple(tuple(map(float, one.rpartition("[")[2].split(","))) for one in lists)
+        except ValueError:  # a sign stands apart from its number
+            return tuple(one.numbers for one in self._lists())
 
     @property
     def items(self) -> tuple["Expression", ...]:

@@ -546,10 +546,12 @@ class Values:
     """What the flow of the program tells of variables and parameters at the place where values are read."""
     _known: dict[Expression, Value] = field(default_factory=dict[Expression, Value])
     """Values of what is declared, so that each is computed once."""
+    _named: dict[Symbol, Found] = field(default_factory=dict[Symbol, Found])
+    """What names of declared data stand for where the flow says nothing of them, the same."""
 
     def at(self, variables: Variables) -> "Values":
         """Values where the flow of the program tells these."""
-        return Values(assigned=self.assigned, variables=variables, _known=self._known)
+        return Values(assigned=self.assigned, variables=variables, _known=self._known, _named=self._named)
 
     def of(self, expression: Expression, scope: Scope, depth: int = 0) -> Value:
         """The value of an expression.
@@ -607,6 +609,8 @@ class Values:
         if symbol is None:
             raise Unresolved(f"'{reference.name.text}' is not declared in the files; pass the module that declares it")
         known = self.variables.get(symbol)
+        if known is None and not reference.selectors and symbol in self._named:
+            return self._named[symbol]
         if known is None and symbol in self.assigned:
             raise Unresolved(f"'{symbol.name}' {self.assigned[symbol]}, so its value is not known")
         if known is None and symbol.obstacle:
@@ -617,7 +621,10 @@ class Values:
                 symbol=symbol, path=path, type=type_, node=_written_at(symbol, path), selectors=reference.selectors
             )
             value = self._declared(origin, depth)
-            return Found(value=value, type=type_, origin=origin, passed=None, literal=origin.node, name=origin.name)
+            found = Found(value=value, type=type_, origin=origin, passed=None, literal=origin.node, name=origin.name)
+            if known is None and not reference.selectors and depth == 0 and symbol.declaration is not None:
+                self._named[symbol] = found
+            return found
         value = _component(known.value, path, symbol)
         if known.passed is None:
             name = known.name if known.name and not path else symbol.name

@@ -1,0 +1,61 @@
+"""Reading of long robot programs: time of twice as many lines over time of as many."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robot_programs import read_program
+
+RAPID = """MODULE Long
+PERS tooldata tGun:=[TRUE,[[10,20,300],[1,0,0,0]],[5,[0,0,100],[1,0,0,0],0,0,0]];
+PERS wobjdata wPart:=[FALSE,TRUE,"",[[500,0,300],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+PROC main()
+{}ENDPROC
+ENDMODULE
+"""
+KRL = """DEF long()
+$TOOL={{X 10,Y 20,Z 300,A 0,B 0,C 0}}
+$BASE={{X 500,Y 0,Z 300,A 0,B 0,C 0}}
+{}END
+"""
+
+MOST = 2.3
+"""Time of twice as many lines over that of as many: what is fixed counts for it, memory that no cache holds against it."""
+
+
+def rapid(n: int) -> str:
+    """Motions to targets that are written out, with a declared tool and work object."""
+    rng = np.random.default_rng(0)
+    q = rng.normal(size=(n, 4))
+    rows = np.hstack([rng.uniform(-500.0, 500.0, (n, 3)), q / np.linalg.norm(q, axis=1, keepdims=True)])
+    line = (
+        "MoveL [[{:.3f},{:.3f},{:.3f}],[{:.6f},{:.6f},{:.6f},{:.6f}],[0,-1,0,1],"
+        "[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]],v200,z1,tGun\\WObj:=wPart;\n"
+    )
+    return RAPID.format("".join(line.format(*row) for row in rows.tolist()))
+
+
+def krl(n: int) -> str:
+    """Motions to points that are written out."""
+    rng = np.random.default_rng(0)
+    rows = np.hstack([rng.uniform(-500.0, 500.0, (n, 3)), rng.uniform(-180.0, 180.0, (n, 3))])
+    line = "LIN {{X {:.3f},Y {:.3f},Z {:.3f},A {:.4f},B {:.4f},C {:.4f}}} C_DIS\n"
+    return KRL.format("".join(line.format(*row) for row in rows.tolist()))
+
+
+@pytest.mark.guard
+@pytest.mark.parametrize(("written", "name"), [(rapid, "long.mod"), (krl, "long.src")], ids=["RAPID", "KRL"])
+def test_lines_against_half_as_many(race, tmp_path: Path, smoke, request, written: Callable[[int], str], name: str):
+    n = 20 if smoke else 1500
+
+    def reads(lines: int) -> Callable[[], object]:
+        path = tmp_path / str(lines) / name
+        path.parent.mkdir()
+        path.write_text(written(lines), encoding="utf-8")
+        assert len(read_program(path).moves) == lines
+        return lambda: read_program(path)
+
+    language = request.node.callspec.id
+    race(f"{language}, {2 * n} lines", reads(2 * n), {f"{n} lines": reads(n)}, below=MOST, rounds=3)
