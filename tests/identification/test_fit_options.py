@@ -62,24 +62,6 @@ def test_explain_is_the_selection_by_keywords(measured) -> None:
     assert by_name.calibration.provenance.options["prior_scale"] == 1.0
 
 
-OF_ANOTHER_KIND = [
-    ({"prior": "none"}, "prior is 'none'; give 'tolerances', None, or a GaussianPrior"),
-    ({"frames": "fix"}, "frames is 'fix'; give 'fit' or 'fixed'"),
-    ({"keep": "J2"}, "keep is 'J2'; give a list of names"),
-]
-
-
-@pytest.mark.parametrize(("option", "message"), OF_ANOTHER_KIND)
-def test_an_option_of_another_kind_is_refused(option, message) -> None:
-    """Checked directly: the type checks of the tests would refuse these first, a user's program has none."""
-    options = FitOptions()
-    options.__post_init__()
-    for name, value in option.items():
-        object.__setattr__(options, name, value)
-    with pytest.raises(ValueError, match=re.escape(message)):
-        options.__post_init__()
-
-
 BEYOND = [
     ({"model_error": -1e-4}, "model_error is -0.0001; give 'estimate', or metres from 0 to 1"),
     ({"model_error": 1e305}, "model_error is 1e+305; give 'estimate', or metres from 0 to 1"),

@@ -21,7 +21,7 @@ def campaign() -> tc.Campaign:
 
 @pytest.fixture(scope="module")
 def calibration(campaign: tc.Campaign) -> tc.Calibration:
-    return tc.identify(MODEL, campaign, prior_scale=1.0, model_error=0.0)
+    return tc.identify(MODEL, campaign, prior_scale=1.0, model_error=0.0, target_within=1e-5)
 
 
 def test_the_target_is_as_well_known_as_the_predictions_say(calibration: tc.Calibration) -> None:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.special import gammaincinv
 
 from robot_programs.backup import lay_backup
 from robot_programs.core.program import Diagnostic, Move, Program
@@ -161,6 +160,8 @@ class ErrorBudget:
         The mean square of errors that go together is spread as a chi-square of as many degrees of freedom as give its mean and
         its variance (Satterthwaite, Biometrics Bulletin 2, 1946).
         """
+        from scipy.special import gammaincinv  # heavy, and a wrong file is refused before
+
         mean = sum(self.variances.values())
         if not (mean and self.variance_of_mean_square):
             return self.after, self.after

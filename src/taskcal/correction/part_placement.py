@@ -143,7 +143,7 @@ class PlacedPart:
     @property
     def possible(self) -> bool:
         """Whether every motion can be executed, none comes near a singular posture, and the calibration knows something there."""
-        return not self.obstacle and self.conditioning >= MIN_SINGULAR_RATIO
+        return self.reached == 1.0 and not self.obstacle and self.conditioning >= MIN_SINGULAR_RATIO
 
     def summary(self) -> dict[str, Any]:
         """In millimetres and degrees; None for what is not known."""

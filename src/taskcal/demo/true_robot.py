@@ -330,6 +330,10 @@ def lost_motion(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndar
 # A robot whose links warm up each in its own time and by its own share.
 
 
+LONG_S = 1e12
+"""After which everything is as warm as it gets, seconds."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class UnevenExpansion(ThermalExpansion, abstract=True):
     """Each named joint's length grows towards its own end, in its own time; the stand under the base is the slowest.
@@ -349,7 +353,7 @@ class UnevenExpansion(ThermalExpansion, abstract=True):
         """Parameters of `ThermalExpansion`, each with its own course."""
         term = super().term(robot)
         gain = (
-            term.given(np.zeros((1, len(robot.joints))), Conditions(time=np.array([np.inf])))[0] if term.given else 0.0
+            term.given(np.zeros((1, len(robot.joints))), Conditions(time=np.array([LONG_S])))[0] if term.given else 0.0
         )
         constants = np.array([*[self.time_constants[0]] * len(DRIFT), *self.time_constants[1:]])
 
