@@ -161,7 +161,7 @@ def test_tool_interval_coverage_is_nominal(model, pose, spread_deg, robots):
     inside = []
     for seed in range(robots):
         campaign, truth = simulate(model, q, rng=np.random.default_rng(seed), pose=pose)
-        calibration = identify(model, campaign, gross_errors="keep", target_within=1e-5)
+        calibration = identify(model, campaign, gross_errors="keep", target_within=1e-6)
         found, true = calibration.predict_tool(task), truth.T_tracker_base @ model.poses(task, truth.x)
         deviation = np.sqrt(np.einsum("nii->ni", calibration.tool_covariance(task)))
         turned = se3.log(true[:, :3, :3] @ np.swapaxes(found[:, :3, :3], 1, 2))
