@@ -9,7 +9,7 @@ task = tc.demo.reference_task()  # one tool orientation
 q = tc.reach_task(model, task, count=60).q
 
 table = tc.sensitivity(model, q).columns()  # with pandas installed, .to_frame()
-for k in np.argsort(-table["max_space_um"])[:5]:
+for k in np.argsort(-table["max_space_um"].round(6), kind="stable")[:5]:
     print(f"{table['parameter'][k]:>11}  {table['tolerance'][k]:8}  {table['max_space_um'][k]:6.1f} µm at most")
 
 found = tc.identifiability(model, q)
