@@ -177,22 +177,28 @@ def _wanted(kind: Any) -> tuple[str, tuple[int | None, ...] | None]:
     return numbers, None if any(dim[0] in "*." for dim in dims) else sizes
 
 
+def _same_size(wanted: int | None, size: int) -> bool:
+    return wanted is None or wanted == size
+
+
 def _as_array(name: str, value: Any, kind: Any, gaps: bool) -> Any:
     """An array as an annotation by shape has it; errors as of `as_kind`."""
     import numpy as np
 
+    wanted, dims = _wanted(kind)
+    if type(value) is np.ndarray and value.dtype == float and wanted == "float" and value.flags.c_contiguous:
+        fits = dims is None or (value.ndim == len(dims) and all(map(_same_size, dims, value.shape)))
+        if fits and (not np.isinf(value).any() if gaps else np.isfinite(value).all()):
+            return value  # as it is nearly always, in a few microseconds
     try:
         array = np.ma.asarray(value) if isinstance(value, np.ma.MaskedArray) else np.asarray(value)
     except (ValueError, TypeError) as error:  # rows of different lengths
         raise WrongValue(f"{name} is not an array ({shown(error)}); give {_describe(kind)}") from error
     if array.dtype == object and all(isinstance(entry, Real) for entry in array.flat):
         array = array.astype(float)
-    wanted, dims = _wanted(kind)
     if array.dtype.kind not in _NUMBERS[wanted] and array.size:
         raise _wrong_kind(name, value, (kind,))
-    if dims is not None and (
-        array.ndim != len(dims) or any(size not in (None, n) for size, n in zip(dims, array.shape, strict=True))
-    ):
+    if dims is not None and (array.ndim != len(dims) or not all(map(_same_size, dims, array.shape))):
         raise WrongValue(f"{name} has shape {array.shape}; give {_describe(kind)}")
     bad, what = np.ma.getmaskarray(array) if isinstance(array, np.ma.MaskedArray) else np.zeros(0, dtype=bool), "masked"
     array = np.require(np.asarray(array), {"float": float, "int": np.intp, "bool": bool}[wanted], "C")
