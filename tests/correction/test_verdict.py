@@ -54,7 +54,7 @@ def test_interval_holds_the_errors_of_the_posterior(calibration, perturbed, monk
 
 
 @pytest.mark.parametrize(
-    "robots", [pytest.param(30, marks=pytest.mark.slow), pytest.param(300, marks=pytest.mark.long)]
+    "robots", [pytest.param(30, marks=pytest.mark.slow), pytest.param(100, marks=pytest.mark.long)]
 )
 def test_interval_holds_the_errors_of_robots(robots):
     """Of virtual robots, at least 95 % have an error of the measured target over the task inside the interval."""
