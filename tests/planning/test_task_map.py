@@ -158,10 +158,11 @@ def test_tool_interval_coverage_is_nominal(model, pose, spread_deg, robots):
     """Tool positions, and rotations where poses were measured, at task poses in the tracker frame: 95 % intervals."""
     q = reach_task(model, reference_task(np.radians(spread_deg)), 40).q
     task = reach_task(model, reference_task(np.radians(spread_deg)), 20, 5).q
+    known = {} if spread_deg else {"target_within": 1e-6}  # one orientation does not locate it
     inside = []
     for seed in range(robots):
         campaign, truth = simulate(model, q, rng=np.random.default_rng(seed), pose=pose)
-        calibration = identify(model, campaign, gross_errors="keep", target_within=1e-6)
+        calibration = identify(model, campaign, gross_errors="keep", **known)
         found, true = calibration.predict_tool(task), truth.T_tracker_base @ model.poses(task, truth.x)
         deviation = np.sqrt(np.einsum("nii->ni", calibration.tool_covariance(task)))
         turned = se3.log(true[:, :3, :3] @ np.swapaxes(found[:, :3, :3], 1, 2))
