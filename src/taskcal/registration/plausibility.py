@@ -171,8 +171,8 @@ def check_targets(registration: Registration, campaign: Campaign, within: float)
     far = int(distance.argmax())
     if distance[far] > within:
         raise CampaignError(
-            f"{named_file(campaign)}target '{campaign.targets[far]}' is found {distance[far] * 1e3:.0f} mm from the TCP, "
-            f"where at most {within * 1e3:.0f} mm are expected: check the joints of rows in rare orientations, and the tool in the "
+            f"{named_file(campaign)}target '{campaign.targets[far]}' is found {distance[far] * 1e3:.4g} mm from the TCP, "
+            f"where at most {within * 1e3:.4g} mm are expected: check the joints of rows in rare orientations, and the tool in the "
             "robot file; if the target really is so far out, allow it (target_within, --target-within-mm)"
         )
 
