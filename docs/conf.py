@@ -16,6 +16,7 @@ extensions = [
     "catalogue_table",
     "command_table",
     "effect_table",
+    "home_picture",
     "layer_picture",
     "validation_table",
 ]
@@ -38,6 +39,7 @@ nitpick_ignore = [  # one class by two names: the library of programs raises it 
 html_theme = "furo"
 html_title = "Taskcal"
 html_static_path = ["_static"] if (Path(__file__).parent / "_static").is_dir() else []
+html_css_files = ["taskcal.css"]
 html_js_files = [("scrollable.js", {"defer": "defer"})]
 
 

@@ -67,11 +67,12 @@ def test_how_often_again(printed):
     found = {
         (float(mrad), int(count)): (float(share), float(mm))
         for mrad, count, share, mm in re.findall(
-            rf"({NUMBER}) mrad, (\d+) poses: shown for (\d+)%, ({NUMBER}) mm", "\n".join(printed("how-often-again.md"))
+            rf"({NUMBER}) mrad, (\d+) poses: shown for (\d+)%, ({NUMBER}) mm",
+            "\n".join(printed("compare-calibrations.md")),
         )
     }
     assert len(found) == 9
-    said = rows("how-often-again.md", rf"{NUMBER} mrad \|")
+    said = rows("compare-calibrations.md", rf"{NUMBER} mrad \|")
     for mrad, mm, *shares in said:
         assert 0.5 < found[mrad, 40][1] / mm < 2.0
         for count, share in zip((10, 20, 40), shares, strict=True):

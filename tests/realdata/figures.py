@@ -56,21 +56,21 @@ def _geometry(data: Path, name: str, splits: int) -> tuple[list[float], list[flo
 def geometry(data: Path) -> Iterator[Figure]:
     """What is left on held-out rows by the nominal robot, registered, and by geometry alone."""
     rows = {
-        "ur5-60": ("| UR5 | * | 60 of 1000 |", "| UR5, 60 of 1000 rows fitted |", 2),
-        "ur5-700": ("| UR5 | * | 700 of 1000 |", "", 2),
-        "ur10": ("| UR10 | * | 70 % of 1495 |", "| UR10, 70 % of 1495 |", 2),
-        "irb120-60": ("| ABB IRB 120 | * | 60 of 620 |", "| ABB IRB 120, 60 of 620 |", 2),
-        "irb120-430": ("| ABB IRB 120 | * | 430 of 620 |", "", 2),
-        "fanuc": ("| FANUC R-2000iC/165F | * | 35 of 36 |", "| FANUC R-2000iC/165F |", 2),
-        "wam": ("| Barrett WAM, 7 axes | * | 70 % of 216 |", "| Barrett WAM, 7 joints, 70 % of 216 |", 1),
+        "ur5-60": ("| UR5 | * | 60 of 1000 |", 2),
+        "ur5-700": ("| UR5 | * | 700 of 1000 |", 2),
+        "ur10": ("| UR10 | * | 70 % of 1495 |", 2),
+        "irb120-60": ("| ABB IRB 120 | * | 60 of 620 |", 2),
+        "irb120-430": ("| ABB IRB 120 | * | 430 of 620 |", 2),
+        "fanuc": ("| FANUC R-2000iC/165F | * | 35 of 36 |", 2),
+        "wam": ("| Barrett WAM, 7 axes | * | 70 % of 216 |", 1),
     }
-    for name, (readme, index, digits) in rows.items():
+    for name, (words, digits) in rows.items():
         nominal, fitted = (
             f"{np.median(some):.{digits}f}" for some in _geometry(data, name, 36 if name == "fanuc" else 10)
         )
-        yield README, f"{readme} {nominal} | {fitted} | *"
-        if index:
-            yield INDEX, f"{index} {nominal} | {fitted} | *"
+        yield README, f"{words} {nominal} | {fitted} | *"
+        if name == "ur5-60":
+            yield INDEX, f"{nominal} mm nominal (registered), {fitted} mm geometry, *"
     for name, words, digits in (
         ("ur5-60", "| UR5 | 60 | 10 |", 3),
         ("ur5-700", "| UR5 | 700 | 10 |", 3),
@@ -163,14 +163,7 @@ def all_effects(data: Path) -> Iterator[Figure]:
         ("wam", "| Barrett WAM, 7 axes | * | 70 % of 216 |"),
     ):
         yield README, f"{words} * | {short[name]} | {region[name]} |"
-    for name, words in (
-        ("ur5-60", "| UR5, 60 of 1000 rows fitted |"),
-        ("ur10", "| UR10, 70 % of 1495 |"),
-        ("irb120-60", "| ABB IRB 120, 60 of 620 |"),
-        ("fanuc", "| FANUC R-2000iC/165F |"),
-        ("wam", "| Barrett WAM, 7 joints, 70 % of 216 |"),
-    ):
-        yield INDEX, f"{words} *| {short[name]} |"
+    yield INDEX, f"* mm geometry, {short['ur5-60']} mm geometry + effects"
     for name, words in (
         ("ur5-60", "| UR5 | 60 | 10 |"),
         ("ur5-700", "| UR5 | 700 | 10 |"),
