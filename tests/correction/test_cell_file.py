@@ -17,6 +17,7 @@ def test_a_cell_reads_back_as_it_was_written(tmp_path):
         tools={
             "cutter": Measured(name="Cutter", reflectors={n: np.arange(3.0) * k for k, n in enumerate("abc")}),
             "probe": Measured(name="probe", controller=POSE, in_flange=POSE, uncertainty=2e-5),
+            "pen": Measured(name="pen", tip=np.radians(np.arange(24.0).reshape(4, 6))),
         },
         parts={
             "fixture": Measured(name="fixture", in_tracker=POSE, uncertainty=1e-5),
@@ -31,7 +32,7 @@ def test_a_cell_reads_back_as_it_was_written(tmp_path):
         for one, other in zip(among.values(), again.values(), strict=True):
             assert (one.name, one.touched_with) == (other.name, other.touched_with)
             assert one.uncertainty == pytest.approx(other.uncertainty)
-            for key in ("controller", "in_tracker", "touched", "in_flange", "in_target"):
+            for key in ("controller", "in_tracker", "touched", "tip", "in_flange", "in_target"):
                 a, b = getattr(one, key), getattr(other, key)
                 assert (a is None) == (b is None)
                 if a is not None:

@@ -3,10 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from taskcal.correction.frames import calibrate_frames, fit_points
+from taskcal.correction.cell import Measured
+from taskcal.correction.frames import calibrate_frames, fit_points, grasped_frame
+from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
-from tests.correction.cells import CUTTER, cells, reflectors_in
+from tests.correction.cells import CUTTER, cells, reflectors_in, touches, turned
 
 
 def test_a_cutter_known_by_its_reflectors_is_where_they_say(calibration, robot, measured, cutting):
@@ -39,3 +42,50 @@ def test_the_spread_has_the_covariance_of_what_is_held(calibration, robot, measu
     spread = frames.spread(q)
     covariance = tracked.covariance(q)
     np.testing.assert_allclose(spread @ np.swapaxes(spread, 1, 2), covariance, atol=1e-9 * np.abs(covariance).max())
+
+
+def test_a_tip_that_touched_one_point_is_found(calibration, robot, measured, cutting):
+    """Whatever the controller has for its place; how it is turned, the controller says."""
+    known = replace(calibration, model_error=(1e-9, 0.0))
+    tool = cells(calibration, robot, measured)["by its tip"].tool("cutter")
+    off = robot.T_flange_tool @ CUTTER @ se3.translation(x=0.02, y=-0.03, z=0.05)
+    found, expected = (grasped_frame(known, tool, T) for T in (off, robot.T_flange_tool @ CUTTER))
+    np.testing.assert_allclose(found.T_tool_grasped[:3, 3], CUTTER[:3, 3], atol=1e-9)
+    np.testing.assert_allclose(found.T_tool_grasped, expected.T_tool_grasped, atol=1e-12)
+
+
+def test_a_tip_is_as_uncertain_as_touches_repeat(calibration, robot, measured):
+    """Each touch misses the point by the stated uncertainty on each axis: against tips of drawn ones."""
+    u, rng, count = 2e-4, np.random.default_rng(6), 300
+    known = replace(calibration, model_error=(0.0, 0.0))
+    q, T = turned(known, measured), robot.T_flange_tool @ CUTTER
+    at = (known.tool_in_base(q[:1]) @ CUTTER)[0, :3, 3]
+    drawn = touches(
+        known,
+        np.tile(q, (count, 1)),
+        CUTTER[:3, 3],
+        np.repeat(at[None], count * len(q), axis=0) + u * rng.normal(size=(count * len(q), 3)),
+    ).reshape(count, *q.shape)
+    tips = [grasped_frame(known, Measured(name="cutter", tip=one), T).T_tool_grasped[:3, 3] for one in drawn]
+    exact = Measured(name="cutter", tip=touches(known, q, CUTTER[:3, 3], at), uncertainty=u)
+    # in the tool's axes, as the spread of tips is; the frame's own are turned against them
+    frame = grasped_frame(known, exact, T)
+    R = frame.T_tool_grasped[:3, :3]
+    stated = R @ frame.covariance @ R.T
+    np.testing.assert_allclose(np.cov(np.array(tips).T), stated, atol=0.25 * np.abs(stated).max())
+    # without a statement, what the touches scatter stands for it
+    scattered = [grasped_frame(known, Measured(name="cutter", tip=one), T).covariance for one in drawn]
+    np.testing.assert_allclose(R @ np.mean(scattered, axis=0) @ R.T, stated, atol=0.1 * np.abs(stated).max())
+
+
+@pytest.mark.parametrize(("spoil", "why"), [("still", "hardly turned"), ("moved", "in one point"), ("five", "angles")])
+def test_touches_that_tell_no_tip_are_refused(calibration, robot, measured, spoil, why):
+    tip = cells(calibration, robot, measured)["by its tip"].tool("cutter").tip.copy()
+    if spoil == "still":
+        tip = tip[[0, 0, 0, 0]]
+    if spoil == "moved":
+        tip[2, 0] += np.radians(1.0)
+    if spoil == "five":
+        tip = tip[:, :5]
+    with pytest.raises(TaskcalError, match=why):
+        grasped_frame(calibration, Measured(name="cutter", tip=tip), robot.T_flange_tool)

@@ -2,6 +2,10 @@
 
 from pathlib import Path
 
+import pytest
+
+from taskcal.cli.options.page import read_header
+from taskcal.errors import TaskcalError
 from taskcal.studio.pages import identify_page, program_page, report_page
 from taskcal.studio.project import Choices, Project
 from taskcal.studio.task_box import read_together
@@ -18,8 +22,9 @@ def test_files_of_one_program_are_read_together(tmp_path: Path) -> None:
 
 
 def test_values_from_the_project_s_file_are_no_options(tmp_path: Path) -> None:
-    choices = Choices(name="x", robot="--help", effects="--json", campaign="campaigns/a.csv", holdout=0.0, robust=True)
-    arguments, calibration = identify_page.arguments_of(choices)
+    project = Project(tmp_path)
+    project.choose(robot="--help", effects="--json", campaign="campaigns/a.csv", holdout=0.0, robust=True)
+    arguments, calibration = identify_page.arguments_of(project)
     assert calibration == "calibrations/a-listed-robust.json"
     assert "--help" not in arguments
     assert arguments[:2] == ["identify", "campaigns/a.csv"]
@@ -27,7 +32,39 @@ def test_values_from_the_project_s_file_are_no_options(tmp_path: Path) -> None:
     choices = Choices(name="x", program="programs/a.mod", calibration="calibrations/c.json", tool="--force")
     assert "--tool=--force" in program_page.arguments_of(Project(tmp_path), choices)
     assert "--force" not in program_page.arguments_of(Project(tmp_path), choices)
-    assert report_page.arguments_of(choices) == [
+    project.choose(calibration="calibrations/c.json", campaign="")
+    assert report_page.arguments_of(project) == [
         *("report", "calibrations/c.json", "--output", "reports/c.html", "--certificate", "reports/c-certificate.html"),
         "--json",
     ]
+
+
+def test_a_fit_replaces_no_calibration(tmp_path: Path) -> None:
+    """Whatever the name that is wanted, the file is a new one in its folder."""
+    project = Project(tmp_path)
+    (tmp_path / "calibrations").mkdir()
+    for name in ("", "spring", "../../etc/x", "a b/ü", "--json", "con"):
+        project.choose(campaign="campaigns/a.csv", fit_name=name)
+        for _ in range(3):
+            arguments, calibration = identify_page.arguments_of(project)
+            assert f"--output={calibration}" in arguments
+            file = project.path(calibration)
+            assert file.parent == tmp_path.resolve() / "calibrations"
+            assert not file.exists()
+            file.write_text("{}")
+
+
+def test_a_head_is_kept_field_by_field(tmp_path: Path) -> None:
+    """What is wrong is refused with its field, and takes nothing of the others."""
+    project = Project(tmp_path)
+    given = {"serial_number": "66-01", "date": "2026-11-26", "temperature_C": "20.5", "operator": "A. B."}
+    for field, value in given.items():
+        report_page.save_head(project, field, value)
+    for field, wrong in (("date", "yesterday"), ("temperature_C", "warm"), ("operator", "x" * 301)):
+        with pytest.raises(TaskcalError, match=field):
+            report_page.save_head(project, field, wrong)
+    assert report_page.head_of(project) == given
+    assert dict(read_header(tmp_path / "header.toml"))["serial number"] == "66-01"
+    assert "header.toml" in report_page.arguments_of(project)
+    report_page.save_head(project, "operator", "")
+    assert "operator" not in report_page.head_of(project)

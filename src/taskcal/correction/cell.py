@@ -92,6 +92,8 @@ class Measured:
     """Joint positions at which the robot touched the points from which the controller's frame was set, radians."""
     touched_with: str = ""
     """Tool that touched them."""
+    tip: Float[np.ndarray, "k joints"] | None = None
+    """Joint positions at which the tip of what the robot holds was at one point, each time turned otherwise, radians."""
     in_flange: Float[np.ndarray, "4 4"] | None = None
     """True pose in the flange, of what the robot holds."""
     in_target: Float[np.ndarray, "4 4"] | None = None
@@ -99,7 +101,8 @@ class Measured:
     reflectors: Mapping[str, Float[np.ndarray, " 3"]] = field(default_factory=dict[str, np.ndarray])
     """Centres of the calibration's reflectors in the frame of what the robot holds, metres."""
     uncertainty: float = 0.0
-    """Standard uncertainty of what was measured, per axis, metres: of each reflector's centre, of the position, or of one touch."""
+    """Standard uncertainty of what was measured, per axis, metres: of each reflector's centre, of the position, or of one touch, of
+    which at a tip it is at least what the touches scatter."""
 
 
 @short_repr
@@ -127,6 +130,9 @@ class Cell:
 
 MIN_POINTS = 3
 """Points that locate a frame."""
+
+MIN_TIPS = 4
+"""Joint positions with a tip at one point: three would locate it and leave nothing that tells a slip."""
 
 MIN_DIRECTION = 1e-6
 """A direction is longer."""
@@ -156,6 +162,7 @@ class MeasuredSection(Section):
     tracker: PoseSection | None = None
     touched_deg: Annotated[tuple[tuple[Finite, ...], ...], Field(min_length=MIN_POINTS)] | None = None
     touched_with: str = ""
+    tip_deg: Annotated[tuple[tuple[Finite, ...], ...], Field(min_length=MIN_TIPS)] | None = None
     flange: PoseSection | None = None
     target: PoseSection | None = None
     reflectors_mm: Annotated[dict[str, Point], Field(min_length=MIN_POINTS)] | None = None
@@ -163,14 +170,15 @@ class MeasuredSection(Section):
 
     @model_validator(mode="after")
     def _measured_once(self) -> Self:
-        options = ("tracker", "touched_deg", "flange", "target", "reflectors_mm")
+        options = ("tracker", "touched_deg", "tip_deg", "flange", "target", "reflectors_mm")
         given = [key for key in options if getattr(self, key) is not None]
         if len(given) > 1:
             raise ValueError(f"'{self.name}' is measured in one way only: keep one of {' and '.join(given)}")
         if (self.touched_deg is None) != (not self.touched_with):
             raise ValueError(f"'{self.name}': touched_deg and touched_with, the tool that touched, belong together")
-        if self.touched_deg and len({len(row) for row in self.touched_deg}) > 1:
-            raise ValueError(f"'{self.name}': the rows of touched_deg differ in length; each has one angle per joint")
+        for key, rows in (("touched_deg", self.touched_deg), ("tip_deg", self.tip_deg)):
+            if len({len(row) for row in rows or ()}) > 1:
+                raise ValueError(f"'{self.name}': the rows of {key} differ in length; each has one angle per joint")
         if self.uncertainty_mm is not None and not given:
             raise ValueError(f"'{self.name}': uncertainty_mm is of what is measured: give one of {', '.join(options)}")
         return self
@@ -187,6 +195,7 @@ class MeasuredSection(Section):
             in_tracker=pose(self.tracker),
             touched=None if self.touched_deg is None else np.radians(np.array(self.touched_deg)),
             touched_with=self.touched_with,
+            tip=None if self.tip_deg is None else np.radians(np.array(self.tip_deg)),
             in_flange=pose(self.flange),
             in_target=pose(self.target),
             reflectors={name: np.array(p) * 1e-3 for name, p in (self.reflectors_mm or {}).items()},
@@ -336,6 +345,8 @@ def _section(measured: Measured) -> dict[str, object]:
             out[key] = _pose(T)
     if measured.touched is not None:
         out |= {"touched_deg": np.degrees(measured.touched).tolist(), "touched_with": measured.touched_with}
+    if measured.tip is not None:
+        out["tip_deg"] = np.degrees(measured.tip).tolist()
     if measured.reflectors:
         out["reflectors_mm"] = {name: (p * 1e3).tolist() for name, p in measured.reflectors.items()}
     if measured.uncertainty:

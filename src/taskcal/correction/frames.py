@@ -2,7 +2,8 @@
 
 A path is accurate relative to something. What stands still is known in the calibrated base as the controller has it, or was
 measured by the tracker, or was touched by the robot itself, whose errors there then cancel in part. What the robot holds is
-known where the controller has it in the flange, or by the reflectors that were measured on it.
+known where the controller has it in the flange, by the reflectors that were measured on it, or by joint positions at which its
+tip was at one point.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,6 +22,7 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.problem import Rows
 from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.error_model import COMPONENTS, ErrorModel
+from taskcal.robot.robot import Robot
 
 # Rigid motions nearest to how points move.
 
@@ -50,13 +52,20 @@ def rigid_twists(
 
 # What the robot holds: where it is in the calibrated robot's own tool, and how it moves with the estimate.
 #
-# It is known where the controller has it in the flange, or by the reflectors or the pose that were measured on it.
+# It is known where the controller has it in the flange, by the reflectors or the pose that were measured on it, or by its tip.
 
 MAX_TOOL_DIFFERENCE = 1e-6
 """A program's tool is the robot's own if it differs by less, metres and radians."""
 
 MAX_MISFIT_M = 5e-4
 """Reflectors that fit worse than this, metres, are not where they are said to be."""
+
+MAX_TIP_MISFIT_M = 3e-3
+"""Touches of one point that miss each other by more, metres, are not of one point: by hand one is met within 1 mm."""
+
+MIN_TIP_TURN = 0.1
+"""Least singular value of how the tool was turned between the touches, over the root of their number: some 10° about each of two
+axes. Below, a touch that is off by 0.1 mm puts the tip off by more than 1 mm."""
 
 Twists = Callable[[np.ndarray, Conditions | None], np.ndarray]
 """From joint positions (n, joints), and how they are reached, to derivatives (n, 6, z) of a frame's pose by the estimate, at its
@@ -83,12 +92,14 @@ def grasped_frame(calibration: Calibration, measured: Measured, controller: Floa
     """
     if measured.in_tracker is not None or measured.touched is not None:
         raise TaskcalError(
-            f"'{measured.name}' is held by the robot; it cannot be measured where it stands: give flange, target or reflectors_mm "
-            "in the cell file"
+            f"'{measured.name}' is held by the robot; it cannot be measured where it stands: give flange, tip_deg, target or "
+            "reflectors_mm in the cell file"
         )
     robot, name = calibration.model.robot, measured.name
     if measured.reflectors:
         return _by_reflectors(calibration, measured)
+    if measured.tip is not None:
+        return _by_tip(calibration, measured, measured.tip, controller)
     if measured.in_target is not None:
         if not calibration.layout.pose:
             raise TaskcalError(
@@ -151,6 +162,67 @@ def _by_reflectors(calibration: Calibration, measured: Measured) -> GraspedFrame
         twists=lambda q, conditions: _reflector_twists(calibration, rows, T, q, conditions),
         covariance=_fitted_covariance(own, measured.uncertainty),
     )
+
+
+def _by_tip(
+    calibration: Calibration,
+    measured: Measured,
+    q: Float[np.ndarray, "k joints"],
+    controller: Float[np.ndarray, "4 4"],
+) -> GraspedFrame:
+    """The tool whose tip was at one point at some joint positions; how it is turned, the controller says.
+
+    Raises:
+        TaskcalError: they are of another robot, or the tool was hardly turned, or they do not meet in a point.
+    """
+    robot, name = calibration.model.robot, measured.name
+    check_angles(robot, "tip_deg", name, q)
+    conditions = Conditions(approach=conditions_in_order(robot, q).approach)
+    poses = calibration.predict_tool(q, conditions)
+    turns, places = (part - part.mean(axis=0) for part in (poses[:, :3, :3], poses[:, :3, 3]))
+    stacked = turns.reshape(-1, 3)
+    if np.linalg.svd(stacked, compute_uv=False)[-1] < MIN_TIP_TURN * np.sqrt(len(q)):
+        raise TaskcalError(
+            f"tip_deg of '{name}' does not locate its tip: the tool was hardly turned between the touches; touch the point with "
+            "the tool turned by 30° and more about two axes"
+        )
+    inverse = np.linalg.pinv(stacked)
+    tip = -inverse @ places.reshape(-1)
+    missed = turns @ tip + places
+    if (worst := float(np.linalg.norm(missed, axis=1).max())) > MAX_TIP_MISFIT_M:
+        raise TaskcalError(
+            f"tip_deg of '{name}' does not meet in one point: its touches lie up to {worst * 1e3:.1f} mm from it; check the "
+            "angles, and that nothing moved"
+        )
+    T_tool_tip = _flange_in_tool(calibration) @ controller
+    shift = float(np.linalg.norm(T_tool_tip[:3, 3] - tip))
+    T_tool_tip[:3, 3] = tip
+    scatter = float((missed**2).sum()) / (3 * len(q) - 6)
+    at_tip = se3.carry(calibration.tool_jacobian(q, conditions), poses[:, :3, :3] @ tip)[:, :3]
+    by_estimate = -inverse @ (at_tip - at_tip.mean(axis=0)).reshape(len(stacked), -1)
+
+    def twists(q: Float[np.ndarray, "n joints"], conditions: Conditions | None) -> Float[np.ndarray, "n 6 z"]:
+        J, R = calibration.tool_jacobian(q, conditions), calibration.predict_tool(q)[:, :3, :3]
+        moved = se3.carry(J, R @ tip)
+        moved[:, :3] += R @ by_estimate
+        moved[:, 3:, columns_of(calibration, "tool.")] = 0.0  # how it is turned in the flange, the controller says
+        return moved
+
+    touch = max(scatter, measured.uncertainty**2 + calibration.model_error[0] ** 2)
+    return GraspedFrame(
+        T_tool_grasped=T_tool_tip,
+        statement=f"tool '{name}' by {len(q)} touches of one point, {shift * 1e3:.2f} mm from where the controller has it",
+        twists=twists,
+        covariance=touch * np.linalg.inv(stacked.T @ stacked),
+    )
+
+
+def check_angles(robot: Robot, key: str, name: str, q: Float[np.ndarray, "k joints"]) -> None:
+    """See that rows of a cell file have an angle for every joint."""
+    if q.shape[1] != len(robot.joints):
+        raise TaskcalError(
+            f"{key} of '{name}' has {q.shape[1]} angles a row; {robot.name} has {len(robot.joints)} joints"
+        )
 
 
 def _fitted_covariance(own: Float[np.ndarray, "k 3"], uncertainty: float) -> Float[np.ndarray, "3 3"]:
@@ -237,7 +309,8 @@ def fixed_frame(
     Raises:
         TaskcalError: what was measured of it does not fit to what it is used for, or to the calibration.
     """
-    if measured.in_flange is not None or measured.in_target is not None or measured.reflectors:
+    held = (measured.in_flange, measured.in_target, measured.tip)
+    if measured.reflectors or any(given is not None for given in held):
         raise TaskcalError(
             f"'{measured.name}' stands still; it cannot be measured in the robot's hand: give tracker or touched_deg in the "
             "cell file"
@@ -269,10 +342,7 @@ def _touched(
     cell: Cell,
 ) -> FixedFrame:
     robot = calibration.model.robot
-    if q.shape[1] != len(robot.joints):
-        raise TaskcalError(
-            f"touched_deg of '{measured.name}' has {q.shape[1]} angles a row; {robot.name} has {len(robot.joints)} joints"
-        )
+    check_angles(robot, "touched_deg", measured.name, q)
     toucher = cell.tool(measured.touched_with)
     T_controller = toucher.controller if toucher.controller is not None else toucher.in_flange
     if T_controller is None:

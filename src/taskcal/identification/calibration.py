@@ -286,6 +286,8 @@ def summarise_calibration(calibration: "Calibration") -> dict[str, Any]:
     rotation, like = calibration.model_error[1:], calibration.provenance.options.get("like")
     return {
         "robot": calibration.model.robot.name,
+        "campaign": calibration.provenance.campaign,
+        "options": dict(calibration.provenance.options),
         "effects": [effect.to_json() for effect in calibration.model.effects],
         "field": any(effect.key == "field" for effect in calibration.model.effects),
         "stations": list_stations(calibration),

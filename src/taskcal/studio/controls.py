@@ -105,6 +105,12 @@ class Dial:
             field.show(value)
 
 
+MAX_DISTANCE_MM = 1e5
+"""Of a tool, a part, a positioner or a tracker from the origin, to each side: any hall is smaller."""
+
+ANGLES = ("roll", "pitch", "yaw")
+"""About fixed x, y, z, as the texts name them."""
+
 MAX_COLUMNS = 9
 """Beyond which a table is set smaller, to fit beside the road."""
 
@@ -137,6 +143,8 @@ CHOSEN: Mapping[str, str] = {
 }""",
 }
 """Of a list: by keys one goes through it, and takes what is there by Enter or by going on; browsers tell of every key's change."""
+
+TYPED = "(event) => emit(event.target.value)"
 
 CHECKED = "(event) => emit(event.target.checked)"
 
@@ -268,6 +276,22 @@ def line_of_text(label: str, value: str, on_change: Callable[[str], Any]) -> Ele
 
     field = ValueInput("text", label, value, size="50", maxlength="2000")
     return _labelled(label, field.on_left(handle).classes("value"))
+
+
+def lines_of_text(label: str, value: str, on_change: Callable[[str], Any]) -> Element:
+    """Several lines to type or to paste."""
+    with ui.element("label").classes("lines") as whole:
+        text("span", label)
+        field = ui.element("textarea").classes("value").props("rows=5 spellcheck=false")
+
+        def take(given: str) -> None:
+            set_attribute(field, "value", given)  # else it is empty where it is drawn anew
+            on_change(given)
+
+        field.on("change", lambda event: take(str(event.args)), js_handler=TYPED)
+        set_attribute(field, "value", value)
+        set_attribute(field, "aria-label", label)
+    return whole
 
 
 def _labelled(label: str, field: Element) -> Element:

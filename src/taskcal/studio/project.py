@@ -65,6 +65,8 @@ class Layout:
     """Folders of a project; each is made when its first file is written."""
 
     choices: str = "project.toml"
+    header: str = "header.toml"
+    """Who measured what, where and with what."""
     robots: str = "robots"
     campaigns: str = "campaigns"
     tasks: str = "tasks"
@@ -143,6 +145,10 @@ class Choices(Section):
     """To be planned."""
     robust: bool = False
     """Whether outliers count less."""
+    fit_name: str = Field(default="", max_length=LONGEST)
+    """Of the next calibration; empty for one made of its campaign and its model."""
+    notes: dict[ProjectFile, Annotated[str, Field(max_length=2000)]] = Field(default_factory=dict, max_length=1000)
+    """On calibrations, by their paths."""
 
 
 class Project:
@@ -208,6 +214,15 @@ class Project:
     def calibrations(self) -> list[str]:
         """Paths of the calibrations."""
         return [path for path in self.files(LAYOUT.calibrations, (".json",)) if not path.endswith(RESULT)]
+
+    def annotate(self, path: str, note: str) -> None:
+        """Keep a note on a calibration; an empty one is taken away.
+
+        Raises:
+            FileError: the project's file cannot be read or written.
+        """
+        others = {of: one for of, one in self.choices.notes.items() if of != path}
+        self.choose(notes=others | ({path: note} if note else {}))
 
     def put(self, folder: str, given: str, content: bytes, endings: tuple[str, ...]) -> str:
         """Save a file that somebody dropped, beside what is there; the same file twice is one.

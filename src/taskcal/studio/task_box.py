@@ -166,6 +166,27 @@ def save_box(path: Path, box: TaskBox) -> TaskBox:
     return after
 
 
+def save_head(path: Path, *, name: str | None = None, accuracy_mm: float | None = None) -> None:
+    """Write a task's name, or the error that it allows, into its file; comments are lost, all else stays.
+
+    Args:
+        path: of the file.
+        name: of the task.
+        accuracy_mm: allowed, 3D; zero for none.
+
+    Raises:
+        FileError: the file cannot be read as a task, or not be written.
+    """
+    load_task(path)
+    content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+    if name is not None:
+        content["name"] = name
+    if accuracy_mm is not None:
+        content.pop("accuracy", None)
+        content |= {"accuracy": {"position_mm": accuracy_mm}} if accuracy_mm else {}
+    write_whole(path, tomli_w.dumps(content))
+
+
 def handy_posture(model: ErrorModel, ranges: Float[np.ndarray, "joints 2"]) -> Float[np.ndarray, " joints"]:
     """Joint positions from which the tool moves and turns about as well as the robot lets it, above the floor.
 

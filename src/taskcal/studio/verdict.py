@@ -32,6 +32,16 @@ def latest(judged: Mapping[str, Any], project: Project) -> Mapping[str, Any]:
     return corrected
 
 
+def next_source(verdict: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The last judgement whose error is known, of which the largest share is to be lowered next."""
+    return next(one for one in reversed(verdict["judgements"]) if one["largest"] is not None)
+
+
+def is_lowered_by(verdict: Mapping[str, Any] | None, *sources: str) -> bool:
+    """Whether one of some sources is what to lower next."""
+    return verdict is not None and next_source(verdict)["largest"] in sources
+
+
 def show_verdict(verdict: Mapping[str, Any], texts: Texts) -> None:
     """Show a verdict, as `Verdict.summary` gives it."""
     text("h2", texts("verdict.title"))
@@ -53,7 +63,7 @@ def show_verdict(verdict: Mapping[str, Any], texts: Texts) -> None:
     reasons = dict.fromkeys(one["reason"] for one in verdict["judgements"] if one["reason"])
     for reason in reasons:
         text("p", texts.named("verdict", reason)).classes("quiet")
-    last = next(one for one in reversed(verdict["judgements"]) if one["largest"] is not None)
+    last = next_source(verdict)
     page = PAGES[last["largest"]]
     with ui.element("p"):
         share = f"{last['share']:.0%}"

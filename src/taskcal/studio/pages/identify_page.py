@@ -1,6 +1,7 @@
 """Identification: which model, what is held out, and how far the fit is; models side by side."""
 
 from collections.abc import Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ from nicegui import ui
 from taskcal.report.calibration import ERRORS
 from taskcal.report.content import Column, Table
 from taskcal.studio.controls import button, choice, facts, line_of_text, number, tabulated, text, tick
-from taskcal.studio.project import LAYOUT, Choices, Project
+from taskcal.studio.project import LAYOUT, LONGEST, Project, free_name, plain_name
 from taskcal.studio.runs import Studio
 from taskcal.studio.steps import begin, is_missing, is_running, link, read_result, result_of, show_run
 from taskcal.studio.texts import Texts
@@ -42,6 +43,7 @@ def _choose(project: Project, texts: Texts) -> None:
 
     offered = {key: texts(f"identify.effects_{MODELS[key]}") for key in MODELS} | ({own: own} if own else {})
     choice(texts("identify.effects"), offered, choices.effects, take)
+    line_of_text(texts("identify.fit_name"), choices.fit_name, lambda name: project.choose(fit_name=name[:LONGEST]))
     with ui.element("details"):
         text("summary", texts("identify.more"))
         line_of_text(texts("identify.list"), own, take)
@@ -51,10 +53,12 @@ def _choose(project: Project, texts: Texts) -> None:
         number(texts("identify.seed"), choices.seed, lambda v: project.choose(seed=int(v)), 0, 1e6, step="1")
 
 
-def arguments_of(choices: Choices) -> tuple[list[str], str]:
-    """Arguments of ``taskcal`` for a fit, and the calibration that it writes."""
+def arguments_of(project: Project) -> tuple[list[str], str]:
+    """Arguments of ``taskcal`` for a fit, and the calibration that it writes, which is none that there is."""
+    choices = project.choices
     model = MODELS.get(choices.effects, "listed") + ("-robust" if choices.robust else "")
-    calibration = f"{LAYOUT.calibrations}/{Path(choices.campaign).stem}-{model}.json"
+    named = plain_name(f"{choices.fit_name or f'{Path(choices.campaign).stem}-{model}'}.json", [".json"])
+    calibration = f"{LAYOUT.calibrations}/{free_name(named, [Path(path).name for path in project.calibrations()])}"
     options = [f"--robot={choices.robot}", f"--output={calibration}", f"--effects={choices.effects}"]
     options += ["--loss=huber"] if choices.robust else []
     options += [f"--holdout={choices.holdout:g}", f"--seed={choices.seed}"] if choices.holdout else []
@@ -62,7 +66,7 @@ def arguments_of(choices: Choices) -> tuple[list[str], str]:
 
 
 def _begin(studio: Studio) -> None:
-    arguments, calibration = arguments_of(studio.project.choices)
+    arguments, calibration = arguments_of(studio.project)
     chosen = {"calibration": calibration}
     begin(studio, "identify", arguments, folders=(LAYOUT.calibrations,), result=result_of(calibration), chosen=chosen)
 
@@ -74,10 +78,16 @@ def result_of_fit(project: Project, calibration: str) -> Mapping[str, Any] | Non
 
 def _compare(project: Project, texts: Texts) -> None:
     """The calibrations that there are, side by side."""
-    found = {Path(path).stem: result_of_fit(project, path) for path in project.calibrations()}
-    rows = [{"name": name, **result} for name, result in found.items() if result is not None]
+    found = {path: result_of_fit(project, path) for path in project.calibrations()}
+    notes = project.choices.notes
+    rows = [
+        {"name": Path(path).stem, "note": notes.get(path, ""), "written": project.path(path).stat().st_mtime, **result}
+        for path, result in found.items()
+        if result is not None
+    ]
     if not rows:
         return
+    rows.sort(key=lambda row: row["written"])
     errors = {str(column.value): column for column in ERRORS}
 
     def error(title: str, sample: str, key: str) -> Column:
@@ -85,12 +95,15 @@ def _compare(project: Project, texts: Texts) -> None:
 
     columns = (
         Column(texts("identify.name"), "name"),
+        Column(texts("identify.written"), lambda row: f"{datetime.fromtimestamp(row['written']):%Y-%m-%d %H:%M}"),
+        Column(texts("identify.of"), lambda row: row.get("campaign", "")),
         Column(texts("identify.rows"), "rows", "d"),
         Column(texts("identify.parameters"), lambda row: len(row["parameters"]), "d"),
         error("nominal", "nominal", "mean_mm"),
         error("fitted", "fitted", "mean_mm"),
         error("unseen", "held_out", "mean_mm"),
         error("largest", "held_out", "max_mm"),
+        Column(texts("identify.note"), "note", optional=True),
     )
     text("h2", texts("identify.side_by_side"))
     tabulated(Table.of(texts("identify.errors"), columns, rows))

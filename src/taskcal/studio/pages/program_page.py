@@ -3,6 +3,7 @@
 import asyncio
 import difflib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from nicegui import ui
 from robot_programs.reading import read_program
 from taskcal.errors import TaskcalError
 from taskcal.report.content import Table
+from taskcal.studio.cell_editor import AxisEditor, MeasuredEditor, Named, asked_axes, named_in
 from taskcal.studio.controls import (
     button,
     drop_zone,
@@ -24,7 +26,6 @@ from taskcal.studio.controls import (
     text,
     tick,
 )
-from taskcal.studio.editors import AxisEditor, asked_axes
 from taskcal.studio.project import CELL_ENDINGS, LAYOUT, PROGRAM_ENDINGS, Choices, Project
 from taskcal.studio.runs import Studio
 from taskcal.studio.steps import (
@@ -36,11 +37,12 @@ from taskcal.studio.steps import (
     read_result,
     result_of,
     robot_of,
+    show_error,
     show_run,
 )
 from taskcal.studio.task_box import read_together
 from taskcal.studio.texts import Texts
-from taskcal.studio.verdict import show_verdict
+from taskcal.studio.verdict import is_lowered_by, show_verdict
 from taskcal.studio.views import PointView, add_views
 
 MAX_COMPARED_LINES = 20_000
@@ -48,6 +50,9 @@ MAX_COMPARED_LINES = 20_000
 
 MAX_LINES = 400
 """Of a comparison that are shown; the corrected file has them all."""
+
+MAX_LISTED_BYTES = 2_000_000
+"""Of a program whose tools and parts are listed: it is read in a few seconds each time the page is shown."""
 
 LOW, HIGH = np.array([0.2, 0.5, 0.8]), np.array([0.45, 0.1, 0.0])
 """Colours of no error and of the largest: light blue and dark red, which differ in grey and to those who see no red, too."""
@@ -69,7 +74,11 @@ async def build(studio: Studio, texts: Texts) -> None:
         return
     result = read_result(project, _written(choices.program), "written", "targets", "refused", "expected", "verdict")
     reasons = [] if result is None else [item.get("reason", "") for item in result["refused"]]
-    _around(project, texts, asked_axes(reasons))
+    named = await asyncio.to_thread(_named, project)
+    asked = asked_axes(reasons)
+    _around(
+        project, texts, asked, named, is_open=bool(asked) or is_lowered_by(result and result["verdict"], "tool", "part")
+    )
     facts([(texts("program.read"), ", ".join(read_together(project, choices.program)))])
     text("h2", texts("program.correction"))
     run = show_run(studio, "correct", texts, about=choices.program)
@@ -79,17 +88,39 @@ async def build(studio: Studio, texts: Texts) -> None:
         await _show(result, project, texts)
 
 
-def _around(project: Project, texts: Texts, asked: Sequence[int]) -> None:
-    """Edit the cell file (measured tool and part, external axes); open where axes are asked for."""
+def _named(project: Project) -> list[Named] | None:
+    """Tools and parts of the program; None where it takes long to read."""
+    choices = project.choices
+    sources = [project.path(path) for path in read_together(project, choices.program)]
+    if sum(source.stat().st_size for source in sources) > MAX_LISTED_BYTES:
+        return None
+    with suppress(OSError, TaskcalError):  # of a program that is not read the correction says why
+        return named_in(read_program(*sources, robot=robot_of(project)).moves)
+    return []
+
+
+def _around(
+    project: Project, texts: Texts, asked: Sequence[int], named: Sequence[Named] | None, *, is_open: bool
+) -> None:
+    """Edit the cell file (measured tools and parts, external axes)."""
     choices = project.choices
     cells = {path: path for path in project.files(LAYOUT.cells, CELL_ENDINGS)}
 
     with ui.element("details") as around:
-        set_attribute(around, "open", bool(asked))
+        set_attribute(around, "open", is_open)
         text("summary", texts("program.around"))
         text("p", texts("program.around_how")).classes("quiet")
         choose_file(project, texts, "cell", cells, none=texts("program.no_cell"))
         drop_zone(texts, "cell", texts("program.drop_cell"), CELL_ENDINGS)
+        text("h2", texts("measured.title"))
+        if named is None:
+            text("p", texts("measured.large")).classes("quiet")
+        try:
+            robot = robot_of(project)
+            for one in named or ():
+                MeasuredEditor(project, robot, one, texts)
+        except TaskcalError as error:
+            show_error(project, error)
         line_of_text(texts("program.tool"), choices.tool, lambda value: project.choose(tool=value))
         line_of_text(texts("program.part"), choices.part, lambda value: project.choose(part=value))
         AxisEditor(project, asked, texts)

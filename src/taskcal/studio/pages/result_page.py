@@ -23,7 +23,7 @@ from taskcal.report.calibration import (
     tabulate_range,
 )
 from taskcal.report.content import Column, Table, millimetres
-from taskcal.studio.controls import ValueInput, facts, message, tabulated, text
+from taskcal.studio.controls import ValueInput, facts, line_of_text, message, tabulated, text
 from taskcal.studio.pages.identify_page import result_of_fit
 from taskcal.studio.project import Project
 from taskcal.studio.runs import Studio
@@ -56,6 +56,8 @@ async def build(studio: Studio, texts: Texts) -> None:
     if not choose_calibration(project, texts):
         return
     calibration = await asyncio.to_thread(load_calibration, project.path(choices.calibration))
+    chosen, note = choices.calibration, choices.notes.get(choices.calibration, "")
+    line_of_text(texts("result.note"), note, lambda given: project.annotate(chosen, given))
     await _verdict(calibration, project, texts)
     result = result_of_fit(project, choices.calibration)
     if result is None:

@@ -11,7 +11,7 @@ from robot_programs.reading import read_program
 from taskcal.errors import TaskcalError
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
-from taskcal.studio.controls import button, drop_zone, facts, message, text
+from taskcal.studio.controls import button, drop_zone, line_of_text, message, number, text
 from taskcal.studio.editors import BoxEditor, OrientationEditor
 from taskcal.studio.pages.robot_page import slider_ranges
 from taskcal.studio.project import LAYOUT, PROGRAM_ENDINGS, TASK_ENDINGS, Project, free_name
@@ -25,11 +25,14 @@ from taskcal.studio.task_box import (
     program_poses,
     read_together,
     save_box,
+    save_head,
     task_files,
 )
 from taskcal.studio.texts import Texts
 from taskcal.studio.views import PointView, add_views
 from taskcal.task.task import Task, load_task, reach_task
+
+MAX_TOLERANCE_MM = 1e3
 
 TRIED = 60
 """Poses that are tried for whether the robot reaches the task."""
@@ -51,8 +54,10 @@ async def build(studio: Studio, texts: Texts) -> None:
         _offer_programs(project, model, texts)
         return
     task = await asyncio.to_thread(load_task, project.path(choices.task))
-    tolerance = "–" if task.accuracy is None else f"{task.accuracy * 1e3:g} mm"
-    facts([(texts("task.name"), task.name), (texts("task.tolerance"), tolerance)])
+    path = project.path(choices.task)
+    line_of_text(texts("task.name"), task.name, lambda name: save_head(path, name=name) if name else None)
+    tolerance = 0.0 if task.accuracy is None else task.accuracy * 1e3
+    number(texts("task.tolerance"), tolerance, lambda value: save_head(path, accuracy_mm=value), 0.0, MAX_TOLERANCE_MM)
     box = box_of(task)
     if box is None:
         text("p", texts("task.no_box")).classes("quiet")
