@@ -25,6 +25,7 @@ ONE_IMPORTER = {
         "taskcal.identification.group_search",
         "taskcal.planning.experiment",
         "taskcal.reading.inference",
+        "taskcal.studio.cell_editor",
         "taskcal.studio.server",
     },
     "one of many alike, which a table names": {

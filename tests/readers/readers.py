@@ -10,7 +10,6 @@ import numpy as np
 from taskcal.campaigns.performance import read_path_cycles, read_pose_cycles
 from taskcal.cli.commands.simulate import read_truth, truth_text
 from taskcal.cli.options.campaign import choose_rows
-from taskcal.cli.options.page import read_header
 from taskcal.correction.cell import load_cell
 from taskcal.export.forms import export_ur_yaml
 from taskcal.identification.calibration import load_calibration
@@ -21,6 +20,7 @@ from taskcal.observations.socket import read_distances
 from taskcal.reading.reader import ReadOptions, read_campaign
 from taskcal.registration.registration import register
 from taskcal.registration.registration_file import load_registration, save_registration
+from taskcal.report.page import read_header
 from taskcal.robot.catalogue import catalogue_names, describe_robot, load_robot, robot_toml
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.importers.dh import read_dh_table

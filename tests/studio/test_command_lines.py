@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from taskcal.cli.options.page import read_header
 from taskcal.errors import TaskcalError
+from taskcal.report.page import read_header
 from taskcal.studio.pages import identify_page, program_page, report_page
 from taskcal.studio.project import Choices, Project
 from taskcal.studio.task_box import read_together

@@ -1,6 +1,7 @@
 """A report as one self-contained page: nothing is fetched when it is opened."""
 
 import base64
+import datetime
 import html
 import json
 import os
@@ -14,13 +15,16 @@ from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from markupsafe import Markup
+from pydantic import Field
 
 from taskcal.errors import TaskcalError, printable
 from taskcal.identification.calibration import package_version
 from taskcal.io.files import to_bytes
+from taskcal.io.toml_file import Finite, read_toml
+from taskcal.io.toml_file import Section as FileSection
 from taskcal.report.content import Chart, Scene, Section
 
 if TYPE_CHECKING:
@@ -268,3 +272,43 @@ def _fenced(lines: str) -> str:
 def _plain(text: str) -> str:
     """Text on one line in which nothing of a file's names acts as Markdown or HTML, or commands a terminal that shows it."""
     return re.sub(r"([\\`*_~\[\]<>|#]|&(?=#?\w+;))", r"\\\1", printable(" ".join(text.split())))
+
+
+# The head of a report: customer, robot, operator and instrument, from a TOML file.
+
+Line = Annotated[str, Field(strict=True, min_length=1, max_length=300)]
+
+
+class ReportHeader(FileSection):
+    """The fields; each is shown where it is given."""
+
+    customer: Line | None = None
+    order: Line | None = None
+    serial_number: Line | None = None
+    """Of the robot."""
+    place: Line | None = None
+    date: datetime.date | None = None
+    """Of the measurement."""
+    operator: Line | None = None
+    instrument: Line | None = None
+    temperature_C: Finite | None = None
+    remark: Line | None = None
+
+
+def label_of(field: str) -> str:
+    """A field's name in words."""
+    return {"serial_number": "serial number", "temperature_C": "temperature"}.get(field, field)
+
+
+def read_header(path: Path) -> list[tuple[str, str]]:
+    """Labels and values of the fields that a report's head has.
+
+    Raises:
+        FileError: the file cannot be read, or a field is not known or not a text, a number or a date.
+    """
+    units = {"temperature_C": " °C"}
+    return [
+        (label_of(key), f"{value}{units.get(key, '')}")
+        for key, value in read_toml(path, ReportHeader).model_dump().items()
+        if value is not None
+    ]

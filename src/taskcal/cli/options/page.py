@@ -1,21 +1,18 @@
 """The page that a command writes, its head, and the same content as Markdown and as figures."""
 
-import datetime
 import os
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import typer
-from pydantic import Field
 
 from taskcal.cli.command import option
 from taskcal.cli.options.common import OutputOptions
 from taskcal.cli.output import Outputs, edit_warnings
 from taskcal.errors import FileError
 from taskcal.io.files import Laid
-from taskcal.io.toml_file import Finite, Section, read_toml
 
 if TYPE_CHECKING:
     from taskcal.report.page import Page
@@ -78,6 +75,8 @@ class PageOptions(OutputOptions):
         return free
 
     def _labelled(self) -> list[tuple[str, str]]:
+        from taskcal.report.page import read_header
+
         return [] if self.header is None else read_header(self.header)
 
     def write(
@@ -114,7 +113,7 @@ class PageOptions(OutputOptions):
             asked: fields that it has in any case.
             blank: what stands for one that is not given.
         """
-        from taskcal.report.page import edited_entry
+        from taskcal.report.page import edited_entry, label_of
 
         given = dict(self._labelled())
         warnings = [edited_entry(warning) for warning in edit_warnings()]
@@ -158,43 +157,3 @@ def _seen_from(text: Path | None, file: Path) -> str:
         return Path(os.path.relpath(file, text.parent)).as_posix()
     except ValueError:
         return file.resolve().as_uri()
-
-
-# The head of a report: customer, robot, operator and instrument, from a TOML file.
-
-Line = Annotated[str, Field(strict=True, min_length=1, max_length=300)]
-
-
-class ReportHeader(Section):
-    """The fields; each is shown where it is given."""
-
-    customer: Line | None = None
-    order: Line | None = None
-    serial_number: Line | None = None
-    """Of the robot."""
-    place: Line | None = None
-    date: datetime.date | None = None
-    """Of the measurement."""
-    operator: Line | None = None
-    instrument: Line | None = None
-    temperature_C: Finite | None = None
-    remark: Line | None = None
-
-
-def label_of(field: str) -> str:
-    """A field's name in words."""
-    return {"serial_number": "serial number", "temperature_C": "temperature"}.get(field, field)
-
-
-def read_header(path: Path) -> list[tuple[str, str]]:
-    """Labels and values of the fields that a report's head has.
-
-    Raises:
-        FileError: the file cannot be read, or a field is not known or not a text, a number or a date.
-    """
-    units = {"temperature_C": " °C"}
-    return [
-        (label_of(key), f"{value}{units.get(key, '')}")
-        for key, value in read_toml(path, ReportHeader).model_dump().items()
-        if value is not None
-    ]

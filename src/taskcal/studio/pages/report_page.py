@@ -8,10 +8,10 @@ import tomli_w
 from nicegui import ui
 from pydantic import ValidationError
 
-from taskcal.cli.options.page import ReportHeader
 from taskcal.errors import TaskcalError
 from taskcal.io.files import write_whole
 from taskcal.io.toml_file import explain, read_toml
+from taskcal.report.page import ReportHeader
 from taskcal.studio.controls import button, line_of_text, message, set_attribute, text
 from taskcal.studio.project import LAYOUT, Project
 from taskcal.studio.runs import Studio
