@@ -1,12 +1,27 @@
 """A project is what its files say: saved as it goes, opened again as it was, and closed to what lies outside."""
 
+import re
 import tomllib
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from robot_programs.core.files import elsewhere_on_windows
 from taskcal.errors import FileError, TaskcalError
-from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT, Project
+from taskcal.reading.reader import read_campaign
+from taskcal.robot.catalogue import load_robot
+from taskcal.studio.project import (
+    CAMPAIGN_ENDINGS,
+    LAYOUT,
+    LONGEST,
+    POSES,
+    Project,
+    begin_example,
+    free_name,
+    plain_name,
+)
 
 
 def test_what_is_chosen_is_there_when_the_folder_is_opened_again(tmp_path: Path) -> None:
@@ -59,3 +74,42 @@ def test_a_project_file_that_was_edited_wrongly_is_named(tmp_path: Path) -> None
     (tmp_path / "project.toml").write_text('name = "x"\nholdout = 3.0\n')
     with pytest.raises(FileError, match=r"project\.toml.*holdout"):
         _ = project.choices
+
+
+ODD = st.text(st.sampled_from("aB1.-_ äß/\\:*?\"<>|\n\t#'()～") | st.characters(), max_size=90)
+
+
+@given(ODD, st.sampled_from([(".csv", ".txt"), (".tar", ".x.tar"), (".mod",)]), st.booleans())
+def test_a_dropped_name_becomes_a_plain_one_once(given_name: str, endings: tuple[str, ...], upper: bool) -> None:
+    """A plain name stays as it is, and lies in the folder that it is put into on any system."""
+    for ending in endings:
+        name = plain_name(given_name + (ending.upper() if upper else ending), endings)
+        assert re.fullmatch(r"[\w-][\w.-]*", name)
+        assert name.endswith(ending)
+        stem = name.removesuffix(max((e for e in endings if name.endswith(e)), key=len))
+        assert 0 < len(stem) <= LONGEST + len("-file")
+        assert not elsewhere_on_windows(stem)
+        assert plain_name(name, endings) == name
+    with pytest.raises(TaskcalError, match="csv"):
+        plain_name(given_name + ".exe", (".csv",))
+
+
+@given(st.lists(st.sampled_from(["a.csv", "A.csv", "a-2.csv", "a-3.CSV", "b.csv", "a.x.csv"]), unique=True))
+def test_a_free_name_is_the_first_that_is_not_taken(taken: list[str]) -> None:
+    used = {name.casefold() for name in taken}
+    wanted = ["a.csv", "a-2.csv", "a-3.csv", "a-4.csv"]
+    assert free_name("a.csv", taken) == next(name for name in wanted if name not in used)
+    assert free_name("none", ["NONE"]).casefold() not in {"none"}
+
+
+def test_the_example_is_begun_once(tmp_path: Path) -> None:
+    project = begin_example(tmp_path / "new" / "example")
+    choices = project.choices
+    assert all(project.path(path).is_file() for path in (choices.campaign, choices.task, choices.program))
+    robot = load_robot(choices.robot)
+    assert len(read_campaign(project.path(choices.campaign), robot)) == POSES
+    project.choose(name="mine", task="")
+    assert begin_example(project.folder).choices == project.choices
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match="cannot be made: Not a directory"):
+        begin_example(tmp_path / "file" / "x")
