@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from taskcal.diagnosis.drift import Slip as TargetSlip
-from taskcal.diagnosis.drift import SlowDrift, StationMove
+from taskcal.diagnosis.drift import SlowDrift, StationMove, find_large_move
 from taskcal.diagnosis.fits import fit_linearly
 from taskcal.diagnosis.hypotheses import Case, hypotheses_of
 from taskcal.diagnosis.rows import find_row_fault, find_swapped
@@ -21,9 +21,10 @@ from tests.laws.campaigns import random_pose
 METRES = {"millimetres": 1e-3, "metres": 1.0, "inches": 0.0254, "centimetres": 0.01, "feet": 0.3048}
 
 
-def as_told(fix, columns):
+def as_told(fix, columns, robot):
     """Columns of a file, by name, after what a line of advice says of them."""
     out = dict(columns)
+    turning = [name for name, slides in zip(robot.joint_names, robot.prismatic, strict=True) if not slides]
     if found := re.match(r"the columns (.+) hold (.+): rename", fix):
         named, held = (part.split(", ") for part in found.groups())
         out |= {is_: columns[was] for was, is_ in zip(named, held, strict=True)}
@@ -34,23 +35,25 @@ def as_told(fix, columns):
     elif found := re.search(r"write (\w+) ([+-]) (\w+) for (\w+) in", fix):
         out[found[4]] = columns[found[1]] + float(f"{found[2]}1") * columns[found[3]]
     elif "they hold radians" in fix:  # degrees were made radians, once too often
-        out = {name: np.degrees(values) for name, values in columns.items()}
+        out |= {name: np.degrees(columns[name]) for name in turning}
     else:
         assert "they hold degrees" in fix
-        out = {name: np.radians(values) for name, values in columns.items()}
+        out |= {name: np.radians(columns[name]) for name in turning}
     return out
 
 
-@pytest.mark.parametrize("name", ["ur5", "barrett-wam"])
+@pytest.mark.parametrize("name", ["ur5", "barrett-wam", "denso-hsr065a1"])
 @pytest.mark.parametrize("factor", [1.0, np.pi / 180.0, 180.0 / np.pi])
 def test_advice_on_joints_does_what_mends_the_campaign(name, factor):
     robot, sound = load_robot(name), virtual(name, rows=12)
-    case = Case.of(robot, replace(sound, q=factor * sound.q))
+    turning = ~np.array(robot.prismatic)
+    case = Case.of(robot, replace(sound, q=np.where(turning, factor, 1.0) * sound.q))
     columns = dict(zip(robot.joint_names, case.campaign.q.T, strict=True))
     tried = list(hypotheses_of(case, "joints"))
-    assert len({one.id for one in tried}) == (4 if factor == 1.0 else 5)
+    expected = {"joint-sign", "joint-zero", "joint-order"} | ({"joints-in-radians"} if factor != 1.0 else set())
+    assert {one.id for one in tried} == expected | ({"coupling"} if (turning[1:-1] & turning[2:]).any() else set())
     for one in tried:
-        told = as_told(one.fix, columns)
+        told = as_told(one.fix, columns, robot)
         np.testing.assert_allclose(one.undo(case).campaign.q, np.stack([*told.values()], axis=1), atol=1e-9)
         changed = {name for name in columns if np.abs(told[name] - columns[name]).max() > 1e-9}
         assert changed <= set(one.subject) if one.id != "coupling" else changed == {one.subject[1]}
@@ -99,7 +102,9 @@ def test_advice_on_poses_does_what_mends_them():
             expected = as_read if "the rotations are not" in one.fix else Rotation.from_rotvec(mirrored)
         np.testing.assert_allclose(mended.points, points, atol=1e-12)
         np.testing.assert_allclose(mended.rotations, expected.as_matrix(), atol=1e-9)
-    assert len(seen) >= 4
+    assert len(seen) == 5
+    points_alone = hypotheses_of(replace(case, campaign=replace(campaign, rotations=None)), "frames")
+    assert [one.id for one in points_alone] == ["left-handed"]
 
 
 def test_advice_on_shifted_rows_does_what_mends_them():
@@ -140,6 +145,21 @@ def test_a_move_of_the_station_is_taken_back(pose):
         if pose:
             turned = np.swapaxes(mended.rotations, 1, 2) @ case.campaign.rotations
             assert np.linalg.norm(se3.log(turned), axis=1).max() < 0.3 * np.radians(abs(degrees))
+
+
+@pytest.mark.parametrize(("mm", "degrees", "cut"), [(400.0, 25.0, 18), (-150.0, -8.0, 27)])
+def test_a_large_move_of_the_station_is_taken_back(mm, degrees, cut):
+    """Too large to be linear; of a station that stayed nothing is said."""
+    case = Case.of(load_robot("ur5"), virtual("ur5", rows=40, targets=2, error=0.0))
+    late, sound = np.arange(40) >= cut, case.campaign.points
+    wrong = moved_station(case.campaign, late, mm, degrees)
+    finding, mended = find_large_move(replace(case, campaign=wrong))
+    assert finding.subject == (wrong.ids[cut],)
+    moved = np.linalg.norm(wrong.points - sound, axis=2)[late]
+    assert float(re.search(r"about ([\d.]+) mm", finding.fix)[1]) == pytest.approx(1e3 * np.median(moved), rel=0.02)
+    assert np.abs(mended.points - sound).max() < 0.05 * moved.max()
+    np.testing.assert_array_equal(mended.stations.of, late)
+    assert find_large_move(case) is None
 
 
 def test_a_slipped_target_is_two_targets():
@@ -211,3 +231,17 @@ def test_targets_that_changed_places_change_them_back():
     finding, mended = found.local(sound)
     assert (finding.subject, list(found.rows)) == (sound.targets[1:], list(range(30, 40)))
     np.testing.assert_array_equal(mended.points, sound.points)
+
+
+def test_a_sound_campaign_has_no_wrong_rows_however_exact():
+    """Next to nothing is left of it, and a row that is off by several times that is not wrong."""
+    case = Case.of(load_robot("ur5"), virtual("ur5", rows=40, targets=2, error=0.0))
+    exact = replace(
+        case, campaign=replace(case.campaign, points=case.poses(np.arange(40))[:, None, :3, 3].repeat(2, axis=1))
+    )
+    assert find_row_fault(exact, fit_linearly(exact, np.arange(40))) is None
+    points = exact.campaign.points.copy()
+    points[7] += 2e-4
+    little = replace(exact, campaign=replace(exact.campaign, points=points))
+    assert find_row_fault(little, fit_linearly(little, np.arange(40))) is None
+    assert find_swapped(exact) is None

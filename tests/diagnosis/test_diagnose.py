@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.campaigns.campaign import Campaign
+from taskcal.campaigns.campaign import Campaign, Stations
 from taskcal.diagnosis import hypotheses, mistakes
 from taskcal.diagnosis.diagnose import MISTAKES, diagnose
 from taskcal.diagnosis.hypotheses import Case, Hypothesis, JointMap
@@ -270,3 +270,12 @@ def test_doctor_finds_a_mistake_that_is_only_registered(monkeypatch):
     found = diagnose(replace(sound, q=q), robot)
     assert [(f.id, f.subject, f.fix) for f in found.findings] == [("joint-doubled", ("J2",), "halve J2")]
     np.testing.assert_allclose(found.campaign.q, sound.q, atol=1e-12)
+
+
+def test_stations_of_too_few_rows_are_all_named():
+    """Each is examined by itself, so that rows of several do not add up."""
+    sound = virtual("ur5", rows=15)
+    stations = Stations(names=("a", "b", "c"), of=np.arange(15) // 5, T_first_station=np.tile(np.eye(4), (3, 1, 1)))
+    found = diagnose(replace(sound, stations=stations), load_robot("ur5"))
+    assert [(finding.id, finding.error_after) for finding in found.findings] == [("too-few-rows", None)]
+    assert found.scope == "each station is examined by itself: none; too few rows to examine: a, b, c"

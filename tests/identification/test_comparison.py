@@ -108,3 +108,27 @@ def test_compare_rejects_other_joints_and_nominal_geometry():
     elsewhere = compare(one, replace(one, model=other, layout=replace(one.layout, model=other)))
     assert elsewhere.parameters == ()
     assert "nominal robots differ" in elsewhere.remarks[0]
+
+
+def test_a_comparison_is_summarised_in_the_units_that_its_keys_name():
+    compared = compare(calibrated(1), calibrated(2, changed("J2.rz", 4e-4)))
+    said = compared.summary()
+    length = np.linalg.norm(compared.difference, axis=2)
+    assert said["max_mm"] == pytest.approx(1e3 * length.max())
+    assert said["rms_mm"] == pytest.approx(1e3 * np.sqrt(np.mean(length**2)))
+    assert said["expected_mm"] == pytest.approx(1e3 * compared.expected)
+    assert said["unexplained_mm"] == pytest.approx(1e3 * compared.unexplained)
+    assert compared.excess**2 == pytest.approx(compared.rms**2 - compared.expected**2)
+    assert (said["poses"], said["chance"]) == (len(compared.q), compared.chance)
+    per = {"mm": 1e3, "mrad": 1e3}
+    for told, one in zip(said["parameters"], compared.parameters, strict=True):
+        factor = per[told["unit"]]
+        assert told["unit"] == ("mm" if one.name.split(".")[1].startswith("t") else "mrad")
+        assert (told["first"], told["second"]) == pytest.approx((factor * one.first, factor * one.second))
+        assert told["standard_error"] == pytest.approx(factor * one.standard_error)
+        assert told["over_sigma"] == pytest.approx((one.second - one.first) / one.standard_error)
+    for told, other in zip(said["resembles"], compared.resembles, strict=True):
+        assert (told["name"], told["share"]) == (other.name, other.share)
+        assert told["amount"] == pytest.approx(per[told["unit"]] * other.amount)
+    sigmas = [abs(one.over_sigma) for one in compared.parameters]
+    assert sigmas == sorted(sigmas, reverse=True)

@@ -44,6 +44,17 @@ def test_examination_repeats_validation_errors_and_coverage(kind):
     assert examined.outliers == ()
     points = examined.points()
     assert [p["error_mm"] for p in points] == pytest.approx(list(examined.validation.errors * 1e3))
+    along = np.array([[p[f"{axis}_mm"] for axis in "xyz"] for p in points])
+    np.testing.assert_allclose(np.linalg.norm(along, axis=1), [p["error_mm"] for p in points])
+    np.testing.assert_allclose(
+        1e-3 * along, calibration.residuals_on(held, frame="base")[held.valid][:, :3], atol=1e-12
+    )
+    turned = calibration.residuals_on(held)[held.valid][:, 3:]
+    if turned.size:
+        np.testing.assert_allclose([p["error_mrad"] for p in points], 1e3 * np.linalg.norm(turned, axis=1))
+    lengths = [p["error_mm"] for p in points]
+    assert [lengths[k] for k in examined.worst_first] == sorted(lengths, reverse=True)
+    np.testing.assert_allclose(examined.uncertainty, 5e-5)
     assert [p["target"] for p in points] == [held.targets[t] for t in np.nonzero(held.valid)[1]]
     assert examined.summary()["inside_share"] == pytest.approx(np.mean([p["inside"] for p in points]))
 

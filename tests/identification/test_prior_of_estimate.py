@@ -9,7 +9,7 @@ from taskcal.errors import TaskcalError
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
-from taskcal.identification.layout import prior_of
+from taskcal.identification.layout import TARGET_FROM_TCP, prior_of, unlocated_directions
 from tests.identification.arms import arm, defects, true_points
 from tests.laws.campaigns import measure
 from tests.laws.robots import industrial_positions
@@ -63,6 +63,28 @@ def test_the_precision_is_the_inverse_of_the_covariance(kind, factor):
     np.testing.assert_allclose(np.diag(C)[:p], factor * model.tolerances**2, rtol=1e-12)
     np.testing.assert_array_equal(C[p:, p:], prior.covariance(1.0)[p:, p:])
     assert not prior_of(layout, None).precision(factor)[:p].any()
+
+
+def test_targets_are_held_along_what_the_poses_do_not_tell():
+    """There they are at the TCP, as far off as stated, each of them; across it as free as any, base and parameters too."""
+    rng, model = arm(4)
+    campaign, _ = measure(rng, model, industrial_positions(rng, 30), targets=3)
+    layout = identify(model, campaign).layout
+    n = rng.normal(size=3)
+    u = np.tile(n / np.linalg.norm(n), 3) / np.sqrt(3.0)
+    hidden = replace(layout, registration=replace(layout.registration, unobservable=np.outer(u, u)))
+    place, others = np.concatenate(layout.places), np.arange(len(model), len(model) + 6)
+    C, free = prior_of(hidden, "tolerances").covariance(1.0), prior_of(layout, "tolerances").covariance(1.0)
+    own = C[np.ix_(place, place)]
+    assert u @ own @ u < 1e-11
+    across = np.eye(9) - np.outer(u, u)
+    np.testing.assert_allclose(across @ own @ across, across, atol=1e-3)
+    np.testing.assert_allclose(C[np.ix_(others, others)], free[np.ix_(others, others)], rtol=1e-3)
+    np.testing.assert_array_equal(C[: len(model)], free[: len(model)])
+    for stated, taken in ((0.02, 0.02), (5.0, TARGET_FROM_TCP)):
+        (direction,) = unlocated_directions(hidden, stated).T
+        np.testing.assert_allclose(np.linalg.norm(direction[place].reshape(3, 3), axis=1), taken)
+        assert not np.delete(direction, place).any()
 
 
 @pytest.mark.parametrize("found", [{}, {"model_error": 0.0, "prior_scale": 1.0}], ids=["estimated", "given"])

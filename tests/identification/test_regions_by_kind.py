@@ -117,3 +117,24 @@ def test_rows_without_any_uncertainty_are_refused():
     certain = replace(campaign, uncertainty=np.zeros((len(campaign), 1)))
     with pytest.raises(CampaignError, match="state no uncertainty at some point"):
         examine(calibration, certain)
+
+
+@pytest.mark.parametrize("kind", ["landmark", "distance"])
+def test_errors_of_single_joints_add_up_to_that_of_all(kind):
+    """Joints err each by itself: their variances add, whichever of them err."""
+    model, campaign = measured(kind, 2, rows=40)
+    calibration = replace(fit_of(model)(campaign), range_growth=0.0)
+    errors = np.array([1e-4, 0.0, 3e-4, 0.0, 2e-4, 5e-4])
+
+    def added(joint_error):
+        stated = replace(calibration, joint_error=tuple(joint_error))
+        return [
+            covariance_on(stated, campaign, campaign.covariances())
+            - covariance_on(calibration, campaign, campaign.covariances()),
+            stated.predict_covariance(campaign.q[:5]) - calibration.predict_covariance(campaign.q[:5]),
+        ]
+
+    each = [added(error) for error in np.diag(errors)]
+    for whole, *parts in zip(added(errors), *each, strict=True):
+        np.testing.assert_allclose(whole, sum(parts), atol=1e-6 * np.abs(whole).max())
+        assert np.abs(whole).max() > 1e-9

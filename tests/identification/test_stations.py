@@ -179,6 +179,15 @@ def test_a_calibration_file_has_its_stations(tmp_path):
     assert list(again.stations) == ["A", "B"]
     np.testing.assert_array_equal(again.stations["B"], calibration.stations["B"])
     assert list_stations(again) == list_stations(calibration)
+    deviation = dict(zip(again.all_names, np.sqrt(np.diag(again.z_covariance)), strict=True))
+    for station, frame in zip(list_stations(again), ("base", "station B"), strict=True):
+        T = again.stations[station["name"]]
+        assert station["rows"] == {"A": 25, "B": 15}[station["name"]]
+        np.testing.assert_allclose(station["position_mm"], 1e3 * T[:3, 3])
+        np.testing.assert_allclose(se3.from_quaternion(np.array(station["quaternion"])), T[:3, :3], atol=1e-12)
+        for key, part in (("mm", "t"), ("mrad", "r")):
+            expected = [1e3 * deviation[f"{frame}.{part}{axis}"] for axis in "xyz"]
+            assert station[f"standard_error_{key}"] == pytest.approx(expected)
     content = json.loads((tmp_path / "cal.json").read_text())
     content["stations"]["of"][0] = 2
     (tmp_path / "cal.json").write_text(json.dumps(content))

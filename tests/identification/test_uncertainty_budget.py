@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from taskcal.errors import TaskcalError
 from taskcal.identification.identify import identify
-from taskcal.identification.uncertainty_budget import budget_at
+from taskcal.identification.uncertainty_budget import budget_at, check_known, why_unknown
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.virtual.cell import simulate
@@ -26,3 +27,21 @@ def test_contributions_add_to_what_is_stated(joint_error: tuple[float, ...]) -> 
     assert len(budget.contributions) == (3 if joint_error else 2)
     given = next(one for one in budget.contributions if one.evaluation == "B")
     assert given.deviation == pytest.approx(np.sqrt(3.0) * 2e-4)
+
+
+@pytest.mark.parametrize("scale", [0.5, 2.9, 3.1, 40.0])
+def test_a_calibration_is_unknown_that_is_three_times_as_open_as_tolerances(scale: float) -> None:
+    """Of parameters that are as uncertain as so many tolerances the tool is, too, wherever the tracker's frame is."""
+    rng, model = np.random.default_rng(1), ErrorModel(load_robot("ur5"))
+    campaign, _ = simulate(model, rng.uniform(-1.2, 1.2, (20, 6)), rng=rng)
+    calibration = identify(model, campaign, keep=[])
+    open_frame = 0.1 * np.ones(len(calibration.z) - len(model))
+    spread = np.diag(np.concatenate([scale * model.tolerances, open_frame]))
+    q = rng.uniform(-1.0, 1.0, (9, 6))
+    why = why_unknown(replace(calibration, z_spread=spread), q)
+    assert bool(why) == (scale > 3.0)
+    if why:
+        assert f"{scale:.0f} times as much" in why
+        with pytest.raises(TaskcalError, match="the program is not written: the calibration is uncertain there"):
+            check_known(replace(calibration, z_spread=spread), q, "the program is not written")
+    assert why_unknown(replace(calibration, z_spread=spread), q[:0]) == ""

@@ -25,22 +25,26 @@ def reached(rng, *, count=40, pose=False):
     return identify(model, campaign)
 
 
-def test_unknown_approach_covariance_matches_posterior_spread():
-    """Unknown approach directions spread the targets as all directions and the posterior effects do."""
+@pytest.mark.parametrize("told", [None, 1.0], ids=["nothing is told", "the side is told"])
+def test_unknown_approach_covariance_matches_posterior_spread(told):
+    """Unknown approach directions spread the targets as all directions and the posterior effects do; of a move whose side is told
+    its size alone is unknown."""
     rng = np.random.default_rng(0)
     found = reached(rng)
     q, count = positions(rng, 1), 100
+    side = None if told is None else Conditions(approach=np.ones((1, 6)))
     first = found.model.names.index("J1.backlash")
     moved = []
     for deviation in rng.multivariate_normal(np.zeros(12), found.covariance[first:, first:], count):
         x = found.estimate + np.concatenate([np.zeros(first), deviation])
-        sides = rng.choice([-1.0, 1.0], (count, 6))
+        sides = rng.choice([-1.0, 1.0], (count, 6)) if told is None else np.ones((count, 6))
         ways = Conditions(approach=sides, move=sides * rng.random(sides.shape))
         ends = found.T_tracker_base @ found.model.poses(np.repeat(q, count, axis=0), x, ways) @ found.T_tool_target[0]
-        moved.append(ends[:, :3, 3] - found.predict(q)[0, 0])
+        known = found.model.poses(q, x, side)[0] if side is not None else found.tool_in_base(q)[0]
+        moved.append(ends[:, :3, 3] - (found.T_tracker_base @ known @ found.T_tool_target[0])[:3, 3])
     moved = np.concatenate(moved)
     expected = moved.T @ moved / len(moved)
-    stated = covariance_of_unknown_conditions(found, q)[0, 0]
+    stated = covariance_of_unknown_conditions(found, q, side)[0, 0]
     np.testing.assert_allclose(stated, expected, atol=0.05 * np.trace(expected))
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.registration.circles import find_circles, register_from_circles
 from taskcal.registration.registration import (
@@ -128,6 +129,15 @@ def test_a_station_is_placed_in_spite_of_wrong_points():
     measured[[2, 11, 23]] += 0.05
     found = frame_of_points(base, measured, 1.0, "station 'b'")
     np.testing.assert_allclose(found, T, atol=3e-5)
+
+
+@pytest.mark.parametrize(("points", "said"), [(2, "too few"), (9, "on one line")])
+def test_a_station_is_not_placed_by_a_line_or_a_pair(points, said):
+    line = np.linspace(0.0, 0.8, points)[:, None] * np.array([0.6, -0.5, 0.2])
+    with pytest.raises(
+        CampaignError, match=rf"^station 'b' measured {points} points .*, {said} to determine where it is"
+    ):
+        frame_of_points(line, line, 1.0, "station 'b'")
 
 
 @pytest.mark.parametrize("kind", KINDS_WITHOUT_TRACKER)

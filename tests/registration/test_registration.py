@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from taskcal.campaigns.campaign import Campaign, check_rows
 from taskcal.demo.procedure import reference_task
 from taskcal.errors import CampaignError, ReachError
 from taskcal.observations import Point, Sockets
-from taskcal.registration.registration import register
+from taskcal.registration.registration import STRAIGHT_SHARE, register
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
@@ -194,6 +195,28 @@ def test_points_on_one_line_are_refused():
     campaign = Campaign(ids=tuple(map(str, range(20))), q=q, targets=("tool",), points=q[:, :, None] * [1.0, 2.0, 0.5])
     with pytest.raises(CampaignError, match=r"within 0\.00 mm of one line, which does not fix the tracker frame"):
         register(model, campaign)
+
+
+@pytest.mark.parametrize("rows", [12, 300])
+def test_a_line_is_judged_by_its_width_however_many_the_rows(rows):
+    """The root mean square distance across it, as the singular values of the points say, over the robot's reach."""
+    rng = np.random.default_rng(3)
+    model = ErrorModel(load_robot("ur5"))
+    q = rng.uniform(-1.0, 1.0, (rows, 6))
+
+    def along_a_line(width):
+        points = rng.normal(size=(rows, 1, 3)) * np.array([0.3, width, 0.5 * width])
+        campaign = Campaign(ids=tuple(map(str, range(rows))), q=q, targets=("tool",), points=points)
+        return campaign, np.linalg.svd(points[:, 0] - points[:, 0].mean(axis=0))[1][1] / np.sqrt(rows)
+
+    limit = STRAIGHT_SHARE * model.robot.reach
+    narrow, width = along_a_line(0.6 * limit)
+    with pytest.raises(CampaignError, match="does not fix the tracker frame") as caught:
+        register(model, narrow)
+    assert float(re.search(r"within ([\d.]+) mm of one line", str(caught.value))[1]) == pytest.approx(
+        1e3 * width, abs=0.006
+    )
+    register(model, along_a_line(2.0 * limit)[0])
 
 
 def test_joints_in_degrees_are_called_so():

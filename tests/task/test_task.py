@@ -247,3 +247,19 @@ def test_lengths_in_metres_are_refused_and_said(model, tmp_path):
     T[:, :3, 3] *= 1e-3
     with pytest.raises(ReachError, match="in metres"):
         reach_task(model, Task(name="list", poses=T))
+
+
+@pytest.mark.parametrize("name", ["abb-irb6660-205-1.9", "meca500-r3"])
+def test_a_task_at_the_base_is_one_within_a_hundredth_of_the_reach(name):
+    """Of a large robot and of a small one: what lies farther off may be out of reach, but is no mistake of units."""
+    model = ErrorModel(load_robot(name))
+
+    def refused(share: float) -> str:
+        T = np.tile(np.eye(4), (3, 1, 1))
+        T[:, 0, 3] = share * model.robot.reach * np.array([1.0, 0.3, -0.5])
+        with pytest.raises(ReachError) as caught:
+            reach_task(model, Task(name="list", poses=T))
+        return str(caught.value)
+
+    assert "write them in millimetres" in refused(0.0099)
+    assert "millimetres" not in refused(0.0101)

@@ -78,3 +78,12 @@ def test_stations_see_one_robot_from_places_about_it(stations):
     places = campaign.stations.T_first_station[:, :3, 3]
     np.testing.assert_allclose(np.linalg.norm(places - base, axis=1), np.linalg.norm(base), rtol=1e-6)
     assert len(np.unique(places.round(3), axis=0)) == stations
+
+
+def test_each_beam_is_lost_by_itself():
+    """A share of all points; where one target of a row is lost, another is as often as anywhere."""
+    targets = {"a": np.zeros(3), "b": np.full(3, 0.1), "c": np.array([0.1, 0.0, 0.0])}
+    campaign, _ = simulate(MODEL, Q, rng=np.random.default_rng(1), targets=targets, lost=0.3)
+    lost = ~campaign.valid
+    np.testing.assert_allclose(lost.mean(axis=0), 0.3, atol=0.04)
+    np.testing.assert_allclose(np.corrcoef(lost.T)[np.triu_indices(3, 1)], 0.0, atol=0.08)
