@@ -6,6 +6,7 @@ saying anything.
 """
 
 import ast
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -85,12 +86,20 @@ def is_python(text: str) -> bool:
 
 
 def silent_ranges(text: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
-    """Beginning and end, line and column, of what a run does not notice: annotations, decorators, imports."""
+    """Beginning and end, line and column, of what a run does not notice.
+
+    Annotations, decorators, imports, the star before arguments that have to be named, and whether `zip` is strict, which is a
+    check of its own.
+    """
+    for line, content in enumerate(text.splitlines(), 1):
+        for star in re.finditer(r"\*(?=,)", content):
+            yield (line, star.start()), (line, star.end())
     for node in ast.walk(ast.parse(text)):
         parts = [
             *getattr(node, "decorator_list", []),
             getattr(node, "annotation", None),
             getattr(node, "returns", None),
+            *(keyword.value for keyword in getattr(node, "keywords", []) if keyword.arg == "strict"),
         ]
         for part in [node] if isinstance(node, ast.ImportFrom) else parts:
             if part is not None:

@@ -20,10 +20,12 @@ def test_a_trial_is_written_and_read() -> None:
 
 
 def test_annotations_decorators_and_imports_are_silent() -> None:
-    text = "from a import b\n@f(1)\ndef g(x: 'Float[3]' = 4) -> Literal[5]:\n    return x + 6\n"
+    text = (
+        "from a import b\n@f(1)\ndef g(x: 'Float[3]' = 4, *, y=zip(2, strict=True)) -> Literal[5]:\n    return x * 6\n"
+    )
     lines = text.splitlines()
     found = [lines[begin[0] - 1][begin[1] : end[1]] for begin, end in silent_ranges(text)]
-    assert sorted(found) == ["'Float[3]'", "Literal[5]", "f(1)", "from a import b"]
+    assert sorted(found) == ["'Float[3]'", "*", "Literal[5]", "True", "f(1)", "from a import b"]
 
 
 def test_what_is_no_python_is_told() -> None:
