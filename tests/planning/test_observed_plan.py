@@ -46,7 +46,11 @@ def test_plan_respects_limits_and_covers_every_fixture(way):
     assert MODEL.robot.inside_limits(made.q).all()
     assert np.bincount(made.of).min() >= instrument_of(way).rows_each
     assert made.names == tuple(instrument_of(way).fixtures.names[k] for k in made.of)
-    assert made.summary()["poses_each"] == {name: made.names.count(name) for name in instrument_of(way).fixtures.names}
+    said = made.summary()
+    assert said["observe"] == instrument_of(way).name
+    assert said[instrument_of(way).label] == list(made.names)
+    assert said["poses_each"] == {name: made.names.count(name) for name in instrument_of(way).fixtures.names}
+    assert [path["pose"] for path in said["not_clear_from_the_pose_before"]] == [path.pose for path in made.blocked]
     # what does not stand at the same time is measured one behind another
     stage = instrument_of(way).stages[made.of]
     assert np.count_nonzero(np.diff(stage)) == len(np.unique(stage)) - 1

@@ -45,6 +45,18 @@ def test_plan_beats_random_and_states_gain_of_each_pose(small):
     assert len(set(small.rows)) == len(small.q) == 12
 
 
+def test_what_a_plan_says_is_in_millimetres_what_it_has(small):
+    said = small.summary()
+    metres = {"expected_error": small.expected, "grid_expected_error": small.grid, "before": small.before}
+    metres |= {"model_error": small.model_error, "accuracy": small.accuracy, "by_count": small.by_count}
+    metres |= {"random_expected_error": small.random.mean(), "geometry_allowance": small.geometry_allowance}
+    metres |= {"random_expected_error_range": [small.random.min(), small.random.max()]}
+    for name, value in metres.items():
+        np.testing.assert_allclose(said[f"{name}_mm"], np.multiply(value, 1e3), rtol=1e-12, err_msg=name)
+    assert (said["count"], said["poses_needed"]) == (12, small.enough)
+    assert replace(small, accuracy=None).summary()["geometry_allowance_mm"] is None
+
+
 def test_plan_expected_error_equals_that_of_campaign(model, small):
     """The expected error is that of a campaign at the planned poses."""
     exact = TrackerNoise(range_m=1e-12, range_per_m=0.0, transverse_m=1e-12, transverse_per_m=0.0)

@@ -57,6 +57,10 @@ def test_deltas_are_added_to_the_nominal_table(tmp_path):
 WRONG = {
     "no nominal": (CONF, "calibration.conf", None, r"name the robot of its type with --nominal; taskcal robots lists"),
     "five": (CONF.replace(", 1.5e-05]", "]"), "calibration.conf", "ur5", r"conf:2: delta_theta has 5 numbers"),
+    **{
+        f"number {odd}": (CONF.replace("233.4", odd), "calibration.conf", "ur5", r"conf:4: '.+' is not a number of metres or rad")
+        for odd in ("2_3", "２３", "nan", "inf", "1e9", "0x10")
+    },
     "text": (CONF.replace("233.4", "far"), "calibration.conf", "ur5", r"conf:4: 'far' is not a number of metres or radians"),
     "another file": ("[x]\ny = 1\n", "calibration.conf", None, r"neither a calibration\.conf nor a urcontrol\.conf"),
     "another robot": (CONF, "calibration.conf", "kuka-kr16-2", r"kuka-kr16-2 is not a UR with a standard table"),

@@ -1,4 +1,6 @@
+import re
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from taskcal.errors import FileError, TaskcalError, UnknownName
 from taskcal.robot.catalogue import load_robot, robot_toml
 from taskcal.robot.effects import Harmonics
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.importers.urdf import choose_tip, describe_tree, describe_urdf
+from taskcal.robot.importers.urdf import UrdfJoint, UrdfTree, choose_tip, describe_tree, describe_urdf
 from taskcal.robot.robot_file import robot_from
 from tests.laws.robots import generators
 from tests.laws.urdfs import Referee, random_urdf
@@ -114,6 +116,28 @@ def test_a_tip_that_follows_a_joint_before_it_is_one(tmp_path):
     assert_agrees(Referee(write(tmp_path, text)), None, np.random.default_rng(0))
 
 
+@given(
+    st.lists(st.text(st.sampled_from("aé-._ 1J") | st.characters(codec="utf-8"), max_size=85), min_size=2, max_size=6)
+)
+def test_joints_of_any_names_have_plain_ones_all_different(names):
+    """Names that differ stay so, in a robot file and in columns; plain ones stay as they are."""
+    names = list(dict.fromkeys([*names, "tool", "base", "x" * 90, "x" * 90 + "y"]))
+    links = [f"l{k}" for k in range(len(names) + 1)]
+    turning = {"kind": "revolute", "limits": None, "speed": None, "mimic": None, "remark": "", "line": 0}
+    joints = [
+        UrdfJoint(name=name, parent=links[k], child=links[k + 1], origin=np.eye(4), axis=np.eye(3)[k % 3], **turning)
+        for k, name in enumerate(names)
+    ]
+    tree = UrdfTree(
+        path=Path("arm.urdf"), name="arm", links=tuple(links), above={joint.child: joint for joint in joints}
+    )
+    robot = robot_from(describe_tree(tree))
+    assert len(set(robot.joint_names)) == len(names)
+    for name, plain in zip(names, robot.joint_names, strict=True):
+        if re.fullmatch(r"[A-Za-z_]\w{0,60}", name, re.ASCII) and name not in ("tool", "base", "loop"):
+            assert plain == name
+
+
 def test_an_axis_that_points_backwards_turns_backwards(tmp_path):
     forward = ErrorModel(load_robot(write(tmp_path, ARM)))
     backward = ErrorModel(load_robot(write(tmp_path, ARM.replace("0 1 0", "0 -1 0"))))
@@ -180,6 +204,10 @@ WRONG = {
     "no link": (ARM.replace('<link name="hand"/>', ""), r"hangs on link 'hand', which the file does not have"),
     "two links": (ARM.replace('name="hand"/>', 'name="fore"/>', 1), r"two links are named 'fore'"),
     "comma": (ARM.replace("0 0 0.4", "0 0 0,4"), r'arm\.urdf:4: .*\'0,4\' is not a number'),
+    **{
+        f"number {odd}": (ARM.replace("0 0 0.4", f"0 0 {odd}"), r"arm\.urdf:4: xyz of <origin>: '.+' is not a number")
+        for odd in ("0_4", "٤", "nan", "-inf")
+    },
     "two numbers": (ARM.replace("0 0 0.4", "0 0.4"), r'xyz="0 0\.4" of <origin> is not three numbers'),
     "millimetres": (ARM.replace("0 0 0.4", "0 0 4000"), r"'4000' is not a number of metres or radians"),
     "no axis": (ARM.replace("0 0 1", "0 0 0"), r"the axis of joint 'shoulder' has no direction"),

@@ -2,12 +2,16 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
 
 from taskcal.errors import TaskcalError, UnknownName
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Coupling, effect_from
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.importers.urdf import steps_of
+from taskcal.robot.robot import Robot
 from taskcal.robot.robot_file import robot_from
+from tests.laws.robots import generators
 
 WRIST = ("J5.by_J4", "J6.by_J4", "J6.by_J5")
 
@@ -78,3 +82,24 @@ def test_joints_that_slide_can_drive_and_be_driven():
     x[-3:] = 1e-3, 2e-3, -3e-3
     moved = q + np.stack([-3e-3 * q[:, 2], 1e-3 * q[:, 0], 2e-3 * q[:, 1]], axis=1)
     np.testing.assert_allclose(model.poses(q, x), ErrorModel(robot).poses(moved), atol=1e-14)
+
+
+@given(generators)
+def test_the_wrist_that_suits_is_one_whose_axes_meet(rng):
+    """Three axes through one point, in any directions; a millimetre beside it they do not meet."""
+    directions = rng.normal(size=(3, 3))
+    point = rng.uniform(-1.0, 1.0, 3)
+
+    def arm(beside: float) -> Robot:
+        parts, before = [], np.eye(4)
+        for k, z in enumerate(directions / np.linalg.norm(directions, axis=1)[:, None]):
+            x = np.cross(z, rng.normal(size=3))
+            R = np.stack([x, np.cross(z, x), z], axis=1) / np.array([np.linalg.norm(x)] * 2 + [1.0])
+            place = point + rng.uniform(-0.5, 0.5) * z + (beside * R[:, 0] if k == 2 else 0.0)
+            T = np.block([[R, place[:, None]], [np.eye(4)[3:]]])
+            parts.append({"name": f"J{k + 1}", "steps": steps_of(np.linalg.inv(before) @ T)})
+            before = T
+        return robot_from({"name": "wrist", "joint": parts})
+
+    assert Coupling().suits(arm(0.0))
+    assert not Coupling().suits(arm(1e-3))
