@@ -1,12 +1,17 @@
-"""The keys of every command's JSON, which programs read: none goes, and none comes unseen."""
+"""The JSON of every command, which programs read: no key goes, none comes unseen, and people are shown the same numbers."""
 
 import json
+import re
 import tomllib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from taskcal.cli.options.common import OutputOptions
+from taskcal.cli.output import plain, with_edits
 from tests.cli.conftest import IRB6660, Run
 
 KEYS = tomllib.loads((Path(__file__).parent / "json_keys.toml").read_text(encoding="utf-8"))
@@ -53,6 +58,9 @@ def folder(cell: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (out / "fleet" / "a" / "cal.json").write_bytes((cell / "cal.json").read_bytes())
     (out / "table.csv").write_text("joint,alpha_deg,a_mm,d_mm,theta_offset_deg\nJ1,0,500,0,0\nJ2,90,300,200,0\n")
     (out / "path.csv").write_text("J1_deg,J2_deg,J3_deg,J4_deg,J5_deg,J6_deg\n0,10,20,5,-40,10\n3,12,22,6,-42,12\n")
+    (out / "tool.csv").write_text("x_mm,y_mm,z_mm,qx,qy,qz,qw\n1700,20,1450,0,0.955,0,0.296\n")
+    swapped = (out / "one.csv").read_text().replace("J4_deg,J5_deg,J6_deg", "J6_deg,J5_deg,J4_deg")
+    (out / "swapped.csv").write_text(swapped)
     rng, rows = np.random.default_rng(0), []
     for cycle in range(3):
         for k in range(3):
@@ -84,3 +92,77 @@ def test_json_keys(run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch, name
     ended = run(*line.split(), "--json")
     assert ended.out.startswith("{"), ended.err
     assert keys_of(json.loads(ended.out)) == KEYS[name]
+
+
+# What people are shown.
+
+SHOWN = {
+    name: COMMANDS[name] for name in COMMANDS if name not in ("study", "robots import", "convert", "warm", "plan")
+} | {
+    "identify --folds": "identify --robot ROBOT three.csv -o folds.json --folds 2 --parameters",
+    "identify poses": "identify --robot ROBOT poses.csv -o poses.json",
+    "identify --keep none": "identify --robot ROBOT one.csv -o none.json --keep none",
+    "validate --reregister": "validate cal.json one.csv --reregister --all-rows --accept 0.001 --accept-of p95",
+    "compare": "compare cal.json fleet/a/cal.json --task TASK",
+    "report --campaign": "report cal.json --campaign one.csv -o page.html",
+    "select --campaign": "select --robot ROBOT --task TASK --campaign one.csv --accuracy-mm 0.1",
+    "select -c": "select -c cal.json --task TASK",
+    "sensitivity --campaign": "sensitivity --robot ROBOT --campaign one.csv --sort influence",
+    "place -c": "place -c cal.json TASK --region=-9:9,0,0 --steps 2 --turn 0:2 --turns 2 --touched-off",
+    "poses": "poses --robot ROBOT path.csv --angles abc",
+    "poses --reverse": "poses -c cal.json tool.csv",
+    "export --form offsets --task": "export cal.json --form offsets --task TASK",
+    "export --form dh": "export cal.json --form dh -o table2.csv --accept-loss",
+    "correct --task": "correct -c cal.json path.csv -o corrected2.csv --accept-uncertain --task TASK",
+    "plan": "plan --robot ROBOT --task TASK --count 16 --candidates 60 -o plan.csv",
+    "doctor of swapped columns": "doctor swapped.csv --robot ROBOT",
+}
+
+_NUMBER = re.compile(
+    r"(?<!ratio )(?<!noise )(?<![>≥] )(?<!guard band of )(?<![\w.-])[-−+]?(\d+\.(\d+))(?![\w.]*\w)(?: (mm|mrad|°|%))?"
+)
+"""A number with decimals, and the unit behind it; no ratio of results, nor what a sentence compares them with."""
+_KEYS = {"mm": "mm", "mrad": "mrad", "°": "deg"}
+"""What is in the keys of numbers of a unit."""
+
+
+def numbers_of(value: Any, keys: str = "") -> Iterator[tuple[str, float]]:
+    """Numbers of a result without their signs, those in its sentences too, each with all keys above it."""
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            yield from numbers_of(item, f"{keys}_{key}")
+    elif isinstance(value, list):
+        for item in value:
+            yield from numbers_of(item, keys)
+    elif isinstance(value, str):
+        yield from (("", float(found)) for found in re.findall(r"\d+(?:\.\d+)?", value))
+    elif isinstance(value, int | float):
+        yield keys, abs(float(value))
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_what_people_are_shown_are_the_numbers_of_the_json(
+    run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """To the digits that are shown, and under no key of another unit than stands behind it."""
+    monkeypatch.chdir(folder)
+    given: list[Any] = []
+
+    def note(self: OutputOptions, result: Mapping[str, Any], show: Any) -> None:
+        given.append(plain(with_edits(result)))
+        show()
+
+    monkeypatch.setattr(OutputOptions, "give", note)
+    line = SHOWN[name].replace("ROBOT", IRB6660).replace("TASK", TASK).split()
+    ended = run(*line)
+    assert ended.out, ended.err
+    known = list(numbers_of(given[0] if given else run(*line, "--json").json))
+    text = " ".join(ended.out.split())
+    for found in _NUMBER.finditer(text):
+        number, decimals, unit = found.groups()
+        others = set(_KEYS.values()) - {_KEYS.get(unit)} if unit in _KEYS else set()
+        among = [value for keys, value in known if others.isdisjoint(keys.split("_"))]
+        off = (1.0 if unit == "%" else 0.5 + 1e-6) * 10.0 ** -len(decimals)  # shares may be rounded down
+        scales = (1.0, 100.0) if unit == "%" else (1.0,)
+        said = text[max(found.start() - 60, 0) : found.end() + 30]
+        assert any(abs(scale * value - float(number)) <= off for value in among for scale in scales), said

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from taskcal.cli.commands import doctor
+from taskcal.cli.commands.identify import next_steps
 from taskcal.errors import TaskcalError
 from taskcal.identification.calibration import load_calibration
 from taskcal.identification.sibling import MIN_GAIN
@@ -376,3 +377,47 @@ def test_a_figure_that_was_given_is_not_said_to_be_found(run: Run, cell: Path, t
     assert "2 times the tolerances, as given" in given
     nothing = run(*fit, "-o", tmp_path / "nothing.json", "--keep", "none", "--prior", "none").out
     assert "residuals of geometry beyond tracker noise" in " ".join(nothing.split())  # it may break the line there
+
+
+def test_wrong_rows_are_asked_for_again_and_listed(run: Run, cell: Path, tmp_path: Path) -> None:
+    """Six rows of which the tracker took another reflector: these and no others, the first five by name."""
+    wrong = [3, 11, 12, 38, 47, 55]
+    lines = (cell / "one.csv").read_text().splitlines()
+    for row in wrong:
+        *others, z = lines[row + 1].split(",")
+        lines[row + 1] = ",".join([*others, repr(float(z) + 8.0 + row)])
+    (tmp_path / "wrong.csv").write_text("\n".join(lines) + "\n")
+    ended = identify(run, tmp_path / "wrong.csv", tmp_path / "cal.json", "--json")
+    assert ended.status == 0, ended.err
+    result = ended.json
+    assert sorted(row["row"] for row in [*result["left_out"], *result["outliers"]]) == wrong
+    text = identify(run, tmp_path / "wrong.csv", tmp_path / "cal.json").out
+    assert f"measure rows {', '.join(map(str, wrong[:5]))} and 1 more again" in " ".join(text.split())
+    table = [words for line in text.splitlines() if len(words := line.split()) > 2]
+    assert {int(words[0]) for words in table if words[0] == words[2] and words[0].isdigit()} == set(wrong)
+
+
+def test_next_steps_follow_from_the_errors(run: Run, cell: Path, tmp_path: Path) -> None:
+    """A held-out error like the fit's asks for nothing, one of a multiple for poses; one of several times the noise for effects."""
+    fitted = identify(run, cell / "one.csv", tmp_path / "cal.json", "--json").json
+    calibration, mean = load_calibration(tmp_path / "cal.json"), fitted["fitted"]["mean_mm"]
+
+    def advised(ratio: float | None, noise: float, **changed: object) -> set[str]:
+        held_out = None if ratio is None else {**fitted["fitted"], "mean_mm": ratio * mean}
+        steps = next_steps(calibration, {**fitted, "held_out": held_out, **changed}, noise)
+        words = {
+            "estimate the held-out": "hold",
+            "measure more": "poses",
+            "measure in several": "turn",
+            "fit non-": "effects",
+        }
+        return {advice for step in steps for begins, advice in words.items() if step.startswith(begins)}
+
+    unlocated = {"tool": {**fitted["targets"]["tool"], "unlocated": "along z"}}
+    assert advised(None, mean) == {"hold"}
+    assert advised(1.3, mean) == set()
+    assert advised(2.4, 2.0 * mean) == {"poses"}
+    assert advised(1.3, 0.45 * 1.3 * mean) == {"effects"}
+    assert advised(1.3, 0.55 * 1.3 * mean) == set()
+    assert advised(1.3, mean, targets=unlocated) == {"turn"}
+    assert advised(1.3, 0.1 * mean, explanation={}) == set()
