@@ -26,6 +26,7 @@ ONE_IMPORTER = {
         "taskcal.planning.experiment",
         "taskcal.reading.inference",
         "taskcal.studio.cell_editor",
+        "taskcal.studio.column_editor",
         "taskcal.studio.server",
     },
     "one of many alike, which a table names": {

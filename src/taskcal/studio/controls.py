@@ -161,7 +161,13 @@ def set_attribute(element: Element, name: str, value: object) -> None:
 
 
 def choice(
-    label: str, options: Mapping[str, str], value: str, on_change: Callable[[str], Any], *, group: str = ""
+    label: str,
+    options: Mapping[str, str],
+    value: str,
+    on_change: Callable[[str], Any],
+    *,
+    group: str = "",
+    bare: bool = False,
 ) -> Element:
     """A list to choose from; only what it offers reaches the handler.
 
@@ -171,6 +177,7 @@ def choice(
         value: what is chosen now; an empty line is shown where that is none of the options.
         on_change: called with what is chosen.
         group: told to style sheets and tests.
+        bare: whether the label is for screen readers alone.
     """
 
     async def handle(event: Any) -> None:
@@ -180,7 +187,8 @@ def choice(
                 await result
 
     with ui.element("label").classes("row") as whole:
-        text("span", label)
+        if not bare:
+            text("span", label)
         select = ui.element("select").classes("value")
         for event, script in CHOSEN.items():
             select.on(event, handle, js_handler=script)

@@ -106,6 +106,7 @@ class Kind:
 KINDS: Mapping[str, Kind] = {
     "robot": Kind(folder=LAYOUT.robots, endings=(*ROBOT_ENDINGS, *TABLE_ENDINGS), choice="robot"),
     "campaign": Kind(folder=LAYOUT.campaigns, endings=CAMPAIGN_ENDINGS, choice="campaign"),
+    "points": Kind(folder=LAYOUT.campaigns, endings=CAMPAIGN_ENDINGS, choice="points"),
     "task": Kind(folder=LAYOUT.tasks, endings=TASK_ENDINGS, choice="task"),
     "station": Kind(folder=LAYOUT.stations, endings=STATION_ENDINGS, choice="station"),
     "cell": Kind(folder=LAYOUT.cells, endings=CELL_ENDINGS, choice="cell"),

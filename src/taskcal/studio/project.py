@@ -126,6 +126,8 @@ class Choices(Section):
     name: str = Field(min_length=1, max_length=200)
     robot: RobotName = ""
     campaign: ProjectFile = ""
+    points: ProjectFile = ""
+    """A second file, with the points of a campaign that has joints alone, until both are joined."""
     task: ProjectFile = ""
     station: ProjectFile = ""
     """Where the tracker stands, what the tool carries and what is in the way."""

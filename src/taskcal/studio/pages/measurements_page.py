@@ -2,9 +2,8 @@
 
 import asyncio
 import csv
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,8 +19,9 @@ from taskcal.reading.writer import campaign_text
 from taskcal.report.content import Column, Table
 from taskcal.report.theme import BLUE, SERIES, add_series, styled
 from taskcal.robot.robot import Robot
-from taskcal.studio.controls import button, choice, drop_zone, facts, line_of_text, message, tabulated, text
-from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT, free_name
+from taskcal.studio.column_editor import ColumnEditor, begin_rewriting
+from taskcal.studio.controls import button, drop_zone, facts, message, tabulated, text
+from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT
 from taskcal.studio.runs import Status, Studio
 from taskcal.studio.steps import begin, choose_file, is_running, link, robot_of, show_error, show_run
 from taskcal.studio.texts import LIBRARY_LANGUAGE, Texts
@@ -106,11 +106,11 @@ async def build(studio: Studio, texts: Texts) -> None:
         campaign = await asyncio.to_thread(read_campaign, project.path(choices.campaign), robot)
     except TaskcalError as error:
         show_error(project, error)
-        _Correction(studio, texts)
+        ColumnEditor(studio, robot, texts, is_open=True)
         _mistakes(studio, texts)
         return
     _understood(campaign, robot, texts)
-    _Correction(studio, texts)
+    ColumnEditor(studio, robot, texts)
     concerned = concerned_rows(_mistakes(studio, texts), campaign)
     _list_concerned(concerned, campaign, robot, texts)
     _in_space(campaign, concerned, texts)
@@ -141,45 +141,6 @@ def _understood(campaign: Campaign, robot: Robot, texts: Texts) -> None:
     first = campaign.take(slice(MAX_FIRST_ROWS))
     header, *rows = csv.reader(campaign_text(first, robot).splitlines())
     tabulated(Table.of_rows(texts("measurements.first_rows", count=len(rows)), tuple(header), map(tuple, rows)))
-
-
-class _Correction:
-    """What a user states of a file that it does not say: the file is written anew with it, and used from then on."""
-
-    def __init__(self, studio: Studio, texts: Texts) -> None:
-        self._studio, self._texts = studio, texts
-        self._stated = {"columns": "", "decimal": "", "angles": ""}
-        with ui.element("details"):
-            text("summary", texts("measurements.correct"))
-            text("p", texts("measurements.correct_how")).classes("quiet")
-            line_of_text(texts("measurements.columns"), "", self._state("columns"))
-            marks = {"-": texts("measurements.told"), "point": "1.5", "comma": "1,5"}
-            choice(texts("measurements.decimal"), marks, "-", self._state("decimal"))
-            forms = ("abc", "wpr", "rpy-deg", "rpy-rad", "rotation-vector-rad", "rotation-vector-deg", "none")
-            angles = {"-": texts("measurements.told"), **{form: form for form in forms}}
-            choice(texts("measurements.angles"), angles, "-", self._state("angles"))
-            button(texts("measurements.write"), self._write)
-
-    def _state(self, name: str) -> Callable[[str], None]:
-        def state(value: str) -> None:
-            self._stated[name] = "" if value == "-" else value.strip()
-
-        return state
-
-    def _write(self) -> None:
-        project = self._studio.project
-        options = [f"--{name}={value}" for name, value in self._stated.items() if value]
-        begin_rewriting(self._studio, "convert", "plain", [*options, f"--robot={project.choices.robot}", "--json"])
-
-
-def begin_rewriting(studio: Studio, command: str, ending: str, options: list[str]) -> None:
-    """Run a command that writes the campaign anew, beside the old file, and use what it writes from then on."""
-    project = studio.project
-    before = project.choices.campaign
-    taken = [Path(path).name for path in project.files(LAYOUT.campaigns)]
-    after = f"{LAYOUT.campaigns}/{free_name(f'{Path(before).stem}-{ending}.csv', taken)}"
-    option, kind = ("--fix", "mend") if command == "doctor" else ("--output", command)
-    begin(studio, kind, [command, before, *options, option, after], chosen={"campaign": after})
 
 
 def _mistakes(studio: Studio, texts: Texts) -> Sequence[Mapping[str, Any]]:
