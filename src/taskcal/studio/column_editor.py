@@ -33,7 +33,7 @@ def begin_rewriting(studio: Studio, command: str, ending: str, options: list[str
     taken = [Path(path).name for path in project.files(LAYOUT.campaigns)]
     after = f"{LAYOUT.campaigns}/{free_name(f'{Path(before).stem}-{ending}.csv', taken)}"
     option, kind = ("--fix", "mend") if command == "doctor" else ("--output", command)
-    begin(studio, kind, [command, before, *options, option, after], chosen={"campaign": after})
+    begin(studio, kind, [command, before, *options, option, after], outputs=[after], chosen={"campaign": after})
 
 
 def offered_names(robot: Robot) -> list[str]:

@@ -67,6 +67,8 @@ class Layout:
     choices: str = "project.toml"
     header: str = "header.toml"
     """Who measured what, where and with what."""
+    made: str = "made.json"
+    """From what each result was made."""
     robots: str = "robots"
     campaigns: str = "campaigns"
     tasks: str = "tasks"

@@ -5,7 +5,7 @@ import logging
 import socket
 from collections.abc import Awaitable, Callable, Generator, Mapping, MutableMapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from hmac import compare_digest
 from http.cookies import CookieError, SimpleCookie
@@ -18,12 +18,13 @@ import uvicorn
 from fastapi import FastAPI
 from nicegui import app as pages
 from nicegui import ui
+from nicegui.element import Element
 from nicegui.elements.mixins.text_element import TextElement
 from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 
 from taskcal.errors import TaskcalError, printable
-from taskcal.studio.controls import text
+from taskcal.studio.controls import button, text
 from taskcal.studio.files import giver, mesh_giver, receiver
 from taskcal.studio.pages import (
     identify_page,
@@ -37,8 +38,9 @@ from taskcal.studio.pages import (
     weight_page,
 )
 from taskcal.studio.pages.robot_page import warm_up
-from taskcal.studio.runs import Studio
-from taskcal.studio.steps import show_error
+from taskcal.studio.results import State, Step, next_step, steps_of
+from taskcal.studio.runs import CommandRun, Studio
+from taskcal.studio.steps import is_running, link, show_error
 from taskcal.studio.texts import LANGUAGES, LIBRARY_LANGUAGE, Texts, preferred
 
 # What is let through to the studio: its own pages' requests, to its own address, of bounded size.
@@ -220,6 +222,12 @@ class Page:
     """Its path without the slash, and where its texts stand."""
     build: "Callable[[Studio, Texts], Awaitable[None]]"
     """Fills it, once the browser shows what surrounds it; a `TaskcalError` ends it, and is shown."""
+    kind: str = ""
+    """Of the run that makes its result."""
+    again: "Callable[[Studio], None] | None" = None
+    """Makes its result once more."""
+    early: bool = False
+    """Whether it has something to show before its step is possible."""
 
 
 def add_page(page: Page, road: tuple[Page, ...], studio: Studio) -> None:
@@ -234,14 +242,17 @@ def add_page(page: Page, road: tuple[Page, ...], studio: Studio) -> None:
         texts = Texts(language)
         ui.page_title(f"{texts(f'{page.key}.title')} – {studio.project.choices.name} – Taskcal")
         ui.dark_mode(THEMES.get(theme))
-        with _surroundings(page, road, studio, texts, theme if theme in THEMES else "auto"):
+        steps = await asyncio.to_thread(steps_of, studio.project)
+        steps = {one.key: _as_it_runs(steps[one.key], studio.run_of(one.kind)) for one in road}
+        with _surroundings(page, road, steps, studio, texts, theme if theme in THEMES else "auto"):
             place = ui.element("div").classes("page")
             with place:
                 waiting = text("p", texts("frame.loading")).props("role=status").classes("quiet")
         await client.connected(timeout=30)
         with place:
             try:
-                await page.build(studio, texts)
+                if page.early or steps[page.key].state is not State.impossible:
+                    await page.build(studio, texts)
             except TaskcalError as error:  # of a file: what was shown before it stays
                 show_error(studio.project, error)
             waiting.delete()
@@ -252,7 +263,7 @@ def add_page(page: Page, road: tuple[Page, ...], studio: Studio) -> None:
 
 @contextmanager
 def _surroundings(
-    page: Page, road: tuple[Page, ...], studio: Studio, texts: Texts, theme: str
+    page: Page, road: tuple[Page, ...], steps: Mapping[str, Step], studio: Studio, texts: Texts, theme: str
 ) -> Generator[None, None, None]:
     here = Path(__file__).parent
     ui.add_css(here / "studio.css")
@@ -271,15 +282,63 @@ def _surroundings(
         with ui.element("nav").classes("road").props(f'aria-label="{texts("frame.road")}"'), ui.element("ol"):
             for step in road:
                 with ui.element("li"):
-                    link = text("a", texts(f"{step.key}.title")).props(f"href=/{step.key}")
+                    to = text("a", texts(f"{step.key}.title")).props(f"href=/{step.key} aria-describedby=at-{step.key}")
                     if step is page:
-                        link.props("aria-current=page")
+                        to.props("aria-current=page")
+                    _stand(steps[step.key], texts).props(f"id=at-{step.key}")
         with ui.element("main").props("id=content tabindex=-1"):
             text("h1", texts(f"{page.key}.title"))
             text("p", texts(f"{page.key}.purpose")).classes("quiet")
+            _next(page, road, steps, studio, texts)
             yield
             if texts.language != LIBRARY_LANGUAGE:
                 text("p", texts("frame.library_language")).classes("quiet")
+
+
+ROLES: Mapping[str, str] = {
+    "campaign": "measurements.title",
+    "station": "choose.station",
+    "calibration": "choose.calibration",
+    "cell": "choose.cell",
+    "header": "report.head",
+}
+"""Texts of choices whose page has another name."""
+
+COLOURS: Mapping[State, str] = {State.done: "good", State.needed: "bad", State.outdated: "bad"}
+
+
+def _as_it_runs(step: Step, run: CommandRun | None) -> Step:
+    return replace(step, state=State.running) if is_running(run) else step
+
+
+def _stand(step: Step, texts: Texts) -> Element:
+    """Where a step stands, and why."""
+    names = ", ".join(texts(ROLES.get(name, f"{name}.title")) for name in step.because)
+    whys = {State.impossible: "state.first", State.outdated: "state.since" if names else "state.unknown"}
+    with ui.element("span").classes("stand") as stand:
+        text("span", texts(f"state.{step.state}")).classes(COLOURS.get(step.state, "quiet"))
+        if step.state in whys:
+            text("span", texts(whys[step.state], names=names)).classes("why")
+    return stand
+
+
+def _next(page: Page, road: tuple[Page, ...], steps: Mapping[str, Step], studio: Studio, texts: Texts) -> None:
+    """Where this page's step stands, and the step to do next."""
+    key = next_step(steps, page.key)
+    with ui.element("div").classes("next").props("role=status"):
+        _stand(steps[page.key], texts)
+        if not key:
+            return
+        to, step = next(one for one in road if one.key == key), steps[key]
+        again = to.again if step.state is State.outdated else None
+        todo = {State.needed: f"next.{key}", State.outdated: f"next.{key}_again"}
+        what = texts(todo[step.state] if step.open and step.state in todo else f"{key}.title")
+        if again is not None:
+            button(texts("next.next", what=what), lambda: again(studio))
+        elif to is not page:
+            link(texts("next.next", what=what), f"/{key}").classes("act")
+        elif step.state is State.needed:
+            text("span", texts("next.here", what=what))
 
 
 def _setting(page: Page, name: str, value: str, shown: str, *, on: bool) -> TextElement:
@@ -294,11 +353,11 @@ ROAD = (
     Page("measurements", measurements_page.build),
     Page("task", task_page.build),
     Page("weight", weight_page.build),
-    Page("plan", plan_page.build),
-    Page("identify", identify_page.build),
+    Page("plan", plan_page.build, "plan", plan_page.begin_plan),
+    Page("identify", identify_page.build, "identify", identify_page.begin_fit),
     Page("result", result_page.build),
-    Page("program", program_page.build),
-    Page("report", report_page.build),
+    Page("program", program_page.build, "correct", program_page.begin_correction, early=True),
+    Page("report", report_page.build, "report", report_page.begin_report),
 )
 
 

@@ -1,38 +1,23 @@
 """Parts that pages share: a file is chosen, a command runs, and what it printed is kept and read again."""
 
-from collections.abc import Mapping
-from contextlib import suppress
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 from nicegui import ui
 from nicegui.elements.mixins.text_element import TextElement
 
 from taskcal.errors import TaskcalError
-from taskcal.io.files import write_whole
-from taskcal.io.json_file import parse_json
-from taskcal.robot.catalogue import load_robot
-from taskcal.robot.robot import Robot
+from taskcal.io.files import write_all
 from taskcal.studio.controls import button, choice, command_line, message, set_attribute, text
-from taskcal.studio.project import RESULT, Project
+from taskcal.studio.project import LAYOUT, Project
+from taskcal.studio.results import MADE_FROM, contents, made, result_of
 from taskcal.studio.runs import CommandRun, Status, Studio
 from taskcal.studio.texts import Texts
 
 POLL_S = 0.25
 """Between two looks at a run."""
-
-
-def robot_of(project: Project) -> Robot:
-    """Load the project's robot.
-
-    Raises:
-        TaskcalError: it has none yet, or its file describes none.
-    """
-    named = project.choices.robot
-    if not named:
-        raise TaskcalError("choose a robot first")
-    return load_robot(project.path(named) if "/" in named else named)
 
 
 def show_error(project: Project, error: Exception) -> None:
@@ -50,21 +35,6 @@ def link(label: str, href: str) -> TextElement:
 def download(texts: Texts, path: str) -> None:
     """A link that downloads a file of the project."""
     link(texts("program.download", name=Path(path).name), f"/file/{quote(path)}?keep=1").classes("act plain")
-
-
-def is_missing(project: Project, texts: Texts, **pages: str) -> bool:
-    """Whether a choice is missing; links to the pages where each is made.
-
-    Args:
-        project: whose choices they are.
-        texts: of the page.
-        pages: key of the page by the name of the choice.
-    """
-    missing = [page for name, page in pages.items() if not getattr(project.choices, name)]
-    for page in missing:
-        text("p", texts("identify.missing"))
-        link(texts(f"{page}.title"), f"/{page}")
-    return bool(missing)
 
 
 def choose_file(project: Project, texts: Texts, name: str, files: Mapping[str, str], *, none: str = "") -> None:
@@ -87,13 +57,9 @@ def choose_file(project: Project, texts: Texts, name: str, files: Mapping[str, s
 
 
 def choose_calibration(project: Project, texts: Texts) -> bool:
-    """A list of the calibrations, or a link to where one is made; whether one is chosen."""
+    """A list of the calibrations; whether one is chosen."""
     found = {path: Path(path).stem for path in project.calibrations()}
-    if found:
-        choose_file(project, texts, "calibration", found)
-    else:
-        text("p", texts("result.none"))
-        link(texts("identify.title"), "/identify")
+    choose_file(project, texts, "calibration", found)
     return project.choices.calibration in found
 
 
@@ -102,59 +68,45 @@ def begin(
     kind: str,
     arguments: list[str],
     *,
-    folders: tuple[str, ...] = (),
-    result: str = "",
+    outputs: Sequence[str] = (),
     chosen: Mapping[str, str] | None = None,
+    page: str = "",
 ) -> None:
-    """Run a command, and show the page anew.
+    """Run a command, and show its page.
 
     Args:
         studio: whose command it is.
         kind: of run.
         arguments: of ``taskcal``.
-        folders: of the project that the command writes in.
-        result: file that keeps what it prints.
+        outputs: files of the project that the command writes; of the first, if it is a result, what the command prints is kept
+            beside it, and from what it was made.
         chosen: files that it makes, by the choice that each becomes, unless the user chooses another one meanwhile.
+        page: that shows the run; the one that is shown by default.
     """
     project = studio.project
     before = project.choices
+    product = next((path for path in outputs[:1] if Path(path).parts[0] in MADE_FROM), "")
 
     async def keep(run: CommandRun) -> None:
-        if result:
-            write_whole(project.path(result), run.output)
+        if product:
+            record = json.dumps(made(project, product, made_from), indent=1)
+            write_all({project.path(result_of(product)): run.output, project.path(LAYOUT.made): record})
         now = project.choices
-        made = {name: path for name, path in (chosen or {}).items() if project.path(path).is_file()}
-        project.choose(**{name: path for name, path in made.items() if getattr(now, name) == getattr(before, name)})
+        present = {name: path for name, path in (chosen or {}).items() if project.path(path).is_file()}
+        project.choose(**{name: path for name, path in present.items() if getattr(now, name) == getattr(before, name)})
 
     try:
-        for folder in folders:
-            project.path(folder).mkdir(exist_ok=True)
+        made_from = contents(project) if product else {}
+        for path in outputs:
+            project.path(path).parent.mkdir(exist_ok=True)
         studio.start(kind, arguments, keep)
     except (OSError, TaskcalError) as error:
         show_error(project, error)
         return
-    ui.navigate.reload()
-
-
-def result_of(path: str) -> str:
-    """The file that keeps what a command printed of another file."""
-    return path.removesuffix(".json") + RESULT
-
-
-def read_result(project: Project, path: str, *keys: str) -> Mapping[str, Any] | None:
-    """Read what a command printed of a file; None where that is not there, as for one that was put here by hand.
-
-    Args:
-        project: whose file it is.
-        path: of the file that the command wrote.
-        keys: that the result must have.
-    """
-    with suppress(OSError, ValueError, TaskcalError):
-        file = project.path(result_of(path))
-        content = parse_json(file.read_text(encoding="utf-8"), file)
-        if isinstance(content, dict) and set(keys) <= content.keys():
-            return content
-    return None
+    if page:
+        ui.navigate.to(f"/{page}")
+    else:
+        ui.navigate.reload()
 
 
 def show_run(studio: Studio, kind: str, texts: Texts, *, about: str = "") -> CommandRun | None:

@@ -7,8 +7,9 @@ from nicegui import ui
 
 from taskcal.correction.correction import LEFT
 from taskcal.studio.controls import text
-from taskcal.studio.project import LAYOUT, Project
-from taskcal.studio.steps import link, read_result
+from taskcal.studio.project import Project
+from taskcal.studio.results import corrected_of, read_result
+from taskcal.studio.steps import link
 from taskcal.studio.texts import Texts
 
 COLOURS = {"met": "good", "not met": "bad", "not known": "quiet"}
@@ -20,7 +21,7 @@ PAGES = {"geometry": "plan", "model error": "identify", "tool": "program", "part
 def of_program(project: Project) -> Mapping[str, Any] | None:
     """The verdict that the correction of the chosen program printed; None where there is none."""
     program = project.choices.program
-    result = read_result(project, f"{LAYOUT.corrected}/{program.rsplit('/', 1)[-1]}", "verdict") if program else None
+    result = read_result(project, corrected_of(program), "verdict") if program else None
     return None if result is None else result["verdict"]
 
 

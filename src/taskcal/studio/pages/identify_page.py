@@ -11,8 +11,9 @@ from taskcal.report.calibration import ERRORS
 from taskcal.report.content import Column, Table
 from taskcal.studio.controls import button, choice, facts, line_of_text, number, tabulated, text, tick
 from taskcal.studio.project import LAYOUT, LONGEST, Project, free_name, plain_name
+from taskcal.studio.results import read_result
 from taskcal.studio.runs import Studio
-from taskcal.studio.steps import begin, is_missing, is_running, link, read_result, result_of, show_run
+from taskcal.studio.steps import begin, is_running, link, show_run
 from taskcal.studio.texts import Texts
 
 MODELS = {"none": "geometry", "auto": "auto"}
@@ -23,13 +24,11 @@ async def build(studio: Studio, texts: Texts) -> None:
     """Fill the page."""
     project = studio.project
     choices = project.choices
-    if is_missing(project, texts, robot="robot", campaign="measurements"):
-        return
     facts([(texts("robot.title"), choices.robot), (texts("measurements.title"), choices.campaign)])
     text("h2", texts("identify.model"))
     _choose(project, texts)
     if not is_running(show_run(studio, "identify", texts)):
-        button(texts("identify.fit"), lambda: _begin(studio))
+        button(texts("identify.fit"), lambda: begin_fit(studio))
     _compare(project, texts)
 
 
@@ -65,10 +64,11 @@ def arguments_of(project: Project) -> tuple[list[str], str]:
     return ["identify", choices.campaign, *options, "--json"], calibration
 
 
-def _begin(studio: Studio) -> None:
+def begin_fit(studio: Studio) -> None:
+    """Fit as chosen."""
     arguments, calibration = arguments_of(studio.project)
     chosen = {"calibration": calibration}
-    begin(studio, "identify", arguments, folders=(LAYOUT.calibrations,), result=result_of(calibration), chosen=chosen)
+    begin(studio, "identify", arguments, outputs=[calibration], chosen=chosen, page="identify")
 
 
 def result_of_fit(project: Project, calibration: str) -> Mapping[str, Any] | None:

@@ -22,8 +22,9 @@ from taskcal.robot.robot import Robot
 from taskcal.studio.column_editor import ColumnEditor, begin_rewriting
 from taskcal.studio.controls import button, drop_zone, facts, message, tabulated, text
 from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT
+from taskcal.studio.results import robot_of
 from taskcal.studio.runs import Status, Studio
-from taskcal.studio.steps import begin, choose_file, is_running, link, robot_of, show_error, show_run
+from taskcal.studio.steps import begin, choose_file, is_running, show_error, show_run
 from taskcal.studio.texts import LIBRARY_LANGUAGE, Texts
 from taskcal.studio.views import CONCERNED, INK, MAX_PICKED, PointView, add_views, figure
 
@@ -91,12 +92,7 @@ async def build(studio: Studio, texts: Texts) -> None:
     if files:
         choose_file(project, texts, "campaign", files)
     drop_zone(texts, "campaign", texts("measurements.drop"), CAMPAIGN_ENDINGS)
-    try:
-        robot = await asyncio.to_thread(robot_of, project)
-    except TaskcalError as error:
-        show_error(project, error)
-        link(texts("robot.title"), "/robot")
-        return
+    robot = await asyncio.to_thread(robot_of, project)
     if not choices.campaign:
         text("p", texts("measurements.none"))
         return

@@ -1,7 +1,6 @@
 """The plan: which poses to measure, what error to expect after it, and a program that goes there."""
 
 import asyncio
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,24 +18,12 @@ from taskcal.robot.robot import Robot
 from taskcal.studio.controls import button, facts, message, number, tabulated, text
 from taskcal.studio.editors import StationEditor
 from taskcal.studio.project import LAYOUT, Choices, Project
+from taskcal.studio.results import plan_of, read_result, robot_of
 from taskcal.studio.runs import Studio
-from taskcal.studio.steps import (
-    begin,
-    download,
-    is_missing,
-    is_running,
-    read_result,
-    result_of,
-    robot_of,
-    show_run,
-)
+from taskcal.studio.steps import begin, download, is_running, show_run
 from taskcal.studio.texts import Texts
 from taskcal.studio.views import PosePlayer, figure
 from taskcal.tables.forms import read_csv
-
-MAX_STEM = 20
-"""Characters of a task's name in that of its plan; names of RAPID modules have 28 at most."""
-
 
 RESULT_KEYS = (
     "expected_error_mm",
@@ -54,8 +41,6 @@ async def build(studio: Studio, texts: Texts) -> None:
     """Fill the page."""
     project = studio.project
     choices = project.choices
-    if is_missing(project, texts, robot="robot", task="task"):
-        return
     facts([(texts("robot.title"), choices.robot), (texts("task.title"), choices.task)])
     label = texts("plan.count")
     number(label, choices.poses, lambda value: project.choose(poses=int(value)), 1, 2000, step="1")
@@ -63,17 +48,11 @@ async def build(studio: Studio, texts: Texts) -> None:
     editor = StationEditor(project, robot, texts)
     text("h2", texts("plan.poses_chosen"))
     if not is_running(show_run(studio, "plan", texts)):
-        button(texts("plan.plan"), lambda: _begin(studio))
+        button(texts("plan.plan"), lambda: begin_plan(studio))
     result = read_result(project, plan_of(choices), *RESULT_KEYS)
     if result is not None:
         _show(result, project, texts)
         await _poses(result, project, robot, editor.station, texts)
-
-
-def plan_of(choices: Choices) -> str:
-    """Path of the plan of a task; its program is a module of the same name, as RAPID lets it be."""
-    stem = re.sub(r"[^A-Za-z0-9]", "_", Path(choices.task).stem)[:MAX_STEM]
-    return f"{LAYOUT.plans}/m_{stem}_{choices.poses}.csv"
 
 
 def arguments_of(choices: Choices) -> list[str]:
@@ -91,10 +70,12 @@ def arguments_of(choices: Choices) -> list[str]:
     return ["plan", *options, *files, "--json"]
 
 
-def _begin(studio: Studio) -> None:
+def begin_plan(studio: Studio) -> None:
+    """Plan as chosen."""
     choices = studio.project.choices
-    result = result_of(plan_of(choices))
-    begin(studio, "plan", arguments_of(choices), folders=(LAYOUT.plans,), result=result)
+    plan = plan_of(choices)
+    outputs = [plan, *(f"{plan.removesuffix('.csv')}{ending}" for ending in (".mod", ".html"))]
+    begin(studio, "plan", arguments_of(choices), outputs=outputs, page="plan")
 
 
 def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> None:

@@ -27,6 +27,7 @@ from taskcal.studio.controls import (
     tick,
 )
 from taskcal.studio.project import CELL_ENDINGS, LAYOUT, PROGRAM_ENDINGS, Choices, Project
+from taskcal.studio.results import corrected_of, read_result, robot_of
 from taskcal.studio.runs import Studio
 from taskcal.studio.steps import (
     begin,
@@ -34,9 +35,6 @@ from taskcal.studio.steps import (
     choose_file,
     download,
     is_running,
-    read_result,
-    result_of,
-    robot_of,
     show_error,
     show_run,
 )
@@ -69,10 +67,10 @@ async def build(studio: Studio, texts: Texts) -> None:
     if not choices.program:
         text("p", texts("program.none"))
         return
-    chosen = choose_calibration(project, texts)
     if not project.calibrations():
         return
-    result = read_result(project, _written(choices.program), "written", "targets", "refused", "expected", "verdict")
+    chosen = choose_calibration(project, texts)
+    result = read_result(project, corrected_of(choices.program), "written", "targets", "refused", "expected", "verdict")
     reasons = [] if result is None else [item.get("reason", "") for item in result["refused"]]
     named = await asyncio.to_thread(_named, project)
     asked = asked_axes(reasons)
@@ -83,7 +81,7 @@ async def build(studio: Studio, texts: Texts) -> None:
     text("h2", texts("program.correction"))
     run = show_run(studio, "correct", texts, about=choices.program)
     if chosen and not is_running(run):
-        button(texts("program.correct"), lambda: _begin(studio))
+        button(texts("program.correct"), lambda: begin_correction(studio))
     if result is not None:
         await _show(result, project, texts)
 
@@ -130,8 +128,14 @@ def _around(
 
 def arguments_of(project: Project, choices: Choices) -> list[str]:
     """Arguments of ``taskcal`` for a correction."""
-    report = f"{LAYOUT.reports}/{Path(choices.program).stem}-correction.html"
-    options = ["--calibration", choices.calibration, "--output", LAYOUT.corrected, "--report", report]
+    options = [
+        "--calibration",
+        choices.calibration,
+        "--output",
+        LAYOUT.corrected,
+        "--report",
+        report_of_correction(choices),
+    ]
     for option, value in (
         ("--task", choices.task),
         ("--cell", choices.cell),
@@ -143,15 +147,17 @@ def arguments_of(project: Project, choices: Choices) -> list[str]:
     return ["correct", *read_together(project, choices.program), *options, "--json"]
 
 
-def _begin(studio: Studio) -> None:
+def begin_correction(studio: Studio) -> None:
+    """Correct the program as chosen."""
     project = studio.project
-    arguments = arguments_of(project, project.choices)
-    result = result_of(_written(project.choices.program))
-    begin(studio, "correct", arguments, folders=(LAYOUT.corrected, LAYOUT.reports), result=result)
+    choices = project.choices
+    outputs = [*map(corrected_of, read_together(project, choices.program)), report_of_correction(choices)]
+    begin(studio, "correct", arguments_of(project, choices), outputs=outputs, page="program")
 
 
-def _written(program: str) -> str:
-    return f"{LAYOUT.corrected}/{Path(program).name}"
+def report_of_correction(choices: Choices) -> str:
+    """Path of the report on the correction of a program."""
+    return f"{LAYOUT.reports}/{Path(choices.program).stem}-correction.html"
 
 
 async def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> None:

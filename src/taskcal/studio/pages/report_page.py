@@ -14,6 +14,7 @@ from taskcal.io.toml_file import explain, read_toml
 from taskcal.report.page import ReportHeader
 from taskcal.studio.controls import button, line_of_text, message, set_attribute, text
 from taskcal.studio.project import LAYOUT, Project
+from taskcal.studio.results import report_of
 from taskcal.studio.runs import Studio
 from taskcal.studio.steps import begin, choose_calibration, is_running, link, show_error, show_run
 from taskcal.studio.texts import Texts
@@ -28,8 +29,7 @@ async def build(studio: Studio, texts: Texts) -> None:
     if chosen:
         _head(project, texts)
     if chosen and not is_running(run):
-        arguments = arguments_of(project)
-        button(texts("report.make"), lambda: begin(studio, "report", arguments, folders=(LAYOUT.reports,)))
+        button(texts("report.make"), lambda: begin_report(studio))
     reports = project.files(LAYOUT.reports, (".html",))
     if not reports:
         return
@@ -94,12 +94,22 @@ def save_head(project: Project, field: str, value: str) -> None:
     write_whole(project.path(LAYOUT.header), tomli_w.dumps(head.model_dump(exclude_none=True)))
 
 
+def begin_report(studio: Studio) -> None:
+    """Make the report and the certificate of the chosen calibration."""
+    project = studio.project
+    begin(studio, "report", arguments_of(project), outputs=reports_of(project), page="report")
+
+
+def reports_of(project: Project) -> tuple[str, str]:
+    """Paths of the report and the certificate of the chosen calibration."""
+    report = report_of(project.choices.calibration)
+    return report, f"{report.removesuffix('.html')}-certificate.html"
+
+
 def arguments_of(project: Project) -> list[str]:
     """Arguments of ``taskcal`` for a report."""
     choices = project.choices
-    report, certificate = (
-        f"{LAYOUT.reports}/{Path(choices.calibration).stem}{which}.html" for which in ("", "-certificate")
-    )
+    report, certificate = reports_of(project)
     options = ["--task", choices.task] if choices.task else []
     options += ["--campaign", choices.campaign] if choices.campaign else []
     options += ["--header", LAYOUT.header] if project.path(LAYOUT.header).is_file() else []

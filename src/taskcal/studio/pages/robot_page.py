@@ -20,9 +20,10 @@ from taskcal.robot.robot import Robot, RobotJoint
 from taskcal.studio.controls import Dial, button, choice, drop_zone, facts, message, tabulated, text
 from taskcal.studio.files import ROBOT_DROPS
 from taskcal.studio.project import LAYOUT, ROBOT_ENDINGS, TABLE_ENDINGS, Project, free_name
+from taskcal.studio.results import robot_of
 from taskcal.studio.robot_meshes import RobotMeshes, meshes_of
 from taskcal.studio.runs import Studio
-from taskcal.studio.steps import begin, is_running, robot_of, show_run
+from taskcal.studio.steps import begin, is_running, show_run
 from taskcal.studio.texts import Texts
 from taskcal.studio.views import RobotView, add_views
 
@@ -74,7 +75,8 @@ class RobotTable:
             made = f"{LAYOUT.robots}/{free_name(f'{stem}.toml', taken)}"
             units = ["--units", self._units] if self._units else []
             options = ["--convention", self._convention, *units, "--output", made, "--json"]
-            begin(self._studio, "robot", ["robots", "import", self._table, *options], chosen={"robot": made})
+            arguments = ["robots", "import", self._table, *options]
+            begin(self._studio, "robot", arguments, outputs=[made], chosen={"robot": made})
 
 
 UPDATES_S = 0.04

@@ -15,8 +15,9 @@ from taskcal.studio.controls import button, drop_zone, line_of_text, message, nu
 from taskcal.studio.editors import BoxEditor, OrientationEditor
 from taskcal.studio.pages.robot_page import slider_ranges
 from taskcal.studio.project import LAYOUT, PROGRAM_ENDINGS, TASK_ENDINGS, Project, free_name
+from taskcal.studio.results import robot_of
 from taskcal.studio.runs import Studio
-from taskcal.studio.steps import choose_file, robot_of, show_error
+from taskcal.studio.steps import choose_file, show_error
 from taskcal.studio.task_box import (
     TaskBox,
     box_of,

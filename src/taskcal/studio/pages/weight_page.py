@@ -16,8 +16,8 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.studio.controls import command_line, facts, message, tabulated
 from taskcal.studio.editors import BoxEditor
 from taskcal.studio.pages.task_page import posture
+from taskcal.studio.results import robot_of
 from taskcal.studio.runs import Studio
-from taskcal.studio.steps import is_missing, robot_of
 from taskcal.studio.task_box import TaskBox, box_of, save_box
 from taskcal.studio.texts import Texts
 from taskcal.task.task import Task, load_task, reach_task
@@ -67,8 +67,6 @@ async def build(studio: Studio, texts: Texts) -> None:
     """Fill the page."""
     project = studio.project
     choices = project.choices
-    if is_missing(project, texts, task="task"):
-        return
     robot = await asyncio.to_thread(robot_of, project)
     task = await asyncio.to_thread(load_task, project.path(choices.task))
     shown = _Shown(ErrorModel(robot), texts)

@@ -1,0 +1,35 @@
+"""The road in a real browser: what follows from a change is out of date, and made again with one click."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from taskcal.studio.project import begin_example
+from tests.studio.conftest import open_tab, served
+from tests.studio.test_robot_in_browser import serious
+
+pytestmark = [pytest.mark.browser, pytest.mark.long]
+
+
+def test_fit_is_outdated_by_edited_rows_and_made_again_by_a_click(chromium: Any, tmp_path: Path) -> None:
+    begin_example(tmp_path)
+    measured = tmp_path / "campaigns" / "measured.csv"
+    with served(tmp_path) as address, open_tab(chromium, address) as tab:
+        page = tab.open("result")
+        assert "Not yet possible first: Identify" in " ".join(page.inner_text("#content").split())
+        page.get_by_role("link", name="Next: Fit").click()
+        tab.ready().get_by_role("button", name="Fit", exact=True).click()
+        page.get_by_text("Models side by side").wait_for(timeout=300_000)
+        lines = measured.read_text().splitlines()
+        measured.write_text("\n".join(lines[:-3]) + "\n")
+        page = tab.open("task")
+        assert "Out of date\nsince you changed: Measurements" in page.inner_text("nav")
+        assert serious(page) == []
+        page.get_by_role("button", name="Next: Fit again").click()
+        page.wait_for_url("**/identify")
+        page.get_by_text("Models side by side").wait_for(timeout=300_000)
+        page.get_by_role("link", name="Next: Correct the program").wait_for(timeout=300_000)
+        assert "Out of date" not in tab.ready().inner_text("nav")
+        tab.picture("road")
+        assert tab.complaints == []
