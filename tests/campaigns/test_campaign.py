@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
-from taskcal.campaigns.campaign import Campaign
+from taskcal.campaigns.campaign import Campaign, Stations
 from taskcal.errors import CampaignError, TaskcalError, UnknownName
 from taskcal.observations.base import TrackerNoise
 from taskcal.robot.conditions import Conditions
+from tests.laws.campaigns import random_pose
 
 
 def campaign(n=12, targets=3, poses=False, seed=0):
@@ -136,3 +138,29 @@ def test_rows_of_one_id_are_refused_wherever_they_come_from():
         replace(whole, ids=(*whole.ids[:4], "row 1", *whole.ids[5:]))
     with pytest.raises(CampaignError, match="rows 0 and 2 are both named 'row 5'"):
         whole.take([5, 6, 5])
+
+
+def test_measurements_are_carried_with_their_stations():
+    """Each row as its own station saw it, from where that is now: points, rotations, nests, and noise that turns with them."""
+    rng = np.random.default_rng(6)
+    rotations = Rotation.random(12, rng=rng).as_matrix()
+    was, now = (np.stack([random_pose(rng, 3.0) for _ in range(2)]) for _ in range(2))
+    of = np.arange(12) // 5 % 2
+    stations = Stations(names=("a", "b"), of=of, T_first_station=was)
+    here = replace(campaign(targets=1, poses=True), rotations=rotations, uncertainty=None, stations=stations)
+    there = here.carried(now)
+    T = np.stack([now[k] @ np.linalg.inv(was[k]) for k in of])
+    np.testing.assert_allclose(
+        there.points[:, 0], np.einsum("nij,nj->ni", T[:, :3, :3], here.points[:, 0]) + T[:, :3, 3]
+    )
+    turned = Rotation.from_matrix(T[:, :3, :3])
+    np.testing.assert_allclose(there.rotations, (turned * Rotation.from_matrix(rotations)).as_matrix(), atol=1e-12)
+    nest = here.reference_points["base"]
+    np.testing.assert_allclose(there.reference_points["base"], turned.apply(nest) + T[:, :3, 3], atol=1e-12)
+    noise = TrackerNoise(range_per_m=5e-5)
+    before, after = (one.covariances(noise)[here.seen, 0, :3, :3] for one in (here, there))
+    R = T[here.seen, :3, :3]
+    np.testing.assert_allclose(after, R @ before @ np.swapaxes(R, 1, 2), rtol=1e-9, atol=1e-22)
+    back = there.carried(was)
+    np.testing.assert_allclose(back.points, here.points, atol=1e-12)
+    np.testing.assert_array_equal(back.stations.T_first_station, was)

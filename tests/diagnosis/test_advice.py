@@ -11,7 +11,7 @@ from taskcal.diagnosis.drift import Slip as TargetSlip
 from taskcal.diagnosis.drift import SlowDrift, StationMove, find_large_move
 from taskcal.diagnosis.fits import fit_linearly
 from taskcal.diagnosis.hypotheses import Case, hypotheses_of
-from taskcal.diagnosis.rows import find_row_fault, find_swapped
+from taskcal.diagnosis.rows import RowFault, find_row_fault, find_swapped
 from taskcal.geometry import se3
 from taskcal.robot.catalogue import load_robot
 from tests.diagnosis.mistakes import moved_station, paired
@@ -221,6 +221,22 @@ def test_gross_rows_are_left_out_and_no_others():
     assert (finding.id, finding.subject) == ("gross-rows", ("4", "21", "33"))
     assert mended.ids == tuple(name for name in sound.ids if name not in finding.subject)
     assert finding.error_before == pytest.approx(0.04 * np.sqrt(3.0), rel=0.4)
+    assert finding.confidence == pytest.approx(1.0 - finding.error_after / finding.error_before, abs=0.01)
+
+
+def test_a_fault_is_the_surer_the_less_it_leaves():
+    """What it leaves of the error is what speaks against it; where it leaves all, nothing speaks for it."""
+    campaign = virtual("ur5", rows=12)
+
+    def confidence(after):
+        fault = RowFault(
+            id="gross-rows", rows=np.array([2]), fix="leave {rows} out", mended=campaign, before=1e-3, after=after
+        )
+        return fault.local(campaign)[0].confidence
+
+    assert [confidence(after) for after in (5e-4, 2e-4)] == pytest.approx([0.5, 0.8])
+    assert confidence(1e-3) == confidence(5e-3) == 0.0
+    assert 0.8 < confidence(0.0) < 1.0
 
 
 def test_targets_that_changed_places_change_them_back():

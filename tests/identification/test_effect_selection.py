@@ -327,3 +327,25 @@ def test_effects_that_are_not_tried_are_named_with_the_reason(robot):
     assert untried["thermal expansion"] == "not every row states the temperature"
     assert untried["spring"] == "the robot file states no spring"
     assert "compliance" not in untried
+
+
+@pytest.mark.parametrize(("gain", "enters"), [(2.9, False), (3.1, True)])
+def test_effects_enter_with_evidence_of_more_than_three_alone(robot, monkeypatch, gain, enters):
+    """Although they predict held-out rows better: where a model is hardly more probable, that may be chance."""
+    from taskcal.identification import effects as module
+
+    model, rng = ErrorModel(robot), np.random.default_rng(0)
+    campaign, _ = simulate(model + Harmonics(orders=(1,)), poses(robot, rng, 60), rng=rng)
+    found_by = module.find_group_model
+
+    def as_probable(base, *arguments, **options):
+        one = found_by(base, *arguments, **options)
+        return replace(one, calibration=replace(one.calibration, log_evidence=base.log_evidence + gain))
+
+    monkeypatch.setattr(module, "find_group_model", as_probable)
+    found = explain(model, campaign, candidates=CHEAP)
+    together = found.steps[-1]
+    assert together.worth > 0.0
+    assert together.log_evidence == pytest.approx(gain)
+    assert together.accepted == enters == bool(found.calibration.model.effects)
+    assert ("without the evidence for it" in together.reason) != enters

@@ -132,8 +132,8 @@ def test_a_limit_that_is_none_is_refused(limit):
 
 @pytest.mark.parametrize(
     "measured",
-    [{}, {"pose": True}, {"observe": "socket+wire"}, {"stations": 2}],
-    ids=["points", "poses", "wire", "two"],
+    [{}, {"pose": True}, {"observe": "socket+wire"}, {"stations": 2}, {"stations": 2, "pose": True}],
+    ids=["points", "poses", "wire", "two", "two with poses"],
 )
 def test_fitted_campaign_has_the_stored_residuals(measured):
     """To rounding, however it was measured; of other campaigns nothing is said."""

@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
+from taskcal.estimation.least_squares import Stopping
+from taskcal.estimation.prior import Squared
+from taskcal.identification.hyperparameters import Hyperparameters, fit_weighed
 from taskcal.identification.identify import identify
+from taskcal.identification.layout import layout_of, prior_of
+from taskcal.identification.problem import problem_of
 from taskcal.observations.base import TrackerNoise
+from taskcal.registration.registration import register
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
@@ -66,3 +72,34 @@ def test_fit_without_tracker_ends_if_rotation_is_prior_only():
     campaign, _ = socket_campaign(rng, model, rng.normal(size=len(model)) * model.tolerances, 90, noise=2e-5)
     calibration = identify(model, campaign, gross_errors="keep")
     assert calibration.iterations > 50  # a fit with a tracker takes four or five
+
+
+@pytest.mark.parametrize("size", [0.1, 1.0])
+def test_the_evidence_of_an_unfinished_fit_is_that_of_its_end(size: float) -> None:
+    """Newton's step to the end and what it gains are known before it is taken: rows are nearly linear."""
+    rng = np.random.default_rng(14)
+    model = ErrorModel(robot_from(industrial(rng)))
+    campaign, _ = measure(rng, model, industrial_positions(rng, 40), 0.1 * model.tolerances, sigma=1e-4)
+    layout = layout_of(model, np.arange(len(model)), register(model, campaign), campaign, fixed=False)
+    problem, prior = problem_of(layout, campaign, NOISE), prior_of(layout, "tolerances")
+    hyper = Hyperparameters.of_deviations((1e-4,), 1.0)
+    ended = fit_weighed(problem, prior, Squared(), hyper, layout.start(), Stopping())
+    A = ended.solution.information + prior.precision(1.0)
+    step = np.linalg.solve(np.linalg.cholesky(A).T, rng.normal(size=len(A)))
+    step *= size / np.sqrt(step @ A @ step)
+    early = fit_weighed(problem, prior, Squared(), hyper, ended.solution.z + step, Stopping(decrement=10.0))
+    np.testing.assert_array_equal(early.solution.z, ended.solution.z + step)
+    assert early.solution.objective - ended.solution.objective == pytest.approx(0.5 * size**2, rel=0.05)
+    assert early.evidence() == pytest.approx(ended.evidence(), abs=0.02 * size**2)
+
+
+def test_sizes_of_their_own_are_those_of_their_model_alone() -> None:
+    model = ErrorModel(robot_from(industrial(np.random.default_rng(15))))
+    own = np.linspace(1.0, 2.0, len(model))
+    np.testing.assert_array_equal(
+        Hyperparameters(variances=np.zeros(1), prior_factor=4.0, own=own).deviations(model), own
+    )
+    plain = Hyperparameters(variances=np.zeros(1), prior_factor=4.0)
+    np.testing.assert_array_equal(plain.deviations(model), 2.0 * model.tolerances)
+    with pytest.raises(ValueError, match=f"known of 3 parameters, the model has {len(model)}"):
+        Hyperparameters(variances=np.zeros(1), prior_factor=4.0, own=own[:3]).deviations(model)

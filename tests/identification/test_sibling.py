@@ -10,7 +10,13 @@ from scipy.special import chdtri
 from taskcal.errors import TaskcalError
 from taskcal.identification.calibration import Calibration, load_calibration
 from taskcal.identification.effects import explain
+from taskcal.identification.group_model import geometry_alone
 from taskcal.identification.identify import identify
+from taskcal.identification.layout import layout_of, prior_of
+from taskcal.identification.options import FitOptions
+from taskcal.identification.problem import problem_of
+from taskcal.identification.sibling import SPECIMEN_WIDTH, expecting
+from taskcal.registration.registration import register
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import EncoderGain
 from taskcal.robot.error_model import ErrorModel
@@ -70,6 +76,28 @@ def test_a_robot_of_another_kind_changes_nothing(sibling):
     taken = identify(MODEL, campaign, like=sibling).provenance.options["like"]
     assert taken["taken"]
     assert taken["campaign_digest"] == sibling.provenance.campaign_digest
+
+
+@pytest.mark.parametrize("known", [0.0, 0.01, 1.0])
+def test_sizes_of_a_sibling_count_as_a_measurement_of_these(sibling, known):
+    """What was expected, times what its rows told of its own size, on a grid: nothing where they learnt nothing of it."""
+    p, scale = len(MODEL), 3.0
+    spread = np.zeros_like(sibling.z_spread)
+    spread[range(p), range(p)] = (
+        np.sqrt(1.0 - known) * scale * MODEL.tolerances
+    )  # posterior deviations, the prior's at most
+    like = replace(sibling, prior_scale=scale, z_spread=spread)
+    campaign, _ = robot(7, 15)
+    layout = layout_of(MODEL, np.arange(p), register(MODEL, campaign), campaign, fixed=False)
+    one = geometry_alone(problem_of(layout, campaign, None), prior_of(layout, "tolerances"), FitOptions())
+    one = replace(one, groups=replace(one.groups, location=np.array([0.5]), spread=np.array([[4.0]])))
+    told = expecting(one, like).groups
+    theta = np.linspace(-20.0, 20.0, 20001)
+    variance = SPECIMEN_WIDTH**2 + (1.0 / (0.5 * p * known**2) if known else np.inf)
+    density = np.exp(-((theta - 0.5) ** 2) / 8.0 - (theta - 2.0 * np.log(scale)) ** 2 / (2.0 * variance))
+    mean = np.average(theta, weights=density)
+    assert told.location[0] == pytest.approx(mean, abs=1e-4)
+    assert told.spread[0, 0] == pytest.approx(np.average((theta - mean) ** 2, weights=density), rel=1e-4)
 
 
 @pytest.mark.long

@@ -59,6 +59,8 @@ def test_blocked_paths_are_those_on_which_something_is_in_the_way():
         if via is not None:
             road = np.concatenate([q[pose - 1 : pose], via, q[pose : pose + 1]])
             assert len(via)
+            assert (q.min(axis=0) - 1e-9 <= via).all()
+            assert (via <= q.max(axis=0) + 1e-9).all()
             assert np.mean([is_clear(driven(a, b), (POST,)).mean() for a, b in pairwise(road)]) > 0.97
 
 
