@@ -16,6 +16,8 @@ from taskcal.io.text_file import read_text
 
 _PLACE = re.compile(r"(?P<what>.*) \(at (line (?P<line>\d+), column (?P<column>\d+)|end of document)\)", re.DOTALL)
 
+_COMMENT = re.compile(r"\s+#[^\"']*$")
+
 SHOWN_MISTAKES = 40
 """Characters of a line in a message."""
 
@@ -34,7 +36,7 @@ class _Stop(NamedTuple):
     before: str
     """Of the line."""
     behind: str
-    """The rest of it."""
+    """The rest of it, without a comment."""
 
     @property
     def value(self) -> str:
@@ -64,7 +66,7 @@ def find_mistake(error: str, text: str) -> Mistake:
         number = max((k for k, line in enumerate(lines, start=1) if line.strip()), default=1)
         column = len(lines[number - 1]) + 1
     line = lines[number - 1].rstrip("\r")
-    stop = _Stop(line[: column - 1], line[column - 1 :])
+    stop = _Stop(line[: column - 1], _COMMENT.sub("", line[column - 1 :]))
     remedy = next((say(stop) for start, say in _REMEDIES.items() if found["what"].startswith(start)), _OTHERWISE)
     around = f"column {column} of '{shown(line.strip(), SHOWN_MISTAKES)}'" if line.strip() else f"column {column}"
     return Mistake(number, f"{around}: {remedy}")

@@ -2,17 +2,29 @@
 
 import copy
 import json
+import re
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from taskcal.cli.commands.simulate import read_truth, truth_text
 from taskcal.errors import FileError
 from taskcal.identification.calibration import load_calibration
 from taskcal.identification.identify import identify
-from taskcal.io.json_file import SEAL, sealed, unseal, without_seal
+from taskcal.io.json_file import (
+    MAX_NAMED,
+    SEAL,
+    list_changes,
+    note_of_edits,
+    read_versioned,
+    sealed,
+    unseal,
+    without_seal,
+)
 from taskcal.registration.registration import register
 from taskcal.registration.registration_file import load_registration, save_registration
 from taskcal.robot.catalogue import load_robot
@@ -147,3 +159,37 @@ def test_without_a_seal_nothing_is_taken_for_unedited(tmp_path):
         with pytest.raises(FileError, match=r"edited\.json: was edited .*; mend it"):
             unseal("edited.json", data, "mend it")
     assert unseal("edited.json", sealed({"a": [1.5, None]}), "mend it") == ({"a": [1.5, None]}, ())
+
+
+MARK = '"format": "mark", "format_version": 3'
+
+REFUSED = {
+    **dict.fromkeys(("[]", "1", '"x"', "null", "{}", '{"format": "x", "format_version": 3}', f"[{{{MARK}}}]"), "but not a thing"),
+    **dict.fromkeys((f"{{{MARK[:-1]}{other}}}" for other in ("2", "3.0", "true", '"3"', "null")), "this Taskcal reads 3"),
+    '{"format": "mark"}': "this Taskcal reads 3",
+    f'{{{MARK}, "a": 1, "b": {{"c": 1, "d": 2, "d": 3}}}}': "the key 'd' twice",
+    f"{{{MARK}": "cut off: make it again",
+    "{}" + "\n" * 3 + "x": "cut off: make it again",
+    "[" * 100_000: "nested too deeply",
+    f'{{{MARK}, "a": {"9" * 5000}}}': "too many digits",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", REFUSED, ids=range(len(REFUSED)))
+def test_json_that_is_something_else_is_refused_as_that(text, tmp_path):
+    path = tmp_path / "a.json"
+    path.write_text(text)
+    with pytest.raises(FileError, match=REFUSED[text]) as refused:
+        read_versioned(path, "thing", "mark", 3, "make it")
+    if "cut off" in REFUSED[text]:
+        assert refused.value.line == text.count("\n") + 1
+    path.write_text(f'{{{MARK}, "a": {{"b": 1}}, "b": [{{"b": 2}}, {{"b": 3}}]}}')
+    assert read_versioned(path, "thing", "mark", 3, "make it")["b"] == [{"b": 2}, {"b": 3}]
+
+
+@given(st.lists(st.sampled_from("abcdefghij"), unique=True, max_size=10))
+def test_changes_and_edits_name_six_and_count_the_others(keys):
+    for said in (list_changes(dict.fromkeys(keys, "changed")), note_of_edits("file", keys)):
+        named = [key for key in keys if re.search(rf"\b{key}\b", said)]
+        assert named == keys[:MAX_NAMED]
+        assert [int(count) for count in re.findall(r"and (\d+) more", said)] == [len(keys) - 6] * (len(keys) > 6)

@@ -9,7 +9,20 @@ from pydantic import ValidationError
 
 from taskcal.correction.cell import CellFile
 from taskcal.errors import FileError
-from taskcal.io.toml_file import PLAIN, Section, explain, read_toml
+from taskcal.io.toml_file import (
+    PLAIN,
+    Direction,
+    Finite,
+    HalfTurn,
+    NotNegative,
+    Positive,
+    Quaternion,
+    Section,
+    Sign,
+    Stiffness,
+    explain,
+    read_toml,
+)
 from taskcal.observations.point import StationFile
 from taskcal.robot.robot_file import RobotFile
 from taskcal.task.task import TaskFile
@@ -17,6 +30,48 @@ from taskcal.task.task import TaskFile
 
 class Small(Section):
     a: float = 0.0
+
+
+class Bounded(Section):
+    finite: Finite = 0.0
+    positive: Positive = 1.0
+    not_negative: NotNegative = 0.0
+    stiffness: Stiffness = 1.0
+    half_turn: HalfTurn = 0.0
+    sign: Sign = 1
+    direction: Direction = (0.0, 0.0, 1.0)
+    quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+
+TURNED = f"{0.5**0.5!r}, 0.0, {-(0.5**0.5)!r}, 0.0"
+
+TAKEN = {
+    "finite": (["1e6", "-1e6", "0.0", "-3"], ["1.01e6", "-1.01e6", "nan", "true", '"1"']),
+    "positive": (["1e-6", "1e6"], ["0.0", "0.5e-6", "-1.0", "inf", "2e6"]),
+    "not_negative": (["0.0", "1e6"], ["-1e-9", "2e6"]),
+    "stiffness": (["1e15"], ["0.0", "2e15"]),
+    "half_turn": (["0.0", "180.0"], ["-0.1", "180.1"]),
+    "sign": (["1", "-1"], ["0", "2", "1.0", "true", '"1"']),
+    "direction": (["[0.0, 1e-6, 0.0]", "[3, -4.0, 0]"], ["[0.5e-6, 0.0, 0.0]", "[0.0, 0.0, 0.0]", "[1.0, 0.0]"]),
+    "quaternion": (
+        [f"[{TURNED}]", "[0.0, 0.0, 0.0, -1.009]", "[0.991, 0.0, 0.0, 0.0]"],
+        ["[0.0, 0.0, 0.0, 1.02]", "[0.98, 0, 0, 0]"],
+    ),
+}
+"""As the reference of task files has them: up to 1e6, above zero from 1e-6, stiffness up to 1e15."""
+
+
+@pytest.mark.parametrize("key", TAKEN)
+def test_numbers_are_taken_up_to_their_bounds(tmp_path, key):
+    path = tmp_path / "file.toml"
+    taken, refused = TAKEN[key]
+    for value in taken:
+        path.write_text(f"{key} = {value}")
+        assert getattr(read_toml(path, Bounded), key) == pytest.approx(tomllib.loads(f"x = {value}")["x"], rel=1e-15)
+    for value in refused:
+        path.write_text(f"{key} = {value}")
+        with pytest.raises(FileError, match=key):
+            read_toml(path, Bounded)
 
 
 HOSTILE = {

@@ -1,5 +1,6 @@
 """What is said of a text that is not TOML."""
 
+import re
 import tomllib
 
 import pytest
@@ -55,6 +56,24 @@ def test_the_line_the_place_and_what_to_write_are_said(tmp_path, text):
     # in words of its own
     assert str(of_the_parser.value).partition(" (at")[0] not in str(refusal.value)
     assert refusal.value.line == line
+
+
+OPEN = re.compile("no end|closed")
+"""What the next line has a part in."""
+
+
+@pytest.mark.parametrize("text", [text for text, (_, remedy) in MISTAKES.items() if not OPEN.search(remedy)])
+def test_the_remedy_is_the_same_before_a_comment_and_in_a_longer_file(text):
+    line, remedy = MISTAKES[text]
+    rows = text.split("\n")
+    rows[line - 1] += "  # of 2024, see below"
+    said = []
+    for written in (text, "\n".join(["# head", "", *rows])):
+        with pytest.raises(tomllib.TOMLDecodeError) as error:
+            tomllib.loads(written)
+        said.append(find_mistake(str(error.value), written))
+    assert said[1].line == said[0].line + 2
+    assert re.search(remedy, said[1].said)
 
 
 def test_unknown_parser_error_still_explains_toml():
