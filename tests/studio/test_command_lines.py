@@ -1,8 +1,11 @@
 """What pages ask of the command line: whole file sets, and values that cannot be taken for options."""
 
+import math
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from taskcal.errors import TaskcalError
 from taskcal.report.page import read_header
@@ -68,3 +71,13 @@ def test_a_head_is_kept_field_by_field(tmp_path: Path) -> None:
     assert "header.toml" in report_page.arguments_of(project)
     report_page.save_head(project, "operator", "")
     assert "operator" not in report_page.head_of(project)
+
+
+@given(value=st.floats(0.0, 1e3))
+def test_a_scale_ends_at_a_round_number(value: float) -> None:
+    """One, two or five times a power of ten, no smaller than the largest error, and no other is nearer."""
+    end = program_page.rounded_up(value)
+    mantissa = end / 10.0 ** math.floor(math.log10(end) + 1e-9)
+    assert min(abs(mantissa - step) for step in (1.0, 2.0, 5.0)) < 1e-6
+    assert value <= end * (1.0 + 1e-9)
+    assert end <= 2.5 * max(value, 1e-6) * (1.0 + 1e-9)

@@ -51,7 +51,7 @@ def test_program_is_corrected_in_browser_as_on_command_line(chromium: Any, tmp_p
         with page.expect_download() as download:
             page.get_by_role("link", name="Download b-part.mod").click()
         assert Path(download.value.path()).read_bytes() == (tmp_path / "c.mod").read_bytes()
-        page.get_by_role("button", name="After", exact=True).click()
+        page.get_by_label("Show the errors after the correction").check()
         assert serious(page) == []
         page.get_by_label("Program", exact=True).select_option("programs/Milling.mod")
         page.get_by_text("programs/Milling.mod", exact=True).and_(page.locator("dd")).wait_for()

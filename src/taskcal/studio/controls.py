@@ -326,6 +326,24 @@ def message(said: str, *, fine: bool = False) -> TextElement:
     )
 
 
+def colour_bar(low: Sequence[float], high: Sequence[float], limit_mm: float) -> None:
+    """The colours from no error to the largest, with the numbers at both ends.
+
+    Args:
+        low: colour of no error, red, green and blue from 0 to 1.
+        high: of the largest.
+        limit_mm: the largest.
+    """
+
+    def css(colour: Sequence[float]) -> str:
+        return f"rgb({' '.join(f'{255 * part:.0f}' for part in colour)})"
+
+    with ui.element("div").classes("row colour-bar"):
+        text("span", "0 mm")
+        ui.element("span").classes("bar").style(f"background: linear-gradient(to right, {css(low)}, {css(high)})")
+        text("span", f"{limit_mm:g} mm")
+
+
 def command_line(line: str) -> TextElement:
     """Command line that does the same, in the project's folder."""
     return text("code", line).classes("command")

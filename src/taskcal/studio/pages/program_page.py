@@ -17,6 +17,7 @@ from taskcal.report.content import Table
 from taskcal.studio.cell_editor import AxisEditor, MeasuredEditor, Named, asked_axes, named_in
 from taskcal.studio.controls import (
     button,
+    colour_bar,
     drop_zone,
     facts,
     line_of_text,
@@ -211,11 +212,17 @@ def _place(result: Mapping[str, Any], project: Project) -> tuple[np.ndarray, np.
     return (np.array(points), np.array(errors), places) if len(points) > 1 else None
 
 
+def rounded_up(value: float) -> float:
+    """The least of 1, 2 and 5 times a power of ten that is no smaller than a value; the least positive one for zero."""
+    power = 10.0 ** np.floor(np.log10(max(value, 1e-6)))
+    return float(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= value * (1.0 - 1e-12)))
+
+
 def _along(points: np.ndarray, errors: np.ndarray, places: list[str], texts: Texts) -> None:
     """The targets, coloured by their errors before or after, on one scale."""
     text("h2", texts("program.along"))
-    share = errors / max(float(errors.max()), 1e-12)
-    colours = LOW + share[:, :, None] * (HIGH - LOW)
+    limit_mm = rounded_up(float(errors.max()))
+    colours = LOW + (errors / limit_mm)[:, :, None] * (HIGH - LOW)
 
     def pick(number: int) -> None:
         before, after = errors[number]
@@ -223,10 +230,10 @@ def _along(points: np.ndarray, errors: np.ndarray, places: list[str], texts: Tex
 
     view = PointView(points, pick, colours[:, 0])
     with ui.element("div").classes("row"):
-        button(texts("program.show_before"), lambda: view.colour(colours[:, 0]), plain=True)
-        button(texts("program.show_after"), lambda: view.colour(colours[:, 1]), plain=True)
+        tick(texts("program.show_after"), False, lambda after: view.colour(colours[:, int(after)]))
         add_views(view.scene, view.look, texts("program.along_of", count=len(points)), texts)
-    picked = text("p", texts("program.colours", largest=f"{errors.max():.4f}")).props("role=status")
+    colour_bar(LOW.tolist(), HIGH.tolist(), limit_mm)
+    picked = text("p", texts("program.colours")).props("role=status")
 
 
 def _changes(project: Project, corrected: str) -> list[str]:

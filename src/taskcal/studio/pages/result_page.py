@@ -39,8 +39,8 @@ MAX_ROWS = 20
 STRETCH_S = 0.1
 """Between two lengths of the lines."""
 
-STRETCH_STEP = 0.25
-"""Of the slider of their scale, which is logarithmic."""
+SCALES = (*(step * 10**power for power in range(5) for step in (1, 2, 5)), 10**5)
+"""By which the lines are stretched, on the slider: round numbers."""
 
 LONGEST_ARROW = 0.25
 """Of the size of the cloud, of the longest line to begin with."""
@@ -165,22 +165,20 @@ def _in_space(found: _Left, calibration: Calibration, texts: Texts) -> None:
 
     view = PointView(points, pick)
     fitting = LONGEST_ARROW * view.size / max(sizes.max(), 1e-9)
-    power = float(np.clip(np.floor(np.log10(fitting) / STRETCH_STEP) * STRETCH_STEP, 0.0, 5.0))
-    view.draw_arrows(largest.tolist(), left[largest], 10.0**power)
+    step = max(int(np.searchsorted(SCALES, fitting, side="right")) - 1, 0)
+    view.draw_arrows(largest.tolist(), left[largest], float(SCALES[step]))
     with ui.element("div").classes("row"):
         add_views(view.scene, view.look, texts("result.space_of", count=len(points)), texts)
         with ui.element("label").classes("row"):
             text("span", texts("result.scale"))
-            slider = ValueInput(
-                "range", texts("result.scale"), f"{power:g}", min="0", max="5", step=f"{STRETCH_STEP:g}"
-            )
-            shown = text("span", f"× {10**power:.0f}")
+            slider = ValueInput("range", texts("result.scale"), str(step), min="0", max=str(len(SCALES) - 1), step="1")
+            shown = text("span", f"× {SCALES[step]}")
 
     def stretch(given: str) -> None:
-        scale = 10.0 ** float(np.clip(float(given), 0.0, 5.0))
-        slider.show(f"{np.log10(scale):g}")
-        shown.set_text(f"× {scale:.0f}")
-        view.stretch_arrows(scale)
+        chosen = int(np.clip(round(float(given)), 0, len(SCALES) - 1))
+        slider.show(str(chosen))
+        shown.set_text(f"× {SCALES[chosen]}")
+        view.stretch_arrows(float(SCALES[chosen]))
 
     slider.on_moved(stretch, STRETCH_S)
     picked = text("p", texts("measurements.pick")).props("role=status")
