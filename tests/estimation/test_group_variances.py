@@ -14,8 +14,8 @@ from taskcal.estimation.group_variances import (
     STATED_WITHIN,
     GroupEquations,
     Groups,
-    expected_variance,
     find_sizes,
+    variance_posterior,
 )
 
 GROUP = np.array([0, 0, 0, 1, 1, -1, -1, 2])
@@ -154,7 +154,7 @@ def alone(parameters: int, spread: float = 1e12) -> Groups:
     )
 
 
-def test_expected_variance_is_the_mean_of_its_posterior():
+def test_mean_variance_equals_that_of_a_grid_of_evidences():
     """Against the evidence on a grid, of parameters of one group beside others without."""
     rng = np.random.default_rng(1)
     A = rng.normal(size=(40, 9))
@@ -164,7 +164,7 @@ def test_expected_variance_is_the_mean_of_its_posterior():
     posterior = np.array([equations.at(np.array([one])).log for one in logarithm])
     posterior -= 0.5 * (logarithm / np.log(STATED_WITHIN**2)) ** 2
     weight = np.exp(posterior - posterior.max())
-    assert expected_variance(equations) == pytest.approx(weight @ np.exp(logarithm) / weight.sum(), rel=1e-2)
+    assert variance_posterior(equations).mean == pytest.approx(weight @ np.exp(logarithm) / weight.sum(), rel=1e-2)
 
 
 def test_unobserved_parameter_coverage_is_nominal():
@@ -174,10 +174,21 @@ def test_unobserved_parameter_coverage_is_nominal():
     for x in draws:
         equations = GroupEquations.of_rows(seen, seen @ x, alone(6))
         likeliest = float(np.exp(find_sizes(equations, np.zeros(1), gain=1e-6).log_variances[0]))
-        inside += np.abs(x[5]) < 1.959964 * np.sqrt([likeliest, expected_variance(equations)])
+        inside += np.abs(x[5]) < 1.959964 * np.sqrt([likeliest, variance_posterior(equations).mean])
     most_probable, expected = inside / len(draws)
     assert most_probable < 0.91
     assert 0.93 < expected < 0.97
+
+
+def test_regions_hold_whatever_the_variance_is():
+    """Of variances as they are expected, three parameters that nothing tells of lie within 95 % regions as often as stated."""
+    seen, inside = np.diag([100.0] * 3 + [0.0] * 3), 0
+    rng = np.random.default_rng(0)
+    draws = rng.normal(size=(2000, 6)) * STATED_WITHIN ** rng.normal(size=(2000, 1))
+    for x in draws:
+        found = variance_posterior(GroupEquations.of_rows(seen, seen @ x, alone(6)))
+        inside += x[3:] @ x[3:] < 7.814728 * found.mean * found.region_factor
+    assert inside / len(draws) == pytest.approx(0.95, abs=0.01)
 
 
 def test_effective_parameters_are_the_share_of_prior_variance_that_rows_take_away():

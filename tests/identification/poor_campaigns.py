@@ -139,7 +139,10 @@ SHAPES: Mapping[str, Poses] = {
     "joints within 5°": near(5.0),
     "four rows": rows(4),
     "five rows": rows(5),
+    "six rows": rows(6),
     "eight rows": rows(8),
+    "ten rows": rows(10),
+    "fifteen rows": rows(15),
 }
 
 
@@ -180,8 +183,10 @@ def main(draws: int, robots: tuple[str, ...], shapes: tuple[str, ...]) -> None:
                 said.append(f"{share:5.0%} {rms * 1e3:9.2f} / {stated * 1e3:<9.2f}")
             print(f"{shape:22} {name:20} {'  '.join(said)}", flush=True)
         if shares:
+            error = np.std(shares) / np.sqrt(len(shares))
             print(
-                f"{shape:22} {'all':20} {np.mean(shares):5.1%} of {len(shares)}, refused {draws * len(robots) - len(shares)}"
+                f"{shape:22} {'all':20} {np.mean(shares):5.1%} (SE {error:.1%}) of {len(shares)}, lowest {min(shares):.0%}, "
+                f"refused {draws * len(robots) - len(shares)}"
             )
 
 

@@ -9,11 +9,14 @@ from taskcal.demo.procedure import reference_task
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify
+from taskcal.identification.layout import prior_of
+from taskcal.identification.problem import problem_of, whitener
+from taskcal.kernels.points import SQUARED
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
 from taskcal.virtual.cell import simulate
-from tests.identification.poor_campaigns import judge, measured
+from tests.identification.poor_campaigns import WHITE, judge, measured, workspace
 from tests.identification.test_effect_selection import soft_arm
 
 POOR = (
@@ -37,6 +40,43 @@ def test_regions_hold_all_over_the_workspace(robot, shape):
         model, campaign, truth = measured(robot, shape, seed)
         inside.append(judge(identify(model, campaign), truth, seed)[0])
     assert np.mean(inside) > 0.9, inside
+
+
+def in_frames(calibration, z):
+    """The calibration with another estimate."""
+    base, targets = calibration.layout.frames(z)
+    return replace(calibration, z=z, T_tracker_base=base, T_tool_target=targets)
+
+
+@pytest.mark.parametrize("rows", [5, 20])
+def test_scale_of_few_rows_is_uncertain(rows):
+    """A parameter that nothing tells of: its region is that of the scale as expected, and wider where the prior holds most."""
+    model, rng = ErrorModel(load_robot("kawasaki-rs007n")), np.random.default_rng(0)
+    campaign, _ = simulate(model, workspace(model, rng, rows), rng=rng, model_error=WHITE)
+    found, i = identify(model, campaign), model.names.index("tool.tx")  # the target is as free along it
+    factor = (found.standard_errors[i] / (found.prior_scale * model.tolerances[i])) ** 2
+    assert 1.1 < factor < 1.6 if rows == 5 else factor == pytest.approx(1.0, abs=1e-3)
+
+
+def test_regions_of_five_rows_are_those_of_a_sampled_posterior():
+    """The prior and the errors known, of a robot whose true errors lie mostly outside: the rows are as good as linear."""
+    model, campaign, _ = measured("staubli-rx160", "five rows", 1)
+    found = replace(identify(model, campaign, prior_scale=1.0, model_error=WHITE), range_growth=0.0)
+    problem, prior = problem_of(found.layout, campaign, None), prior_of(found.layout, "tolerances")
+    equations = problem.equations(whitener(problem.covariance(np.array([WHITE**2]))), SQUARED, 1.0)
+    P, q = prior.precision(1.0), workspace(model, np.random.default_rng(1), 100)
+    x = np.random.default_rng(0).normal(size=(2000, len(found.z)))
+    draws = found.z + x @ np.linalg.cholesky(found.z_covariance).T
+    off = draws - prior.mean
+    log = 0.5 * ((x**2).sum(axis=1) - np.einsum("ni,ij,nj->n", off, P, off)) - [equations(z)[0] for z in draws]
+    weight = np.exp(log - log.max())
+    weight = weight / weight.sum()
+    assert 1.0 / (weight**2).sum() > 400.0
+    points = np.stack([in_frames(found, z).predict(q)[:, 0] for z in draws])
+    spread = points - np.tensordot(weight, points, 1)
+    sampled = np.einsum("s,sni,snj->nij", weight, spread, spread)
+    stated = found.predict_covariance(q, model_error=False)[:, 0]
+    assert np.trace(sampled, axis1=1, axis2=2) == pytest.approx(np.trace(stated, axis1=1, axis2=2), rel=0.2)
 
 
 @pytest.mark.parametrize("joint", ["first", "third", "last"])

@@ -280,13 +280,46 @@ def find_sizes(
     return at
 
 
-def expected_variance(equations: GroupEquations) -> float:
-    """Expectation of the variance of a single group, where `find_sizes` finds the one that is most probable.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class VariancePosterior:
+    """What the data say of the variance of a single group."""
 
-    What the data do not tell of a parameter varies by the variance's expectation. That is the larger one: few parameters that are
-    well seen say what the size of the others is, as a few draws say what a variance is, and a variance that is most probable is
-    too small on average (for d of them and Jeffreys' prior by d/(d − 2)).
-    """
+    variances: Float[np.ndarray, " v"]
+    """Ascending, evenly in their logarithm."""
+    weights: Float[np.ndarray, " v"]
+    """Their densities, not normalised."""
+
+    @property
+    def mean(self) -> float:
+        """Expectation of the variance.
+
+        What the data do not tell of a parameter varies by it, not by the variance that is most probable. That one is too small
+        on average: few parameters that are well seen say what the size of the others is as a few draws say what a variance is (for
+        d of them and Jeffreys' prior by d/(d − 2)).
+        """
+        return float(self.weights @ self.variances / self.weights.sum())
+
+    @property
+    def region_factor(self) -> float:
+        """Factor of a covariance, scaled by the expectation, that gives 95 % regions in three dimensions their coverage.
+
+        An error of the prior alone is a mixture of normal distributions of all variances. It has longer tails than the one of their
+        expectation.
+        """
+        from scipy.optimize import brentq
+        from scipy.special import chdtr, chdtri
+
+        share, relative = self.weights / self.weights.sum(), self.variances / self.mean
+
+        def beyond(logarithm: float) -> float:
+            return float(share @ chdtr(3.0, chdtri(3.0, 0.05) * np.exp(logarithm) / relative)) - 0.95
+
+        # regions of the smallest variance are too small, and of the largest too large
+        return float(np.exp(brentq(beyond, np.log(relative[0]), np.log(relative[-1]))))
+
+
+def variance_posterior(equations: GroupEquations) -> VariancePosterior:
+    """Posterior of the variance of a single group, where `find_sizes` finds the one that is most probable."""
     k = equations.groups.grouped
     f = np.setdiff1d(np.arange(len(equations.b)), k)
     H, b = equations.H, equations.b
@@ -299,5 +332,4 @@ def expected_variance(equations: GroupEquations) -> float:
     likelihood = 0.5 * (v[:, None] * along**2 / spread - np.log(spread)).sum(axis=1)
     off = logarithm - equations.groups.location[0]
     expected = likelihood - 0.5 * off**2 / min(float(equations.groups.spread[0, 0]), STATED_VARIANCE)
-    weight = np.exp(expected - expected.max())
-    return float(weight @ v / weight.sum())
+    return VariancePosterior(variances=v, weights=np.exp(expected - expected.max()))

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.errors import FitError
-from taskcal.estimation.group_variances import STATED_VARIANCE, expected_variance
+from taskcal.estimation.group_variances import STATED_VARIANCE, variance_posterior
 from taskcal.estimation.least_squares import Ended, Solution, Stopping, fit
 from taskcal.estimation.matrices import factor_positive, invert_positive, pseudo_invert_scaled
 from taskcal.estimation.prior import Loss, Squared
@@ -48,6 +48,9 @@ class Hyperparameters:
     """Standard deviation of the pose-to-pose error of each joint, radians (metres where it slides)."""
     freedom: float = np.inf
     """Degrees of freedom from which the variance of a pose is known; infinite where it was given, or is the instrument's alone."""
+    prior_widening: float = 1.0
+    """Factor of the prior's part of a covariance, for regions that allow for how well its scale is known. It is 1 where that was
+    given, and where no fewer numbers were measured than are unknown: with fewer, the prior alone holds some directions anywhere."""
 
     def __repr__(self) -> str:
         error = self.model_error
@@ -291,8 +294,10 @@ def fit_with_hyperparameters(problem: Problem, prior: PriorOfEstimate, options: 
     if not scaled:
         return fitted
     found = fitted.solution
-    factor = expected_variance(one.equations(found.z, found.gradient, found.information))
-    again = fit_weighed(problem, prior, loss, replace(hyper, prior_factor=factor), found.z, final, found)
+    scale = variance_posterior(one.equations(found.z, found.gradient, found.information))
+    widening = scale.region_factor if problem.measured_numbers < len(found.z) else 1.0
+    hyper_of_mean = replace(hyper, prior_factor=scale.mean, prior_widening=widening)
+    again = fit_weighed(problem, prior, loss, hyper_of_mean, found.z, final, found)
     return replace(
         again,
         solution=replace(again.solution, iterations=found.iterations + again.solution.iterations),
@@ -433,7 +438,8 @@ def _first_errors(problem: Problem, options: FitOptions) -> PoseNoise:
 #     C = A·Σ_K·Aᵀ + G·Σ_D·Gᵀ + F·B·F,   A = F·P_K,   G = (−F·J_KᵀWJ_D; 1),   B = J_KᵀW·R·W·J_K
 #
 # of which F·B·F, what the measurements' errors make of the estimate, counts for as much more as R is uncertain (`region_factor`),
-# and the residual y − J·θ̂ of one block R − S·W·R − R·W·S + J·C·Jᵀ, S = J_K·F·J_Kᵀ. R, Σ and the rest of the
+# and Σ for as much more as its scale is (`VariancePosterior`). The residual y − J·θ̂ of one block has the covariance
+# R − S·W·R − R·W·S + J·C·Jᵀ, S = J_K·F·J_Kᵀ. R, Σ and the rest of the
 # hyperparameters are those of the largest marginal likelihood of the whole model.
 #
 # Places of targets that the poses do not locate are considered, too: held at the TCP along directions u, they add u − F·J_KᵀWJ_K·u.
@@ -466,13 +472,18 @@ class Outcome:
 
 def fitted_alone(fit: Fitted, problem: Problem, whole: Layout) -> Outcome:
     """The outcome of a fit of all parameters, or of some where the others are taken for zero."""
-    F = fit.posterior
+    F, hyper = fit.posterior, fit.hyper
     from_errors = F @ _factor(fit.solution.information)  # a square, so that rounding leaves no variance under zero
+    C = F + (hyper.widening - 1.0) * from_errors @ from_errors.T
+    if fit.prior.parameters is not None:
+        k = len(fit.prior.sizes)
+        from_prior = F[:, :k] @ _factor(fit.prior.precision(hyper.prior_factor)[:k, :k])
+        C += (hyper.prior_widening - 1.0) * from_prior @ from_prior.T
     return Outcome(
         layout=whole,
         estimated=problem.layout.estimated,
         z=spread_out(fit.solution.z, problem.layout, whole),
-        covariance=spread_out(F + (fit.hyper.widening - 1.0) * from_errors @ from_errors.T, problem.layout, whole),
+        covariance=spread_out(C, problem.layout, whole),
         residual_covariance=fit.covariance - fit.prediction_covariance,
         hyper=fit.hyper,
         unlocated=_by_unlocated(fit, problem.layout, whole),
@@ -497,7 +508,7 @@ def consider(fit: Fitted, problem: Problem, whole: Problem, prior: PriorOfEstima
     W = np.linalg.inv(fit.covariance) * fit.weights[..., None, None]
     H = whole.information(z, _root(W))
     B = whole.information(z, _root(W @ R @ W))
-    Sigma = prior.covariance(hyper.prior_factor)
+    Sigma = hyper.prior_widening * prior.covariance(hyper.prior_factor)
     F = fit.posterior
     A = F @ fit.prior.precision(fit.hyper.prior_factor)
     G = np.zeros((len(z), len(d)))

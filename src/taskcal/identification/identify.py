@@ -522,7 +522,7 @@ def _fit(
     # what a sibling left as error beside all parameters is not what some of them leave
     own = chosen if alone else replace(chosen, like=None)
     fit = fit_with_hyperparameters(problem, prior_of(problem.layout, chosen.prior, chosen.target_within), own)
-    if alone and len(kept) == len(model) and _hides_error(fit, campaign, chosen):
+    if alone and len(kept) == len(model) and _hides_error(fit, chosen):
         typical = replace(fit.hyper, variances=np.full(len(fit.hyper.variances), TYPICAL**2))
         outcome = replace(consider(fit, problem, whole, fit.prior, typical), help=fit.help)
     elif alone:
@@ -564,9 +564,9 @@ FEW_NUMBERS = 2.0 / 3.0
 to 10 rows (24 to 30 numbers, 51 unknowns) had 67 to 85 % of the errors inside of the 95 % regions without it, 12 rows all."""
 
 
-def _hides_error(fit: Fitted, campaign: Campaign, options: FitOptions) -> bool:
+def _hides_error(fit: Fitted, options: FitOptions) -> bool:
     """Whether a fit found no model error only because its rows are so few that it explains any."""
-    few = _measured_numbers(campaign, fit.residual.shape[2]) < FEW_NUMBERS * len(fit.solution.z)
+    few = fit.problem.measured_numbers < FEW_NUMBERS * len(fit.solution.z)
     found = options.model_error == "estimate" and not fit.hyper.variances.any()
     return few and found and fit.prior.parameters is not None
 
@@ -674,11 +674,6 @@ def conclude(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOpti
     )
 
 
-def _measured_numbers(campaign: Campaign, width: int) -> int:
-    widths = [kind.width for kind in campaign.observations] or [width] * len(campaign.targets)
-    return int(campaign.valid.sum(axis=0) @ np.array(widths))
-
-
 def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign, has_prior: bool) -> tuple[str, ...]:
     """List what is unusual about a fit, in words."""
     out: list[str] = []
@@ -701,7 +696,7 @@ def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign, has_prior: bool)
             f"no length that is known was measured or stated: how large the robot is comes from its nominal lengths alone{held}; "
             "state a distance of two sockets (--distances), trust the wire's scale, or touch opposite faces of a cube"
         )
-    measured = _measured_numbers(campaign, fit.residual.shape[2])
+    measured = fit.problem.measured_numbers
     if measured < 2 * unknowns:
         out.append(
             f"{measured} measured numbers for {unknowns} unknowns: residuals of the fitted rows say little; hold rows out"

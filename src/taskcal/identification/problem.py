@@ -404,6 +404,11 @@ class Problem:
             return known
         return StatedRows(*map(np.concatenate, zip(known, self.ties.rows(self.layout, z), strict=True)))
 
+    @property
+    def measured_numbers(self) -> int:
+        """How many numbers were measured."""
+        return int(self.seen.valid.sum(axis=0) @ np.array([kind.width for kind in self.seen.kinds]))
+
     def covariance(self, variances: Float[np.ndarray, " groups"]) -> Float[np.ndarray, "n targets b b"]:
         """Measurement noise and model error together: variance of position and, for poses, of rotation."""
         return self.noise + np.diag(np.repeat(variances, 3))
