@@ -1,8 +1,9 @@
 import copy
 import time
 import tomllib
+from collections.abc import Mapping
 from datetime import date
-from typing import Any
+from typing import Any, get_args, get_origin
 
 import pytest
 from pydantic import ValidationError
@@ -20,6 +21,7 @@ from taskcal.io.toml_file import (
     Section,
     Sign,
     Stiffness,
+    _sections,
     explain,
     read_toml,
 )
@@ -269,3 +271,32 @@ def test_a_wrong_entry_is_not_said_to_be_lacking_as_well(value):
     with pytest.raises(ValidationError) as caught:
         TaskFile.model_validate(put(sound, ("workspace", "orientation"), []))
     assert explain(caught.value, TaskFile) == "workspace, orientation: has no entries; give 1 or more"
+
+
+def headers(schema: type[Section], within: tuple[str, ...] = ()) -> list[tuple[tuple[str, ...], bool]]:
+    """Places of the sections of a schema that stand under no list, and whether each is one of a list."""
+    out: list[tuple[tuple[str, ...], bool]] = []
+    for name, field in schema.model_fields.items():
+        kinds = {get_origin(kind) for kind in (field.annotation, *get_args(field.annotation))}
+        sections = _sections(field.annotation)
+        if not sections or kinds & {dict, Mapping}:
+            continue
+        listed = bool(kinds & {tuple, list})
+        out.append(((*within, name), listed))
+        if not listed and len(sections) == 1:
+            out += headers(next(iter(sections)), (*within, name))
+    return out
+
+
+HEADERS = [(schema, *one) for schema in (CellFile, StationFile, RobotFile, TaskFile) for one in headers(schema)]
+
+
+@pytest.mark.parametrize(("schema", "place", "listed"), HEADERS, ids=lambda one: getattr(one, "__name__", None))
+def test_wrong_brackets_of_a_header_are_answered_by_right_ones(tmp_path, schema, place, listed):
+    key, path = ".".join(place), tmp_path / "file.toml"
+    wrong, right = (f"[{key}]", f"[[{key}]]") if listed else (f"[[{key}]]", f"[{key}]")
+    path.write_text(f"{wrong}\n", encoding="utf-8")
+    with pytest.raises(FileError, match="is one table" if listed else "is a list of tables") as refusal:
+        read_toml(path, schema)
+    assert f"{', '.join(place)}: " in str(refusal.value)
+    assert f" {right}" in str(refusal.value)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_origin
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic.fields import FieldInfo
 
 from taskcal.errors import FileError, advise, shown
 from taskcal.io.text_file import read_text
@@ -285,21 +286,43 @@ def _problem(item: dict[str, Any], schema: type[BaseModel]) -> str:
         return f"{where}{': ' if where else ''}'{shown(key)}' is not a known key; {advice}"
     say = PLAIN.get(item["type"])
     message = "is not what belongs here" if say is None else say(item.get("ctx", {}))
+    message = _other_header(item, schema) or message
     where = ", ".join(map(shown, place))
     return f"{where}{': ' if where else ''}{message}{_got(item)}"
 
 
+def _other_header(item: dict[str, Any], schema: type[BaseModel]) -> str:
+    """What to write where one table is given for a list of them, or the reverse; empty where neither is."""
+    *above, name = [step for step in item["loc"] if isinstance(step, str)] or [""]
+    place, given = shown(".".join((*above, name))), item["input"]
+    if item["type"] in ("model_type", "dict_type") and _are_tables(given):
+        return f"is a list of tables; write its header in single brackets, [{place}]"
+    if item["type"] not in ("list_type", "tuple_type") or not isinstance(given, dict):
+        return ""
+    field = _fields(schema, above).get(name)
+    return "" if field is None or not _sections(field.annotation) else f"is one table; write its header as [[{place}]]"
+
+
+def _are_tables(value: object) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(one, dict) for one in value)
+
+
 def _keys(schema: type[BaseModel], place: Sequence[str | int]) -> tuple[str, ...]:
     """Keys of the section at a place; none where it may be one of several kinds."""
+    return tuple(_fields(schema, place))
+
+
+def _fields(schema: type[BaseModel], place: Sequence[str | int]) -> Mapping[str, FieldInfo]:
+    """Fields of the section at a place; none where it may be one of several kinds."""
     for step in place:
         if isinstance(step, int):
             continue
         field = schema.model_fields.get(step)
         sections = _sections(field.annotation) if field else set()
         if len(sections) != 1:
-            return ()
+            return {}
         (schema,) = sections
-    return tuple(schema.model_fields)
+    return schema.model_fields
 
 
 def _homes(schema: type[BaseModel], key: str, within: tuple[str, ...] = ()) -> list[str]:
