@@ -178,6 +178,20 @@ def test_doctor_says_nothing_but_too_few_rows(rows, targets):
     assert found.unmended == ("too-few-rows",)
 
 
+@pytest.mark.parametrize("joint", [None, 0, 3, 5])
+def test_doctor_says_nothing_but_that_one_joint_moves(joint):
+    robot, sound = load_robot("ur5"), virtual("ur5")
+    q = np.tile(sound.q[0], (len(sound), 1))
+    if joint is not None:
+        q[:, joint] = sound.q[:, joint]
+    points = simulate(ErrorModel(robot), q, rng=np.random.default_rng(0))[0]
+    (only,) = diagnose(points, robot).findings
+    assert (only.id, only.error_before, only.error_after) == ("one-joint-moves", None, None)
+    name = "no joint" if joint is None else f"only {robot.joint_names[joint]}"
+    assert only.fix.startswith(f"{name} moves")
+    assert "at least three joints move" in only.fix
+
+
 def test_doctor_promises_no_smaller_error_if_nothing_helps():
     robot, sound = load_robot("ur5"), virtual("ur5", rows=12)
     wrong = replace(sound, points=sound.points + np.random.default_rng(0).normal(size=sound.points.shape) * 0.2)

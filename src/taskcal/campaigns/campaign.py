@@ -545,6 +545,16 @@ def named_file(campaign: Campaign) -> str:
     return f"{campaign.source}: " if campaign.source else ""
 
 
+MOVED = 1e-3
+"""Range, radians or metres, from which on a joint moves."""
+
+
+def name_moving(campaign: Campaign, joints: Sequence[str]) -> list[str]:
+    """Names, among those of all joints, of the joints that move in the measured rows."""
+    moves = np.ptp(campaign.q[campaign.seen], axis=0) > MOVED
+    return [name for name, moved in zip(joints, moves, strict=True) if moved]
+
+
 def check_rows(campaign: Campaign, parameters: int = 0) -> None:
     """Raise a `CampaignError` unless there are enough measurements for the frames alone, and not of angles only."""
     if campaign.observations:

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.arguments import checked
-from taskcal.campaigns.campaign import Campaign, Stations, check_rows
+from taskcal.campaigns.campaign import Campaign, Stations, check_rows, name_moving
 from taskcal.diagnosis.drift import find_drift_or_slip, find_large_move
 from taskcal.diagnosis.fits import LEVER_SHARE, MIN_ERROR_M, misfits
 from taskcal.diagnosis.hypotheses import MISTAKES as MISTAKES
@@ -347,7 +347,7 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -
     robot, the other half say how far off it is. A mistake is significant where undoing it lowers the geometric mean of that by a
     factor of 2.2 at least. Rows that fit in another order alone are shuffled. Then slips, moves of the tracker, drifts and gross
     rows are looked for with the geometry's tolerances free. What lowers the error by less than a factor of 1.05 is not told,
-    and of too few rows nothing but that.
+    and of too few rows, or of one joint in motion, nothing but that.
 
     The confidence of a written mistake is its share among all explanations tried, each weighted with the inverse cube of its
     error (its mistakes paid for), so that two explanations that fit alike have one half each; that of slips and drifts grows
@@ -372,7 +372,7 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -
     part = _of_tracker(campaign)
     if part is not None:
         return _diagnose_part(campaign, part, robot, progress)
-    if lacking := _too_few(campaign):
+    if lacking := _too_few(campaign) or _one_joint(campaign, robot):
         return Diagnosis(
             findings=(lacking,), robot=robot, campaign=campaign, unmended=(lacking.id,), scope=scope_of(campaign)
         )
@@ -420,7 +420,7 @@ def _diagnose_stations(campaign: Campaign, stations: Stations, robot: Robot, pro
     for k in np.argsort(-np.array(stations.rows), kind="stable"):
         part = replace(campaign.take(stations.of == k), stations=None)
         part = part.of_targets([name for name, seen in zip(part.targets, part.valid.T, strict=True) if seen.any()])
-        if refusal := _too_few(part):
+        if refusal := _too_few(part) or _one_joint(part, robot):
             lacking = lacking or refusal
             short.append(stations.names[k])
             continue
@@ -430,7 +430,7 @@ def _diagnose_stations(campaign: Campaign, stations: Stations, robot: Robot, pro
             scope = f"the findings are of station '{stations.names[k]}', examined by itself; no file without them is written"
             return replace(found, campaign=campaign, unmended=ids, scope=scope)
         examined.append(stations.names[k])
-    left = f"; too few rows to examine: {', '.join(short)}" if short else ""
+    left = f"; too little to examine: {', '.join(short)}" if short else ""
     findings = () if examined or lacking is None else (lacking,)
     return Diagnosis(
         findings=findings,
@@ -483,6 +483,21 @@ def _too_few(campaign: Campaign) -> Finding | None:
     if not fix:
         return None
     return Finding(id="too-few-rows", subject=(), error_before=None, error_after=None, confidence=0.99, fix=fix)
+
+
+@looked_for("rows", "one-joint-moves")
+def _one_joint(campaign: Campaign, robot: Robot) -> Finding | None:
+    """The only finding where one joint moves, or none: any robot fits points on a circle about an axis."""
+    names = name_moving(campaign, robot.joint_names)
+    if len(names) > 1:
+        return None
+    fix = (
+        f"{f'only {names[0]} moves' if names else 'no joint moves'}: these rows fit any robot in some frame, and say nothing about "
+        "this one; measure poses in which at least three joints move, or, if others moved, put their values into the columns"
+    )
+    return Finding(
+        id="one-joint-moves", subject=tuple(names), error_before=None, error_after=None, confidence=0.99, fix=fix
+    )
 
 
 def _moved(found: list[Explanation], given: Explanation, before: float) -> Diagnosis | None:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.arguments import checked
-from taskcal.campaigns.campaign import Campaign, check_rows, named_file
+from taskcal.campaigns.campaign import Campaign, check_rows, name_moving, named_file
 from taskcal.errors import CampaignError, FitError, NothingLearntError, OpenFrameError
 from taskcal.estimation.matrices import invert_positive, single_threaded
 from taskcal.estimation.trimmed_squares import LinearRows, Sizes, find_agreeing, scaled_lengths, student_limits
@@ -599,9 +599,6 @@ OPEN_ROTATION = 0.3
 """Standard deviation of a tracker frame's rotation, radians, from which on it is open: a linear covariance says what it should of
 smaller turns only (a turn by 0.3 moves points by 4 % along, beside 30 % across)."""
 
-MOVED = 1e-3
-"""Range, radians or metres, from which on a joint moves."""
-
 
 def _check_rotation(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOptions) -> None:
     """Refuse a fit whose rows leave the rotation of the tracker frame open.
@@ -630,8 +627,7 @@ def _check_rotation(fit: Fitted, outcome: Outcome, campaign: Campaign, options: 
 
 def _describe_motion(campaign: Campaign, joints: tuple[str, ...]) -> str:
     """Which joints move, and how far the points spread."""
-    moves = np.ptp(campaign.q[campaign.seen], axis=0) > MOVED
-    names = [name for name, moved in zip(joints, moves, strict=True) if moved]
+    names = name_moving(campaign, joints)
     said = f"only {names[0]} moves" if len(names) == 1 else f"{', '.join(names) or 'no joints'} move"
     points = campaign.points[campaign.valid]
     along = (points - points.mean(axis=0)) @ np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2].T
