@@ -1,12 +1,17 @@
 """Plans that go on from a campaign or a calibration."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from taskcal.demo.procedure import reference_task
 from taskcal.errors import CampaignError
 from taskcal.identification.identify import identify
 from taskcal.planning.plan import plan
+from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, EncoderGain
+from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
 from taskcal.virtual.cell import simulate
 from tests.planning.measuring_cell import TASK, cell
@@ -77,3 +82,17 @@ def test_campaigns_that_do_not_fit_the_station_are_refused(model):
         plan(model, TASK, 6, candidates=50, campaign=several)
     with pytest.raises(CampaignError, match="targets are a, b, the station's reflectors ball, smr; name them alike"):
         plan(model, TASK, 6, candidates=50, campaign=several, station=cell())
+
+
+@pytest.mark.parametrize("within", [1.0, 0.005])
+def test_a_plan_expects_what_the_fit_will_state_of_unlocated_targets(within):
+    """Of poses in one tool orientation, over a task in others: the target is 0.1 m off along each axis, or less."""
+    model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
+    turned, one_orientation = reference_task(np.radians(40.0)), reach_task(model, reference_task(), 200).q
+    made = plan(model, turned, 30, candidates=one_orientation, model_error=1e-4, target_within=within)
+    campaign, _ = simulate(model, made.q, rng=np.random.default_rng(0), model_error=1e-4)
+    fitted = identify(model, campaign, model_error=1e-4, prior_scale=1.0, target_within=within, gross_errors="keep")
+    goal = reach_task(model, turned, 300)
+    covariance = replace(fitted, range_growth=0.0).predict_covariance(goal.q, model_error=False)[:, 0]
+    stated = np.sqrt(goal.weights @ np.trace(covariance, axis1=1, axis2=2))
+    assert made.expected == pytest.approx(stated, rel=0.02)

@@ -25,7 +25,7 @@ def test_refinement_keeps_what_the_station_sees(model):
     tracker = Tracker(station=station)
     goal, found = reach_task(model, TASK, 50), tracker.find(model, TASK, 200, 0)
     experiment = make_experiment(model, goal, found, prior, tracker)
-    q, visible = refine(model, experiment, TASK, tracker, made.q, made.visible, scale=0.3, seed=0)
+    q, visible = refine(model, experiment, TASK, tracker, made.q, made.visible, scale=0.3, seed=1)
     np.testing.assert_array_equal(station.visible(model.poses(q), place_links(model, q)), visible)
     assert visible.any(axis=1).all()
     assert experiment.error(q, visible) < experiment.error(made.q, made.visible)

@@ -13,13 +13,17 @@ from taskcal.virtual.cell import simulate
 from tests.planning.measuring_cell import TASK
 
 
+EVEN = TrackerNoise(range_m=4e-5, range_per_m=0.0, transverse_m=4e-5, transverse_per_m=0.0)
+"""The same from wherever a point is seen."""
+
+
 @pytest.fixture(scope="module")
 def moved(model):
-    return plan(model, TASK, 24, candidates=400, refine=0, stations=2)
+    return plan(model, TASK, 24, candidates=400, refine=0, stations=2, noise=EVEN)
 
 
 def test_a_planned_move_costs_a_little_of_the_expected_error(model, moved):
-    one = plan(model, TASK, 24, candidates=400, refine=0)
+    one = plan(model, TASK, 24, candidates=400, refine=0, noise=EVEN)
     assert moved.station.tolist() == [0] * 12 + [1] * 12
     assert one.expected < moved.expected < 1.5 * one.expected
     assert one.grid < moved.grid
@@ -33,10 +37,9 @@ def test_the_expected_error_is_that_of_a_campaign_of_two_stations(model, moved):
     campaign, _ = simulate(
         model, moved.q, rng=np.random.default_rng(0), x=np.zeros(len(model)), noise=exact, stations=2
     )
-    made = design(model, campaign, reach_task(model, TASK, 200, 0), model_error=(moved.model_error,))
-    # the plan takes the noise as seen from the first station
-    assert moved.expected == pytest.approx(made.expected_error(np.arange(len(model))), rel=0.01)
-    assert moved.before == pytest.approx(made.before, rel=0.01)
+    made = design(model, campaign, reach_task(model, TASK, 200, 0), noise=EVEN, model_error=(moved.model_error,))
+    assert moved.expected == pytest.approx(made.expected_error(np.arange(len(model))), rel=2e-3)
+    assert moved.before == pytest.approx(made.before, rel=2e-3)
 
 
 def test_a_plan_that_goes_on_from_two_stations_knows_that_there_were_two(model):

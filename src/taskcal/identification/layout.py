@@ -254,6 +254,12 @@ TARGET_FROM_TCP = 0.1
 """How far from the TCP they are believed to be along those directions, standard deviation, metres: what reflectors are mounted at a
 flange or a tool by. A convention (decision 0005)."""
 
+
+def target_deviation(target_within: float) -> float:
+    """How far a target is from its stated place where poses do not locate it, standard deviation per axis, metres."""
+    return min(target_within, TARGET_FROM_TCP)
+
+
 FRAME_SIZE = 1e-3
 """Natural size of tracker frame, targets and the kinds' own unknowns in the equations, metres and radians."""
 
@@ -337,7 +343,7 @@ def unlocated_directions(layout: Layout, target_within: float = TARGET_FROM_TCP)
     own = vectors[:, values > 0.5]
     out = np.zeros((len(layout.names), own.shape[1]))
     # what targets have in common moves each of them by the whole of it
-    out[at] = min(target_within, TARGET_FROM_TCP) * np.sqrt(len(layout.kinds)) * own
+    out[at] = target_deviation(target_within) * np.sqrt(len(layout.kinds)) * own
     return out
 
 

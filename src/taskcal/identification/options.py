@@ -29,6 +29,16 @@ SMALLEST_PRIOR_SCALE, LARGEST_PRIOR_SCALE = 1e-6, 1e6
 """Beyond, the prior holds a parameter at zero, or not at all, and its square leaves the range of numbers."""
 
 
+def check_target_within(metres: float) -> None:
+    """Check a limit of targets' distances from the TCP.
+
+    Raises:
+        ValueError: no limit that a robot can have.
+    """
+    if not _within(metres, 0.0, LARGEST_TARGET_WITHIN):
+        raise ValueError(f"target_within is {metres!r}; give metres from 0 to {LARGEST_TARGET_WITHIN:g}")
+
+
 class FitChoices(TypedDict, total=False):
     """`FitOptions` by keywords: all of them at once, some of them, or some that replace those of a whole."""
 
@@ -83,10 +93,7 @@ class FitOptions:
     what is expected of any robot."""
 
     def __post_init__(self) -> None:
-        if not _within(self.target_within, 0.0, LARGEST_TARGET_WITHIN):
-            raise ValueError(
-                f"target_within is {self.target_within!r}; give metres from 0 to {LARGEST_TARGET_WITHIN:g}"
-            )
+        check_target_within(self.target_within)
         errors = self.model_error if isinstance(self.model_error, tuple) else (self.model_error,)
         if self.model_error != "estimate" and not all(_within(e, 0.0, LARGEST_MODEL_ERROR) for e in errors):
             raise ValueError(

@@ -28,6 +28,7 @@ from taskcal.identification.layout import Layout, frame_precision, layout_of
 from taskcal.identification.problem import Rows, problem_of, whitener
 from taskcal.observations.base import TrackerNoise
 from taskcal.observations.point import Station
+from taskcal.registration.plausibility import TARGET_WITHIN
 from taskcal.registration.registration import Registration, register
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
@@ -364,10 +365,13 @@ class PlanPrior:
     campaign: Campaign | None = None
     """Measured already, its targets in the station's order."""
     calibration: Calibration | None = None
+    target_within: float = TARGET_WITHIN
+    """How far targets may be from where they are stated, metres, as the fit takes it (`target_deviation`); a calibration has its
+    own."""
 
 
 def prior_from_campaign(
-    model: ErrorModel, campaign: Campaign, station: Station | None, noise: TrackerNoise | None
+    model: ErrorModel, campaign: Campaign, station: Station | None, noise: TrackerNoise | None, target_within: float
 ) -> PlanPrior:
     """Prior of robot and cell from a campaign.
 
@@ -380,11 +384,12 @@ def prior_from_campaign(
     _check_targets("campaign", campaign.targets, station)
     if station is not None:
         campaign = campaign.of_targets([r.name for r in station.reflectors])
-    fitted = identify_parameters(model, campaign, noise=noise)
+    fitted = identify_parameters(model, campaign, noise=noise, target_within=target_within)
     return PlanPrior(
         hyper=known_hyperparameters(fitted, "what the campaign shows"),
         registration=register(model, campaign),
         campaign=campaign,
+        target_within=target_within,
     )
 
 

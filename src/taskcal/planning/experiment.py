@@ -11,7 +11,7 @@ from taskcal.estimation.matrices import invert_scaled, squared_exponential
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.group_model import whiteners
-from taskcal.identification.layout import UNOBSERVABLE_PRIOR, Layout
+from taskcal.identification.layout import UNOBSERVABLE_PRIOR, Layout, target_deviation
 from taskcal.identification.problem import problem_of, stated_rows, whitener
 from taskcal.observations import Observation, Point
 from taskcal.observations.base import TrackerNoise
@@ -89,7 +89,7 @@ CHUNK_POSES = 500
 that on the way."""
 
 FRAME_DEVIATION_M = 1.0
-"""Prior standard deviation of tracker frame and targets, metres and radians: as good as none beside millimetres."""
+"""Prior standard deviation of the tracker frame, metres and radians: as good as none beside millimetres."""
 
 MIN_RIGID_RATIO = 1e-9
 """Singular value of the rigid motions over the largest, under which points, such as those on a line, do not have one: rounding."""
@@ -349,8 +349,11 @@ def make_experiment(
     """
     calibration, campaign, hyper = prior.calibration, prior.campaign, prior.hyper
     layout = calibration.layout if calibration is not None else lay_out(model, instrument, prior, stations)
-    own = [kind.deviations for kind in layout.kinds]
-    frames = np.full(len(layout.names) - len(layout.estimated) - sum(map(len, own)), FRAME_DEVIATION_M)
+    deviations = np.full(len(layout.names), FRAME_DEVIATION_M)
+    deviations[: len(layout.estimated)] = hyper.deviations(model)[layout.estimated]
+    for kind, place, own in zip(layout.kinds, layout.places, layout.own, strict=True):
+        deviations[place[:3]] = target_deviation(prior.target_within)
+        deviations[own] = kind.deviations
     error = hyper.model_error[0]
     share = instrument.smooth_share if smooth and error > 0.0 else 0.0
     field = SmoothField.over(error * np.sqrt(share), goal.q, measurable.q.std(axis=0)) if share else None
@@ -358,7 +361,7 @@ def make_experiment(
         instrument=instrument,
         layout=layout,
         about=layout.start() if calibration is None else calibration.z,
-        deviations=np.concatenate([hyper.deviations(model)[layout.estimated], frames, *own]),
+        deviations=deviations,
         noise=noise or TrackerNoise(),
         white=error * np.sqrt(1.0 - share),
         field=field,

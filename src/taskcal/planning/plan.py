@@ -13,6 +13,7 @@ from taskcal.errors import CampaignError, ReachError
 from taskcal.estimation.experiment_design import Candidates, Choice, Criterion, choose, choose_at_random
 from taskcal.estimation.matrices import single_threaded
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.options import check_target_within
 from taskcal.kinematics.clearance import place_links
 from taskcal.kinematics.inverse import closes
 from taskcal.observations.base import TrackerNoise, check_lengths
@@ -26,6 +27,7 @@ from taskcal.planning.expected_error import (
 )
 from taskcal.planning.experiment import Experiment, calibrated_experiments, make_experiment, nominal_error
 from taskcal.planning.task_map import allow_geometry
+from taskcal.registration.plausibility import TARGET_WITHIN
 from taskcal.registration.registration import Registration
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -198,6 +200,7 @@ class PlanChoices(TypedDict, total=False):
     progress: Callable[[str], None]
     observe: Instrument | None
     stations: int
+    target_within: float
 
 
 @checked
@@ -242,7 +245,12 @@ class PlanOptions:
     stations: int = 1
     """Places that the tracker is moved to, as many poses one after another at each; the frame of each is unknown."""
 
+    target_within: float = TARGET_WITHIN
+    """As of the fit that will follow: how far a target may be from where it is stated, metres; 0.1 m (1σ) counts at most. A
+    calibration brings its own."""
+
     def __post_init__(self) -> None:
+        check_target_within(self.target_within)
         if self.campaign is not None and self.calibration is not None:
             raise ValueError("give the campaign or the calibration from it; together they would count it twice")
         if self.stations < 1 or (self.stations > 1 and (self.observe or self.campaign or self.calibration)):
@@ -526,11 +534,11 @@ ADVISED_POSES, ADVISED_POSES_WITHOUT_TRACKER = 30, 60
 def _prior(model: ErrorModel, options: PlanOptions) -> PlanPrior:
     """Prior of the plan."""
     if options.campaign is not None:
-        return prior_from_campaign(model, options.campaign, options.station, options.noise)
+        return prior_from_campaign(model, options.campaign, options.station, options.noise, options.target_within)
     if options.calibration is not None:
         return prior_from_calibration(model, options.calibration, options.station)
     hyper = assumed_hyperparameters(model, options.model_error, options.prior_scale)
-    return PlanPrior(hyper=hyper, registration=options.registration)
+    return PlanPrior(hyper=hyper, registration=options.registration, target_within=options.target_within)
 
 
 def _experiments(
@@ -625,6 +633,9 @@ def plan(model: ErrorModel, task: Task, count: int = 60, **options: Unpack[PlanC
 
             ``stations``: places that the tracker is moved to, as many poses one after another at each. The frame of each counts
             as unknown; poses are chosen as for one.
+
+            ``target_within``: as of the fit that will follow, how far a target may be from where it is stated, metres. Where
+            the poses do not locate it, that is its uncertainty (1σ), 0.1 m at most. A calibration brings its own.
 
     Raises:
         ReachError: no candidate can be reached and seen, or a fixture cannot be measured.

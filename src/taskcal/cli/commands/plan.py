@@ -11,9 +11,11 @@ import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.campaign import MeasuredOptions
 from taskcal.cli.options.common import (
+    TARGET_WITHIN_MM,
     ModelErrorOption,
     ModelOptions,
     SeedOption,
+    TargetWithinOption,
     TaskOption,
     check_one_model_error,
     metres,
@@ -175,6 +177,7 @@ class PlanOptions:
     candidates: int = option(10_000, "N", "Candidate poses.", min=1)
     stations: int = option(1, "N", "Places that the tracker is moved to, as many poses at each.", min=1)
     model_error_mm: ModelErrorOption = None
+    target_within_mm: TargetWithinOption = TARGET_WITHIN_MM
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -295,6 +298,8 @@ def _check_sources(
             param_hint="--stations",
         )
     check_one_model_error(choice.model_error_mm, measured.campaign, of.calibration)
+    if of.calibration is not None and choice.target_within_mm != TARGET_WITHIN_MM:
+        raise typer.BadParameter("the calibration has its own; omit it", param_hint="--target-within-mm")
     if of.calibration is not None and measured.campaign is not None:
         raise typer.BadParameter("give --calibration or --campaign, not both", param_hint="--calibration / --campaign")
 
@@ -344,6 +349,7 @@ def _plan(
             progress=progress,
             observe=setting.instrument,
             stations=choice.stations,
+            target_within=choice.target_within_mm * 1e-3,
         )
     except CampaignError as error:
         if source is None:

@@ -184,6 +184,20 @@ ModelErrorOption = Annotated[
 ]
 
 
+TARGET_WITHIN_MM = 1000.0
+
+TargetWithinOption = Annotated[
+    float,
+    Declared(
+        metavar="MM",
+        help="Maximum distance of a target from the TCP; where the poses do not locate it, its standard uncertainty there, "
+        "100 at most.",
+        more={"min": 0.0, "max": 1e5},
+    ),
+]
+"""As `FitOptions.target_within` has it, for a fit and for the plan of its poses."""
+
+
 def check_one_model_error(millimetres: float | None, campaign: Path | None, calibration: Path | None) -> float | None:
     """The model error that was stated, metres, where neither campaign nor calibration determines it.
 

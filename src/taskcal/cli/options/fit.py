@@ -10,7 +10,15 @@ import typer
 import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.campaign import CampaignRead
-from taskcal.cli.options.common import SeedOption, UnsealedOption, read_calibration, split_names, within
+from taskcal.cli.options.common import (
+    TARGET_WITHIN_MM,
+    SeedOption,
+    TargetWithinOption,
+    UnsealedOption,
+    read_calibration,
+    split_names,
+    within,
+)
 from taskcal.cli.output import warn_of_edits
 
 if TYPE_CHECKING:
@@ -67,13 +75,7 @@ class FitCommandOptions:
     gross_errors: Literal["leave out", "keep"] = option(
         "leave out", help="Reject gross errors (at most 10 % of the rows) and list them, or keep them."
     )
-    target_within_mm: float = option(
-        1000.0,
-        "MM",
-        "Maximum distance of a target from the TCP; where the poses do not locate it, its standard uncertainty there, 100 at most.",
-        min=0.0,
-        max=1e5,
-    )
+    target_within_mm: TargetWithinOption = TARGET_WITHIN_MM
     prior_scale: float | None = option(
         None, "FACTOR", "Factor of the tolerances; estimated by default.", callback=within(1e-6, 1e6)
     )
