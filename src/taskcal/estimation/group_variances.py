@@ -306,7 +306,7 @@ class VariancePosterior:
         An error of the prior alone is a mixture of normal distributions of all variances. It has longer tails than the one of their
         expectation.
         """
-        from scipy.optimize import brentq
+        from scipy.optimize import root_scalar
         from scipy.special import chdtr, chdtri
 
         share, relative = self.weights / self.weights.sum(), self.variances / self.mean
@@ -315,7 +315,8 @@ class VariancePosterior:
             return float(share @ chdtr(3.0, chdtri(3.0, 0.05) * np.exp(logarithm) / relative)) - 0.95
 
         # regions of the smallest variance are too small, and of the largest too large
-        return float(np.exp(brentq(beyond, np.log(relative[0]), np.log(relative[-1]))))
+        found = root_scalar(beyond, bracket=(np.log(relative[0]), np.log(relative[-1])))
+        return float(np.exp(found.root))
 
 
 def variance_posterior(equations: GroupEquations) -> VariancePosterior:
