@@ -12,7 +12,6 @@ from taskcal.task.task import reach_task
 from taskcal.virtual.cell import simulate
 from tests.planning.measuring_cell import TASK
 
-
 EVEN = TrackerNoise(range_m=4e-5, range_per_m=0.0, transverse_m=4e-5, transverse_per_m=0.0)
 """The same from wherever a point is seen."""
 
