@@ -167,7 +167,7 @@ def refuse_far(readings: Readings) -> None:
         for row, axis in np.argwhere(np.abs(points) > MAX_COORDINATE_M)[:1].tolist():
             message = f"{points[row, axis]:g} m is beyond ±{MAX_COORDINATE_M:g} m; check the cell and its unit"
             column = f"{name} {'xyz'[axis]}"
-            raise FileError(readings.path, message, line=int(readings.lines[row]), column=column)
+            raise readings.points_error(message, row, column)
 
 
 def _refuse_contradiction(
@@ -223,7 +223,7 @@ def with_inferred_units(readings: Readings, robot: Robot) -> Readings:
     if not fitting and points is not None and angles == {"deg"} and not readings.joint_unit_stated:
         _refuse_small_angles(readings, robot, readings.q)
     if points is not None and not readings.length_unit_stated and len({unit for _, unit in fitting}) != 1:
-        raise FileError(readings.path, _unit_of_points(fitting), line=1, column="x")
+        raise readings.points_error(_unit_of_points(fitting), column="x")
     out = readings
     if not readings.joint_unit_stated:
         (unit,) = angles
@@ -248,9 +248,7 @@ def _unit_of_each(readings: Readings, robot: Robot, first: str) -> dict[str, str
         moved = float(np.nanmax(np.ptp(points[~np.isnan(points[:, 0])], axis=0), initial=0.0)) * LENGTHS[first]
         if (len(units - {first}) > 1 and first not in units) or (not units and moved > MIN_MOVED_M):
             column = f"{name}_x"
-            raise FileError(
-                readings.path, f"the unit is not stated; name the column {column}_mm", line=1, column=column
-            )
+            raise readings.points_error(f"the unit is not stated; name the column {column}_mm", column=column)
     return out
 
 
@@ -272,7 +270,7 @@ def _with_length(readings: Readings, robot: Robot) -> Readings:
     """Points alone in metres, by the robot's reach."""
     unit = infer_length(robot, next(iter(readings.points.values())))
     if unit is None:
-        raise FileError(readings.path, _unit_of_points([("", "mm"), ("", "m")]), line=1, column="x")
+        raise readings.points_error(_unit_of_points([("", "mm"), ("", "m")]), column="x")
     return _scaled(readings, robot, dict.fromkeys(readings.points, unit), f"by the reach of {robot.name}")
 
 
@@ -284,7 +282,7 @@ def _scaled(readings: Readings, robot: Robot, units: Mapping[str, str], why: str
     """
     several = len(set(units.values())) > 1
     if several and "" in readings.uncertainty.keys() - readings.uncertainty_stated:
-        raise FileError(readings.path, "the unit of the uncertainty is not stated; name its column u_mm", line=1)
+        raise readings.points_error("the unit of the uncertainty is not stated; name its column u_mm")
     each = (
         ", ".join(f"{name} in {unit}" for name, unit in units.items())
         if several
@@ -355,6 +353,8 @@ def pair(joints: Readings, points: Readings, robot: Robot) -> Readings:
         temperature=others.temperature if mine.temperature is None else mine.temperature,
         time=others.time if mine.time is None else mine.time,
         targets_by_row=others.targets_by_row,
+        points_path=others.path,
+        point_lines=others.lines,
         notes=(*mine.notes, *others.notes, note),
     )
 

@@ -235,19 +235,18 @@ def campaign_of(
     chosen = [n for n in points if n not in fixed] if targets is None else _among(readings, targets, points)
     fixed = [n for n in fixed if n not in chosen]
     if len(chosen) > MAX_TARGETS:
-        raise _header_error(readings, f"names {len(chosen)} targets; Taskcal fits {MAX_TARGETS} at most: choose some")
+        raise readings.points_error(f"names {len(chosen)} targets; Taskcal fits {MAX_TARGETS} at most: choose some")
     if not chosen and not observed:
         if readings.observed is not None and targets is None:
             empty = ", ".join(readings.observed.headers.values())
             raise _header_error(readings, f"{empty}: no row is filled in; write down there what was measured")
-        raise _header_error(
-            readings,
+        raise readings.points_error(
             "names no target; give columns x_mm, y_mm, z_mm, or NAME_x_mm, NAME_y_mm, NAME_z_mm; without a tracker d_mm of a wire, "
             f"sx_mm, sy_mm, sz_mm of a sensor, socket, plane, or face and edge_mm{_other_sheets(readings)}{_left(readings)}",
         )
     readings = _with_own_rotations(readings, chosen)
     if readings.rotations and len(chosen) > 1:
-        raise _header_error(readings, f"a pose has one target, this file names {', '.join(chosen)}; choose one")
+        raise readings.points_error(f"a pose has one target, this file names {', '.join(chosen)}; choose one")
     _refuse_limits(readings, robot, q)
     ids = readings.ids or tuple(str(number) for number in range(1, len(readings) + 1))
     values = [*(points[name] for name in chosen), *(one.points for one in observed)]
@@ -264,7 +263,7 @@ def campaign_of(
         conditions=replace(
             recorded_conditions(readings, robot, q), temperature=readings.temperature, time=readings.time
         ),
-        source=readings.path.name,
+        source=readings.names,
         lines=readings.lines,
         notes=readings.notes,
     )
@@ -312,7 +311,7 @@ def _refuse_controllers(readings: Readings, robot: Robot, campaign: Campaign) ->
                 f"be what was measured. If it is, leave those columns out (of lengths to an anchor, name it d_mm); if '{name}' was "
                 f"measured, choose it: --targets {name}"
             )
-            raise _header_error(readings, message)
+            raise readings.points_error(message)
 
 
 def _observed(readings: Readings, targets: Sequence[str] | None) -> list[Read]:
@@ -333,8 +332,8 @@ def _rotations(readings: Readings, observed: Sequence[Read]) -> Float[np.ndarray
     turned = [one.rotations for one in observed if one.rotations is not None]
     turned += [*readings.rotations.values()][:1]
     if len(turned) > 1:
-        raise _header_error(
-            readings, "has rotations of several targets in one file; Taskcal fits one: choose with --targets"
+        raise readings.points_error(
+            "has rotations of several targets in one file; Taskcal fits one: choose with --targets"
         )
     return turned[0] if turned else None
 
@@ -359,7 +358,7 @@ def _among(readings: Readings, wanted: Sequence[str], points: dict[str, np.ndarr
     by_case = {name.lower(): name for name in points}
     for name in wanted:
         if name.lower() not in by_case:
-            raise _header_error(readings, f"has no target '{name}'; it has {shown(', '.join(points) or 'none')}")
+            raise readings.points_error(f"has no target '{name}'; it has {shown(', '.join(points) or 'none')}")
     return [by_case[name.lower()] for name in wanted]
 
 
@@ -384,7 +383,7 @@ def _uncertainty(readings: Readings, targets: Sequence[str]) -> Float[np.ndarray
     if len(values) < len(targets):
         without = targets[next(k for k, u in enumerate(stated) if u is None)]
         message = f"states the uncertainty of some targets but not of '{without}'; give {without}_u_mm"
-        raise _header_error(readings, message)
+        raise readings.points_error(message)
     return np.stack(values, axis=1)
 
 

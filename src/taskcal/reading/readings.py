@@ -935,6 +935,25 @@ class Readings:
     """Columns of lengths that were left out and vary by more than `MIN_RANGE_M`."""
     notes: tuple[str, ...] = ()
     """What was decided on the way."""
+    points_path: Path | None = None
+    """File of the points, where that is another than that of the joints."""
+    point_lines: Int[np.ndarray, " n"] | None = None
+    """Its lines, from 1."""
+
+    def points_error(self, message: str, row: int | None = None, column: str | None = None) -> FileError:
+        """Error of the points, with their file: its header, or the line of a row."""
+        line = 1 if row is None else int(self.lines_of_points[row])
+        return FileError(self.points_path or self.path, message, line=line, column=column)
+
+    @property
+    def lines_of_points(self) -> Int[np.ndarray, " n"]:
+        """Lines of the file that holds the points."""
+        return self.lines if self.point_lines is None else self.point_lines
+
+    @property
+    def names(self) -> str:
+        """Name of the file, or of both."""
+        return self.path.name if self.points_path is None else f"{self.path.name} with {self.points_path.name}"
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -984,7 +1003,7 @@ class Readings:
 
 _BY_ROW = (
     "ids", "groups", "lines", "q", "points", "uncertainty", "rotations", "open_angles", "temperature", "time", "approach", "move",
-    "targets_by_row", "stations", "observed",
+    "targets_by_row", "stations", "observed", "point_lines",
 )  # fmt: skip
 """What readings hold for each row."""
 

@@ -171,14 +171,14 @@ def refuse_two_poses(
 def _two_poses(
     readings: Readings, name: str, rows: Sequence[int], distance: float, limit: float, sigma: float
 ) -> FileError:
-    lines = [int(readings.lines[row]) for row in rows]
+    lines = [int(readings.lines_of_points[row]) for row in rows]
     message = (
         f"pose '{shown(name, 40)}' has shots {distance * 1e3:.1f} mm apart, in lines {lines[0]} and {lines[1]}; one pose has at "
         f"most {limit * 1e3:.1f} mm: {MAX_RETURN_M * 1e3:.0f} mm between two returns of a robot (ISO 9283), and {MAX_SIGMAS:.0f} "
         f"standard uncertainties of {sigma * 1e3:.3f} mm; give each pose its own id or header, each target its name in a column "
         "'target', or state the uncertainty (u_mm)"
     )
-    return FileError(readings.path, message, line=lines[1])
+    return readings.points_error(message, rows[1])
 
 
 def _refuse_turned(readings: Readings, groups: Mapping[str, Sequence[int]]) -> None:
@@ -200,12 +200,13 @@ def _refuse_turned(readings: Readings, groups: Mapping[str, Sequence[int]]) -> N
         traces = np.array([np.einsum("ij,nij->n", R[kept[0]], R[kept]) for R in turned])
         angles = np.arccos(np.clip((traces - 1.0) / 2.0, -1.0, 1.0)).min(axis=0)
         if angles.max() > MAX_TURN_RAD:
-            first, line = (int(readings.lines[row]) for row in (kept[0], kept[int(np.argmax(angles))]))
+            second = int(kept[int(np.argmax(angles))])
+            first, line = (int(readings.lines_of_points[row]) for row in (kept[0], second))
             message = (
                 f"pose '{shown(name, 40)}' has shots turned by {np.degrees(angles.max()):.1f}°, in lines {first} and {line}; one "
                 f"pose has at most {np.degrees(MAX_TURN_RAD):.0f}°; give each pose an id of its own"
             )
-            raise FileError(readings.path, message, line=line)
+            raise readings.points_error(message, second)
 
 
 def _rows_seen(readings: Readings) -> Bool[np.ndarray, " n"]:
@@ -262,18 +263,18 @@ def side_by_side(readings: Readings, metres: float = 1e-3) -> Readings:
     assert targets is not None
     for row, name in enumerate(targets):
         if name.casefold() in _NO_NAME:
-            raise FileError(readings.path, "the row names no target", line=int(readings.lines[row]), column="target")
+            raise readings.points_error("the row names no target", row, "target")
     named = set(readings.points)
     # a column of another name, such as 'measured_x', says nothing about which target it is
     if len(named) != 1 or (named & set(targets) and named != set(targets)):
         message = f"names a target in each row and in columns too ({shown(', '.join(readings.points))}); keep one form"
-        raise FileError(readings.path, message, line=1)
+        raise readings.points_error(message)
     if readings.rotations and len(set(targets)) > 1:
-        raise FileError(readings.path, "has poses of several targets; choose the rows of one", line=1)
+        raise readings.points_error("has poses of several targets; choose the rows of one")
     (values,) = readings.points.values()
     if (count := len(set(targets))) > MAX_TARGETS:
         message = f"names {count} targets; Taskcal fits {MAX_TARGETS} at most: leave the rows of the others out"
-        raise FileError(readings.path, message, line=1, column="target")
+        raise readings.points_error(message, column="target")
     pose_of = _poses(readings)
     firsts = np.unique(pose_of, return_index=True)[1]
     points = {name: np.full((len(firsts), 3), np.nan) for name in dict.fromkeys(targets)}

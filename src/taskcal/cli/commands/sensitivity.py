@@ -207,13 +207,13 @@ def _show(
     said = [row for row in table.rows if row.eliminated["poses"] != "kept" or row.published not in ("", "kept")]
     if said:
         show(tabulate_eliminated("Linearly dependent parameters at these poses", table, said))
-    indices = "  ".join(f"{name} {value:.3g}" for name, value in found["observability"].items())
+    indices = "  ".join(f"{name}={value:.3g}" for name, value in found["observability"].items())
     eliminated = f"{len(found['zero'])} without effect, {len(found['dependent'])} dependent, {len(found['kept'])} kept"
     symbols = {p["name"]: p["symbol"] or p["name"] for p in result["parameters"]}
     weakest = tabulate_distinguishable(told_apart, symbols)
     show(weakest)
     facts = [
-        ("rank", f"{found['rank']} of {len(result['parameters'])} ({eliminated}); gap {found['gap']:.2g}"),
+        ("rank", f"{found['rank']} of {len(result['parameters'])} ({eliminated}); gap={found['gap']:.2g}"),
         ("determined", count_distinguishable(told_apart)),
         ("noise", noise.describe()),
         ("condition number", f"{found['condition_number']:.3g} (kept columns, unit length)"),
