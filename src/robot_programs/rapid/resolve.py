@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -16,13 +16,14 @@ from robot_programs.core.program import THROUGH_TARGET, Move, MoveKind, Target, 
 from robot_programs.core.robot import Robot, arm_bends
 from robot_programs.core.source import Source
 from robot_programs.rapid.names import DATA, File, Scope, Value
-from robot_programs.rapid.syntax import Aggregate, Argument, Call, Expression, Instruction, Number, Reference
+from robot_programs.rapid.syntax import Aggregate, Argument, Call, Expression, Instruction, Number, Reference, listed
 from robot_programs.rapid.values import (
     UNIT_TOLERANCE,
     Frames,
     Origin,
     PassedArgument,
     Values,
+    Variables,
     frames_of,
     numbers,
     parts,
@@ -100,23 +101,27 @@ class Configuration:
             q: joint positions, radians.
             like: what is kept where the posture is on an edge, or the robot has no use for a value.
         """
+        stated = None if like is None else np.array([[like.cf1, like.cf4, like.cf6, like.cfx]])
+        return configuration(cls.confdata(robot, q[None], stated)[0])
+
+    @staticmethod
+    def confdata(
+        robot: Robot, q: Float[np.ndarray, "n joints"], like: Int[np.ndarray, "n 4"] | None
+    ) -> Int[np.ndarray, "n 4"]:
+        """The numbers of the same for several postures."""
+        confdata = np.zeros((len(q), 4), dtype=np.int64) if like is None else like.copy()
         if not _has_configuration(robot):
-            return like or cls(cf1=0, cf4=0, cf6=0, cfx=0)
-        turned = q[list(QUADRANT_JOINTS)]
+            return confdata
+        turned = q[:, QUADRANT_JOINTS]
         low, high = _quadrant(turned - EDGE_TOLERANCE_RAD), _quadrant(turned + EDGE_TOLERANCE_RAD)
-        if like is None:
-            quadrants = high
-        else:
-            stated = np.array([like.cf1, like.cf4, like.cf6])
-            quadrants = np.where((low <= stated) & (stated <= high), stated, high)
-        sides = _sides(robot, q[None])
-        if sides is None:
-            cfx = like.cfx if like else 0
-        else:
-            old_bits = (like.cfx & 4, like.cfx & 2, like.cfx & 1) if like else (0, 0, 0)
-            bits = zip(sides[0], (4, 2, 1), old_bits, strict=True)
-            cfx = sum(old if abs(side) < EDGE_TOLERANCE_RAD else bit * (side < 0.0) for side, bit, old in bits)
-        return cls(cf1=int(quadrants[0]), cf4=int(quadrants[1]), cf6=int(quadrants[2]), cfx=int(cfx))
+        stays = (low <= confdata[:, :3]) & (confdata[:, :3] <= high) & (like is not None)
+        confdata[:, :3] = np.where(stays, confdata[:, :3], high)
+        sides = _sides(robot, q)
+        if sides is not None:
+            bits = np.array([4, 2, 1])
+            on_edge = np.abs(sides) < EDGE_TOLERANCE_RAD
+            confdata[:, 3] = np.where(on_edge, confdata[:, 3:] & bits, bits * (sides < 0.0)).sum(axis=1)
+        return confdata
 
 
 def _quadrant(angle: Float[np.ndarray, "*n"]) -> Int[np.ndarray, "*n"]:
@@ -211,7 +216,7 @@ class TargetArgument:
         return self.origin.symbol.declaration.start if self.literal is None else self.literal.start
 
 
-def configuration(cf: tuple[float, ...]) -> Configuration:
+def configuration(cf: Iterable[float]) -> Configuration:
     """The configuration that four numbers of confdata state."""
     cf1, cf4, cf6, cfx = (int(v) for v in cf)
     return Configuration(cf1=cf1, cf4=cf4, cf6=cf6, cfx=cfx)
@@ -316,14 +321,16 @@ def _numbers(value: Value, type_: TargetType, what: str) -> tuple[tuple[float, .
     return (*position(trans, what), *quaternion(rot, what), *cf), numbers(extax, 6, f"the external axes of {what}")
 
 
-def leaves(literal: Aggregate) -> tuple[Number, ...]:
-    """The numbers of a target that is written out, in their order."""
-    numbers: list[Number] = []
-    for item in literal.items:
+def leaves(literal: Aggregate) -> tuple[tuple[int, int, float], ...]:
+    """First character, end and value of the numbers of a target that is written out, in their order."""
+    if isinstance(literal.content, str):
+        return tuple(listed(literal.content, literal.start, literal.end))
+    numbers: list[tuple[int, int, float]] = []
+    for item in literal.content:
         if isinstance(item, Aggregate):
             numbers += leaves(item)
         elif isinstance(item, Number):
-            numbers.append(item)
+            numbers.append((item.start, item.end, item.value))
     return tuple(numbers)
 
 
@@ -373,6 +380,7 @@ class MotionForm:
     """It ends in its target; a search ends where it finds something."""
     options: frozenset[str] = _EVERY
 
+    @cached_property
     def counts(self) -> tuple[int, ...]:
         """Numbers of required arguments that it may have."""
         own = self.before + (self.kind == "circular") + 3 + self.has_zone
@@ -512,6 +520,24 @@ class Settings:
     """Frames as the program states them, and counted in the robot's base: made once, so that one frame is one object."""
     notes: dict[str, tuple[File, int]] = field(default_factory=dict[str, tuple[File, int]])
     """Warnings that came up, each with the file and character where it did first."""
+    manners: dict[tuple[Scope, str, str], "Manner"] = field(default_factory=dict[tuple[Scope, str, str], "Manner"])
+    """How motions move, by the text in front of their targets and behind them: that of most lines is alike."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Manner:
+    """How a motion moves, wherever it leads."""
+
+    variables: Variables
+    """What was known where it was resolved; where that is something else it may move in another manner."""
+    frames: Frames
+    stops: bool
+    zone: Zone | None
+    speed: float | None
+    turn_speed: float | None
+    divisible: bool
+    external_offset: str
+    redefined: frozenset[str]
 
 
 def layout(instruction: Instruction) -> Layout:
@@ -532,10 +558,9 @@ def layout(instruction: Instruction) -> Layout:
         if argument.option not in form.options or argument.conditional or argument.option in options:
             raise Unresolved(f"its option \\{argument.option} is not provided for")
         options[argument.option] = argument
-    counts = form.counts()
-    if len(required) not in counts:
+    if len(required) not in form.counts:
         raise Unresolved(
-            f"it has {len(required)} arguments instead of {' or '.join(str(n) for n in sorted(set(counts)))}"
+            f"it has {len(required)} arguments instead of {' or '.join(str(n) for n in sorted(set(form.counts)))}"
         )
     # from the front up to the speed, and from the back to the zone
     behind = max(form.behind)
@@ -554,29 +579,50 @@ def resolve(
     Raises:
         Unresolved: the text does not give one of them.
     """
-    form = MOTION_FORMS[instruction.name.key]
-    kind = form.kind
-    where = layout(instruction)
+    kind = MOTION_FORMS[instruction.name.key].kind
+    where, text = layout(instruction), file.source.text
     if kind != "axes" and settings.shift:
         raise Unresolved(settings.shift)
-    frames = _in_base(_frames(where, scope, file, values), settings)
+    alike = scope, text[instruction.start : (where.via or where.to).start], text[where.to.end : instruction.end]
+    manner = settings.manners.get(alike)
+    if manner is None or manner.variables is not values.variables:
+        manner = settings.manners[alike] = _manner(instruction, where, scope, file, settings, values)
     type_ = "jointtarget" if kind == "axes" else "robtarget"
     end = resolve_target(where.to, type_, scope, values, file)
     via = resolve_target(where.via, type_, scope, values, file) if where.via else None
-    stops, zone = _zone(where, scope, file, settings, values)
-    speed, turn_speed = _speeds(where, scope, values)
+    frames = manner.frames
     move = Move(
         kind=kind, end=end.target(True), via=via.target(True) if via else None, tool=frames.tool, part=frames.part,
-        part_in_hand=frames.part_in_hand,
+        part_in_hand=frames.part_in_hand, speed=manner.speed, turn_speed=manner.turn_speed, divisible=manner.divisible,
+        stops=manner.stops, zone=manner.zone, follows=None, routine=routine,
+        place=file.source.place(instruction.start), carrier=frames.carrier,
+        external=tuple([axis if abs(axis) < MAX_AXIS_POSITION else math.nan for axis in end.external]),
+        external_offset=manner.external_offset,
+    )  # fmt: skip
+    return Motion(
+        move=move, file=file, instruction=instruction, layout=where, end=end, via=via, redefined=manner.redefined
+    )
+
+
+def _manner(
+    instruction: Instruction, where: Layout, scope: Scope, file: File, settings: Settings, values: Values
+) -> Manner:
+    """How a motion moves.
+
+    Raises:
+        Unresolved: the text does not say.
+    """
+    form = MOTION_FORMS[instruction.name.key]
+    frames = _in_base(_frames(where, scope, file, values), settings)
+    stops, zone = _zone(where, scope, file, settings, values)
+    speed, turn_speed = _speeds(where, scope, values)
+    return Manner(
+        variables=values.variables, frames=frames, stops=stops, zone=zone,
         speed=speed if form.speed_counts or "on" in where.options else None, turn_speed=turn_speed,
         divisible=form.repeats and not where.options.keys() & {"on", "off"},
-        stops=stops, zone=zone, follows=None, routine=routine,
-        place=file.source.place(instruction.start), carrier=frames.carrier,
-        external=tuple(axis if abs(axis) < MAX_AXIS_POSITION else math.nan for axis in end.external),
         external_offset="" if "noeoffs" in where.options else settings.external_offset,
+        redefined=frozenset(MOTION_FORMS.keys() & scope.routines.keys()),
     )  # fmt: skip
-    redefined = frozenset(MOTION_FORMS.keys() & scope.routines.keys())
-    return Motion(move=move, file=file, instruction=instruction, layout=where, end=end, via=via, redefined=redefined)
 
 
 def following(motion: Motion, follows: int | None, settings: Settings, texts_motions: int) -> Motion:

@@ -40,7 +40,16 @@ from robot_programs.rapid.resolve import (
     pose_numbers,
 )
 from robot_programs.rapid.syntax import Argument, Assignment, Declaration, Instruction, Node, Routine, tokenize
-from robot_programs.rapid.values import DEG_DECIMALS, MM_DECIMALS, pose_of, quaternion_texts, real
+from robot_programs.rapid.values import (
+    DEG_DECIMALS,
+    MM_DECIMALS,
+    pose_of,
+    pose_rows,
+    quaternion_texts,
+    quaternions_texts,
+    real,
+    reals,
+)
 
 # The numbers of a rewritten target, as text.
 
@@ -66,39 +75,56 @@ def agree(target: TargetArgument, texts: Texts, others: Texts) -> bool:
     return max(off[:3]) <= WANTED_TOLERANCE_MM and max(off[3:7]) <= WANTED_TOLERANCE and max(off[7:]) == 0.0
 
 
-def new_texts(target: TargetArgument, waypoint: Waypoint, robot: Robot) -> Texts:
-    """Texts of a waypoint in place of a target."""
-    if target.type == "jointtarget":
-        degrees = np.degrees(waypoint.q)
-        return tuple(
-            None if abs(new - old) <= TEXT_TOLERANCE_DEG else real(float(new), DEG_DECIMALS)
-            for new, old in zip(degrees, target.meant, strict=True)
+Ends = Mapping[TargetArgument, Waypoint]
+"""What targets are to become."""
+
+
+def new_texts(ends: Ends, robot: Robot) -> dict[TargetArgument, Texts]:
+    """Texts of waypoints in place of targets."""
+    joints = {target: _degree_texts(target, end) for target, end in ends.items() if target.type == "jointtarget"}
+    return joints | _pose_texts({target: end for target, end in ends.items() if target not in joints}, robot)
+
+
+def _degree_texts(target: TargetArgument, waypoint: Waypoint) -> Texts:
+    return tuple(
+        None if abs(new - old) <= TEXT_TOLERANCE_DEG else real(float(new), DEG_DECIMALS)
+        for new, old in zip(np.degrees(waypoint.q), target.meant, strict=True)
+    )
+
+
+def _pose_texts(ends: Ends, robot: Robot) -> dict[TargetArgument, Texts]:
+    if not ends:
+        return {}
+    meant = np.array([target.meant for target in ends])
+    pose = pose_rows(np.stack([_pose(waypoint) for waypoint in ends.values()]))
+    pose[(pose[:, 3:] * meant[:, 3:7]).sum(axis=1) < 0.0, 3:] *= -1.0
+    off = np.abs(pose - meant[:, :7])
+    moved, turned = off[:, :3] > TEXT_TOLERANCE_MM, off[:, 3:].max(axis=1) > TEXT_TOLERANCE_QUATERNION
+    stated = meant[:, 7:].astype(np.int64)
+    confdata = Configuration.confdata(robot, np.stack([waypoint.q for waypoint in ends.values()]), stated)
+    places = iter(reals(pose[:, :3][moved].tolist(), MM_DECIMALS))
+    quaternions = iter(quaternions_texts(pose[turned, 3:]))
+    return {
+        target: (
+            *(next(places) if new else None for new in changes),
+            *(_quaternion_texts(target, next(quaternions)) if turns else (None,) * 4),
+            *(None if new == old else str(new) for new, old in zip(cf, was, strict=True)),
         )
-    pose = _pose(waypoint)
-    texts: list[str | None] = [
-        None if abs(new - old) <= TEXT_TOLERANCE_MM else real(new, MM_DECIMALS)
-        for new, old in zip(pose[:3], target.meant[:3], strict=True)
-    ]
-    old = np.array(target.meant[3:7])
-    new = np.array(pose[3:])
-    new = new if new @ old >= 0.0 else -new
-    if np.abs(new - old).max() <= TEXT_TOLERANCE_QUATERNION:
-        texts += [None] * 4
-    else:
-        written = quaternion_texts(tuple(float(v) for v in new))
-        raw = (
-            [leaf.value for leaf in leaves(target.literal)[3:7]]
-            if target.literal and not target.shifted
-            else [np.inf] * 4
+        for target, changes, turns, cf, was in zip(
+            ends, moved.tolist(), turned.tolist(), confdata.tolist(), stated.tolist(), strict=True
         )
-        texts += [
-            None if abs(float(text) - value) <= TEXT_TOLERANCE_QUATERNION else text
-            for text, value in zip(written, raw, strict=True)
-        ]
-    stated = configuration(target.meant[7:])
-    cf = Configuration.of(robot, waypoint.q, stated)
-    pairs = zip((cf.cf1, cf.cf4, cf.cf6, cf.cfx), (stated.cf1, stated.cf4, stated.cf6, stated.cfx), strict=True)
-    return (*texts, *(None if new == old else str(new) for new, old in pairs))
+    }
+
+
+def _quaternion_texts(target: TargetArgument, texts: Texts) -> Texts:
+    """Texts of a quaternion, but for those that say what is written."""
+    if target.literal is None or target.shifted:
+        return texts
+    raw = [value for _, _, value in leaves(target.literal)[3:7]]
+    return tuple(
+        None if text is None or abs(float(text) - value) <= TEXT_TOLERANCE_QUATERNION else text
+        for text, value in zip(texts, raw, strict=True)
+    )
 
 
 def fresh_text(type_: TargetType, waypoint: Waypoint, robot: Robot, like: TargetArgument) -> str:
@@ -106,7 +132,7 @@ def fresh_text(type_: TargetType, waypoint: Waypoint, robot: Robot, like: Target
     if type_ == "jointtarget":
         numbers = [real(float(v), DEG_DECIMALS) for v in np.degrees(waypoint.q)]
         return _aggregate([numbers, external_texts(like, waypoint.external)])
-    pose = _pose(waypoint)
+    pose = pose_numbers(_pose(waypoint))
     stated = like.meant[3:] if like.type == "robtarget" else None
     sign = 1.0 if stated is None or np.dot(pose[3:], stated[:4]) >= 0.0 else -1.0
     cf = Configuration.of(robot, waypoint.q, configuration(stated[4:]) if stated else None)
@@ -120,10 +146,10 @@ def fresh_text(type_: TargetType, waypoint: Waypoint, robot: Robot, like: Target
     )
 
 
-def _pose(waypoint: Waypoint) -> tuple[float, ...]:
+def _pose(waypoint: Waypoint) -> Float[np.ndarray, "4 4"]:
     if waypoint.T is None:
         raise ValueError("a motion to a pose needs one")
-    return pose_numbers(waypoint.T)
+    return waypoint.T
 
 
 def meant_text(target: TargetArgument, texts: Texts) -> str:
@@ -146,7 +172,7 @@ def external_texts(target: TargetArgument, positions: tuple[float, ...] = ()) ->
         written = [real(v, MM_DECIMALS) for v in target.external]
     else:
         text = target.file.source.text
-        written = [text[leaf.start : leaf.end] for leaf in leaves(target.literal)[-6:]]
+        written = [text[start:end] for start, end, _ in leaves(target.literal)[-6:]]
     return [
         own if new is None or np.isnan(new) or new == old else real(new, MM_DECIMALS)
         for own, old, new in zip_longest(written, target.external, positions)
@@ -233,9 +259,19 @@ class Sharing:
 
     def unwritable(self, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> dict[int, str]:
         """Motions that cannot be rewritten as they should, by number, and why."""
-        return reject_in_turn(waypoints, self._conflicts)
+        ends: dict[TargetArgument, Waypoint] = {}
+        for i, path in waypoints.items():
+            motion, last = self.motions[i], path[-1]
+            if last.kind == motion.move.kind:
+                ends[motion.end] = last
+                if motion.via is not None and last.via is not None:
+                    ends[motion.via] = last.via
+        texts = new_texts(ends, self.robot)
+        return reject_in_turn(waypoints, lambda rest: self._conflicts(rest, texts))
 
-    def _conflicts(self, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> Iterator[tuple[int, str]]:
+    def _conflicts(
+        self, waypoints: Mapping[int, tuple[Waypoint, ...]], texts: Mapping[TargetArgument, Texts]
+    ) -> Iterator[tuple[int, str]]:
         for i, path in waypoints.items():
             motion = self.motions[i]
             count = motion.move.texts_motions
@@ -246,7 +282,7 @@ class Sharing:
         by_home: dict[Home, list[tuple[int, Want]]] = defaultdict(list)
         carried: list[tuple[int, Want]] = []
         for i in range(len(self.motions)):
-            for want in self._wants(i, waypoints.get(i)):
+            for want in _wants(self.motions[i], texts if i in waypoints else {}):
                 if want.is_carried:
                     carried.append((i, want))
                 else:
@@ -294,18 +330,6 @@ class Sharing:
         ]
         return followed, lost
 
-    def _wants(self, i: int, path: tuple[Waypoint, ...] | None) -> Iterator[Want]:
-        motion = self.motions[i]
-        if path is not None and path[-1].kind != motion.move.kind:
-            path = None
-        last = None if path is None else path[-1]
-        ends = (motion.end, last), (motion.via, last.via if last else None)
-        for target, waypoint in ends:
-            if target is not None:
-                none: Texts = (None,) * len(target.meant)
-                texts = none if waypoint is None else new_texts(target, waypoint, self.robot)
-                yield Want(target=target, motion=motion, texts=texts)
-
     def _in_argument(
         self, group: Sequence[tuple[int, Want]], followed: Sequence[Want], replaced: Sequence[tuple[File, Argument]]
     ) -> Iterator[tuple[int, str]]:
@@ -319,7 +343,7 @@ class Sharing:
         for i, want in group:
             of_home[want.home].append((i, want))
         for same in of_home.values():
-            if not all(want.agrees(same[0][1]) for _, want in same):
+            if not all(want.agrees(same[0][1]) for _, want in same[1:]):
                 yield from _all_of(same, f"has its target in common with {_places(same)}, which need other numbers")
         first = group[0][1]
         if first.target.passed is None:
@@ -371,6 +395,12 @@ class Sharing:
                 yield from _all_of(
                     fixed, f"its target {first.target.origin.name} is read for something else in {place}, too"
                 )
+
+
+def _wants(motion: Motion, texts: Mapping[TargetArgument, Texts]) -> Iterator[Want]:
+    for target in (motion.end, motion.via):
+        if target is not None:
+            yield Want(target=target, motion=motion, texts=texts.get(target) or (None,) * len(target.meant))
 
 
 def home_of(target: TargetArgument) -> Home:
@@ -541,14 +571,19 @@ class RapidProgram(Program):
             count = len(robot.joint_names)
             raise InputError(f"{robot.name} has {count} joints; a RAPID program of it is not written, only of six")
         edits = _Edits()
-        wants: list[Want] = []
+        ends: dict[TargetArgument, Waypoint] = {}
+        motions: dict[TargetArgument, Motion] = {}
         for number in sorted(waypoints):
             path, motion = waypoints[number], self.motions[number]
             if not path:
                 raise ValueError(f"motion {number} has no waypoint; it needs one at least")
-            wants += _end(motion, path[-1], robot, edits)
+            own = _ends(motion, path[-1], robot, edits)
+            ends |= own
+            motions |= dict.fromkeys(own, motion)
             if len(path) > 1:
                 _insert(motion, path[:-1], robot, edits)
+        texts = new_texts(ends, robot)
+        wants = [Want(target=target, motion=motion, texts=texts[target]) for target, motion in motions.items()]
         _write_targets(wants, self.sources, self.uses, edits)
         return tuple(source.edited(edits.by_path.get(str(source.path), ())) for source in self.sources)
 
@@ -583,27 +618,27 @@ def _type(kind: MoveKind) -> TargetType:
     return "jointtarget" if kind == "axes" else "robtarget"
 
 
-def _end(motion: Motion, waypoint: Waypoint, robot: Robot, edits: _Edits) -> list[Want]:
+def _ends(motion: Motion, waypoint: Waypoint, robot: Robot, edits: _Edits) -> Ends:
     """Edit the instruction's name and arguments as the kind of its last waypoint needs; the numbers are left to do."""
     where, source = motion.layout, motion.file.source
     kind, own = waypoint.kind, motion.move.kind
-    wants: list[Want] = []
+    ends: dict[TargetArgument, Waypoint] = {}
     if kind != own:
         name = motion.instruction.name
         edits.add(source, name.start, name.end, _name(motion, kind))
     if where.via is not None and motion.via is not None:
         if kind == "circular":
-            wants.append(Want(target=motion.via, motion=motion, texts=new_texts(motion.via, _via(waypoint), robot)))
+            ends[motion.via] = _via(waypoint)
         else:
             edits.add(source, where.via.start, where.to.start, "")
     elif kind == "circular":
         via = fresh_text("robtarget", _via(waypoint), robot, motion.end)
         edits.add(source, where.to.start, where.to.start, f"{via},")
     if _type(kind) == motion.end.type:
-        wants.append(Want(target=motion.end, motion=motion, texts=new_texts(motion.end, waypoint, robot)))
+        ends[motion.end] = waypoint
     else:
         edits.add(source, where.to.start, where.behind_to, fresh_text(_type(kind), waypoint, robot, motion.end))
-    return wants
+    return ends
 
 
 def _name(motion: Motion, kind: MoveKind) -> str:
@@ -691,9 +726,7 @@ def _replace_argument(want: Want, text: str, edits: _Edits) -> None:
 def _edit_numbers(want: Want, edits: _Edits) -> None:
     if want.target.literal is None:
         return
-    for leaf, text in zip(leaves(want.target.literal), want.texts, strict=False):
-        if text is not None:
-            edits.add(want.target.file.source, leaf.start, leaf.end, text)
+    edits.add(want.target.file.source, want.target.literal.start, want.target.literal.end, _clone_text(want))
 
 
 def _write_declared(group: Sequence[Want], others: bool, fresh: FreshNames, edits: _Edits) -> None:
@@ -724,10 +757,10 @@ def _clone_text(want: Want) -> str:
     if target.literal is None or target.shifted:
         return meant_text(target, want.texts)
     text, parts, at = target.file.source.text, [], target.literal.start
-    for leaf, new in zip(leaves(target.literal), want.texts, strict=False):
+    for (start, end, _), new in zip(leaves(target.literal), want.texts, strict=False):
         if new is not None:
-            parts += [text[at : leaf.start], new]
-            at = leaf.end
+            parts += [text[at:start], new]
+            at = end
     return "".join([*parts, text[at : target.literal.end]])
 
 

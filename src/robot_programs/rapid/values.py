@@ -127,8 +127,12 @@ def shifted(name: str, T: Float[np.ndarray, "4 4"], by: Sequence[Value], options
 
 def pose_numbers(T: Float[np.ndarray, "4 4"]) -> tuple[float, ...]:
     """Position in mm and unit quaternion, scalar first."""
-    x, y, z, w = se3.to_quaternion(T[:3, :3])
-    return (*(float(v) for v in T[:3, 3] * 1e3), float(w), float(x), float(y), float(z))
+    return tuple(pose_rows(T[None])[0].tolist())
+
+
+def pose_rows(T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 7"]:
+    """The same of several poses."""
+    return np.hstack([T[:, :3, 3] * 1e3, se3.to_quaternion(T[:, :3, :3])[:, [3, 0, 1, 2]]])
 
 
 # Tools and work objects: from tooldata and wobjdata to frames.
@@ -741,18 +745,41 @@ MIN_EXPONENT_VALUE = 1e7
 
 def real(value: float, decimals: int) -> str:
     """The shortest text that gives a value back in single precision, rounded to so many decimals before."""
+    return reals([value], decimals)[0]
+
+
+def reals(values: Sequence[float], decimals: int) -> list[str]:
+    """The same of several values."""
+    rounded = [round(v, decimals) if abs(v) < MIN_EXPONENT_VALUE else 0.0 for v in values]
+    texts = np.array(rounded, dtype=np.float32).astype(str).tolist()
+    return [
+        text.removesuffix(".0")
+        if "e" not in text and text != "-0.0" and abs(v) < MIN_EXPONENT_VALUE
+        else _scaled(v, decimals)
+        for text, v in zip(texts, values, strict=True)
+    ]
+
+
+def _scaled(value: float, decimals: int) -> str:
+    """The same of one that is very small or large, or zero."""
     if abs(value) >= MIN_EXPONENT_VALUE:
         mantissa, exponent = f"{np.format_float_scientific(np.float32(value), trim='-', exp_digits=2)}".split("e")
         return f"{mantissa}E{exponent}"
-    text = np.format_float_positional(np.float32(round(value, decimals)), unique=True, trim="-")
-    return "0" if text == "-0" else text
+    return np.format_float_positional(np.float32(round(value, decimals) + 0.0), unique=True, trim="-")
 
 
 def quaternion_texts(wxyz: tuple[float, ...]) -> tuple[str, ...]:
     """Texts of a unit quaternion's components whose largest makes up for the rounding of the others."""
-    texts = [real(v, QUATERNION_DECIMALS) for v in wxyz]
-    largest = max(range(4), key=lambda i: abs(wxyz[i]))
-    others = sum(float(text) ** 2 for i, text in enumerate(texts) if i != largest)
-    length = math.sqrt(max(1.0 - others, 0.0))
-    texts[largest] = real(math.copysign(length, wxyz[largest]), QUATERNION_DECIMALS)
-    return tuple(texts)
+    return quaternions_texts(np.array([wxyz]))[0]
+
+
+def quaternions_texts(wxyz: Float[np.ndarray, "n 4"]) -> list[tuple[str, ...]]:
+    """The same of several quaternions."""
+    texts = reals(wxyz.ravel().tolist(), QUATERNION_DECIMALS)
+    read = np.array(list(map(float, texts))).reshape(-1, 4)
+    rows, largest = np.arange(len(wxyz)), np.abs(wxyz).argmax(axis=1)
+    read[rows, largest] = 0.0
+    length = np.copysign(np.sqrt(np.maximum(1.0 - (read**2).sum(axis=1), 0.0)), wxyz[rows, largest])
+    for k, text in zip((4 * rows + largest).tolist(), reals(length.tolist(), QUATERNION_DECIMALS), strict=True):
+        texts[k] = text
+    return list(zip(*[iter(texts)] * 4, strict=True))

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from robot_programs.core.program import Diagnostic, Move, Program, Waypoint, keep_together
-from robot_programs.core.source import Place, Source
+from robot_programs.core.source import Place, Source, uncollected
 from robot_programs.languages import language_of
 from robot_programs.reading import compose_program, parse_program
 from taskcal.arguments import checked
@@ -566,6 +566,7 @@ MAX_REASONS = 3
 
 
 @checked
+@uncollected()
 def correct(
     calibration: Calibration,
     program: Program,

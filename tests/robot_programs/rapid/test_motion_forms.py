@@ -77,10 +77,10 @@ def test_a_routine_of_the_program_may_have_the_name_of_a_form():
 
 
 def test_the_forms_have_the_arguments_that_they_are_told_by():
-    assert MOTION_FORMS["movel"].counts() == (4,)
-    assert MOTION_FORMS["movecdo"].counts() == (7,)
-    assert MOTION_FORMS["searchc"].counts() == (6,)
-    assert MOTION_FORMS["arclstart"].counts() == (6, 7)
+    assert MOTION_FORMS["movel"].counts == (4,)
+    assert MOTION_FORMS["movecdo"].counts == (7,)
+    assert MOTION_FORMS["searchc"].counts == (6,)
+    assert MOTION_FORMS["arclstart"].counts == (6, 7)
     assert "arcl1start" not in MOTION_FORMS
     assert {"arcl1", "arclstart2", "arccend"} <= MOTION_FORMS.keys()
 
