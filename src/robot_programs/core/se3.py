@@ -3,6 +3,9 @@
 SciPy's rotations would do as much, but their import takes longer than all else that refuses a wrong file.
 """
 
+import math
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float
 
@@ -95,12 +98,30 @@ def to_quaternion(R: Float[np.ndarray, "*b 3 3"]) -> Float[np.ndarray, "*b 4"]:
 
 def _of_unit(q: Float[np.ndarray, "*b 4"]) -> Float[np.ndarray, "*b 3 3"]:
     """Rotations of quaternions of unit length, scalar last."""
-    x, y, z, w = (q[..., k] for k in range(4))
     R = np.empty((*q.shape[:-1], 3, 3))
-    R[..., 0, 0] = 1.0 - 2.0 * (y * y + z * z)
-    R[..., 1, 1] = 1.0 - 2.0 * (z * z + x * x)
-    R[..., 2, 2] = 1.0 - 2.0 * (x * x + y * y)
-    R[..., 1, 0], R[..., 0, 1] = 2.0 * (x * y + w * z), 2.0 * (x * y - w * z)
-    R[..., 0, 2], R[..., 2, 0] = 2.0 * (x * z + w * y), 2.0 * (x * z - w * y)
-    R[..., 2, 1], R[..., 1, 2] = 2.0 * (y * z + w * x), 2.0 * (y * z - w * x)
+    for i, row in enumerate(_rows(*(q[..., k] for k in range(4)))):
+        for j, element in enumerate(row):
+            R[..., i, j] = element
     return R
+
+
+def _rows(x: Any, y: Any, z: Any, w: Any) -> tuple[tuple[Any, ...], ...]:
+    """The elements of the same, of numbers or of arrays."""
+    return (
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), 1.0 - 2.0 * (z * z + x * x), 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+    )
+
+
+def pose_of(xyz: tuple[float, float, float], xyzw: tuple[float, float, float, float]) -> Float[np.ndarray, "4 4"]:
+    """One pose of numbers, in a tenth of the time of `pose` and `from_quaternion`.
+
+    Args:
+        xyz: position, metres.
+        xyzw: quaternion with the scalar last; need not be of unit length, but of more than zero.
+    """
+    x, y, z, w = xyzw
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    rows = _rows(x / length, y / length, z / length, w / length)
+    return np.array([*((*row, p) for row, p in zip(rows, xyz, strict=True)), (0.0, 0.0, 0.0, 1.0)])

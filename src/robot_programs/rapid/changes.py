@@ -134,6 +134,8 @@ def called(lines: Iterable[Line], scope: Scope) -> Iterator[Routine]:
                     yield from scope.routines.get(token.key, ()) if token.kind == "name" else ()
             case _:
                 pass
+        if isinstance(line, Instruction) and line.plain:
+            continue
         for part in (part for expression in expressions_of(line) for part in parts(expression)):
             if isinstance(part, Call):
                 yield from scope.routines.get(part.name.key, ())
@@ -177,7 +179,8 @@ def _only_reads(instruction: Instruction, scope: Scope) -> bool:
         and all(
             argument.option not in RETURNING
             and (
-                argument.value is None
+                instruction.plain
+                or argument.value is None
                 or (isinstance(argument.value, Reference) and not argument.value.selectors)
                 or (isinstance(argument.value, Aggregate) and argument.value.is_literal)
             )

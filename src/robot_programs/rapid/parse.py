@@ -1,5 +1,7 @@
 """From the text of a file to its modules; what cannot be understood is passed over and reported."""
 
+import re
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -32,6 +34,7 @@ from robot_programs.rapid.syntax import (
     Unparsed,
     Words,
     list_end,
+    named,
     number,
     words,
 )
@@ -170,6 +173,7 @@ class ExpressionParser(Words):
                 return self._named()
             case _:
                 if token.key == "[" and (end := self._numbers(token.start)):
+                    self.take()
                     self.jump(end)
                     literal = Aggregate(start=token.start, end=end, content=self.text)
                     self.grow(0 if literal.is_plain else 1)
@@ -281,6 +285,12 @@ _BLOCK_ENDS = frozenset((*_INNER_ENDS, *HANDLERS, *_ROUTINE_ENDS, "record", "end
 """Words that a statement cannot begin with: a block ends before them, whether they close it or were meant for another."""
 
 _LEAVING = ("return", "goto", "raise", "retry", "trynext", "exit")
+
+_ARGUMENT = re.compile(
+    r"\s*(?P<comma>,\s*)?(?P<begin>\\\s*(?P<option>[^\W\d]\w*)\s*:=\s*)?(?P<value>(?P<name>[^\W\d]\w*)|\[)"
+)
+"""An argument that is a name, or begins a list."""
+_CLOSING = re.compile(r"\s*;")
 
 
 class StatementParser(ExpressionParser):
@@ -417,6 +427,9 @@ class StatementParser(ExpressionParser):
 
     def _simple(self) -> Node:
         """An instruction, an assignment or a label."""
+        plain = self._plain()
+        if plain is not None:
+            return Step(line=plain)
         name = self.name()
         start = name.start
         if self.skip(":"):
@@ -430,6 +443,38 @@ class StatementParser(ExpressionParser):
         arguments = self.arguments(";")
         self.expect(";")
         return Step(line=Instruction(start=start, end=self.end, name=name, arguments=arguments))
+
+    def _plain(self) -> Instruction | None:
+        """An instruction that is given names and lists of numbers alone, most lines of long programs, not word by word.
+
+        None where there is another statement, of which nothing is read.
+        """
+        first, text, at = self.next, self.text, self.next.end
+        if first.kind != "name" or first.key in RESERVED or self.looked_ahead or self.depth + 4 > MAX_DEPTH:
+            return None
+        arguments: list[Argument] = []
+        while (found := _ARGUMENT.match(text, at)) and len(arguments) < MAX_ARGUMENTS:
+            comma, option, word = found["comma"], found["option"], found["name"]
+            start = found.start("value")
+            at = found.end() if word else self._numbers(start)
+            if not at or (comma and not arguments) or (arguments and not comma and not option):
+                return None
+            if word:
+                name = named(word, start)
+                if name.key in RESERVED:
+                    return None
+                value: Expression = Reference(start=start, end=at, name=name, selectors=())
+            else:
+                value = Aggregate(start=start, end=at, content=text)
+            begin, key = (found.start("begin"), sys.intern(option.lower())) if option else (start, "")
+            arguments.append(Argument(start=begin, end=at, option=key, value=value))
+        closing = _CLOSING.match(text, at)
+        if closing is None:
+            return None
+        for _ in arguments:
+            self.count_value()
+        self.jump(closing.end())
+        return Instruction(start=first.start, end=closing.end(), name=first, arguments=tuple(arguments), plain=True)
 
     def _leave(self) -> Node:
         keyword = self.take()

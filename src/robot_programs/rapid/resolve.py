@@ -316,7 +316,7 @@ def _numbers(value: Value, type_: TargetType, what: str) -> tuple[tuple[float, .
         return angles, numbers(extax, 6, f"the external axes of {what}")
     trans, rot, conf, extax = parts(value, 4, what)
     cf = numbers(conf, 4, f"the configuration of {what}")
-    if not all(abs(c) < 100 for c in cf):
+    if not max(map(abs, cf)) < 100:
         raise Unresolved(f"the configuration of {what} is out of any range")
     return (*position(trans, what), *quaternion(rot, what), *cf), numbers(extax, 6, f"the external axes of {what}")
 

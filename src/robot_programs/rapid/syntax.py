@@ -72,14 +72,18 @@ def words(text: str, start: int, end: int) -> Iterator[Token]:
             case "blank":
                 pass
             case "name":
-                # the same names come again and again; what is kept of the text names each once
-                yield Token("name", sys.intern(word), sys.intern(word.lower()), match.start())
+                yield named(word, match.start())
             case "number":
                 yield Token("number", word, word, match.start())
             case "text":
                 yield Token("text", word, word, match.start())
             case _:
                 yield Token("symbol", word, word, match.start())
+
+
+def named(word: str, start: int) -> Token:
+    """A name. The same come again and again; what is kept of the text has each once."""
+    return Token("name", sys.intern(word), sys.intern(word.lower()), start)
 
 
 def list_end(text: str, start: int) -> int:
@@ -319,6 +323,8 @@ class Instruction(Node):
     arguments: tuple[Argument, ...]
     compact: bool = False
     """It is all that an IF without THEN governs."""
+    plain: bool = False
+    """It is known to be given names and lists of numbers alone."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -488,9 +494,13 @@ class Words:
 
     def jump(self, end: int) -> None:
         """Go on behind some text, of which no word but the next one has been looked at."""
-        self.take()
         self.end, self._coming = end, words_from(self.text, end)
         self.next = next(self._coming)
+
+    @property
+    def looked_ahead(self) -> bool:
+        """Whether the word behind the next one has been looked at."""
+        return self._later is not None
 
     def count_value(self) -> None:
         """Count a value.

@@ -5,7 +5,7 @@ import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -167,9 +167,9 @@ def numbers(value: Value, count: int, what: str) -> tuple[float, ...]:
     Raises:
         Unresolved: there are more or fewer, or something else.
     """
-    if not isinstance(value, tuple) or len(value) != count or not all(isinstance(v, float) for v in value):
+    if not isinstance(value, tuple) or len(value) != count or not all([isinstance(v, float) for v in value]):
         raise Unresolved(f"{what} is not made of {count} numbers")
-    return tuple(v for v in value if isinstance(v, float))
+    return cast("tuple[float, ...]", value)
 
 
 def parts(value: Value, count: int, what: str) -> tuple[Value, ...]:
@@ -210,7 +210,9 @@ def quaternion(value: Value, what: str) -> tuple[float, ...]:
 
 def pose_of(xyz_mm: tuple[float, ...], wxyz: tuple[float, ...]) -> Float[np.ndarray, "4 4"]:
     """The transform of a position and a quaternion with its scalar first."""
-    return se3.pose(se3.from_quaternion(np.array([*wxyz[1:], wxyz[0]])), np.array(xyz_mm) / 1e3)
+    x, y, z = xyz_mm
+    qw, qx, qy, qz = wxyz
+    return se3.pose_of((x / 1e3, y / 1e3, z / 1e3), (qx, qy, qz, qw))
 
 
 def pose(value: Value, what: str, whole: str = "") -> Float[np.ndarray, "4 4"]:

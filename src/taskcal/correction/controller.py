@@ -1,13 +1,13 @@
 """The nominal controller: open spins of a program, the joint positions to which it moves, how fast, and in which direction."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robot_programs.core.program import GradedPosture, Move, Program, Target
+from robot_programs.core.program import GradedPosture, Move, Posture, Program, Target
 from taskcal.correction.path import Corners, Placed, RoundedPath, Segments, find_corners
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
@@ -334,9 +334,9 @@ class _Simulation:
             i = first + k
             self.end[i] = traced.q[last[k]]
             self.start[i] = self.start[first] if k == 0 else self.end[i - 1]
-            self._compare_posture(i)
         if whole:
             self.last = self.end[first + whole - 1]
+            self._compare_postures(range(first, first + whole))
         if end < len(reached):
             reason = dict(rejections(self.robot, traced))[end]
             self.rejected[first + whole] = f"{reason}, {share[end]:.0%} of the way there"
@@ -392,10 +392,16 @@ class _Simulation:
             self.end[i] = postures[nearest]
             self.warnings[i] = f"{text}, and is taken"
 
-    def _compare_posture(self, i: int) -> None:
-        move = self.moves[i]
-        if not _agrees(self.robot, move.end, self.end[i][None])[0]:
-            self.warnings[i] = f"says posture {move.end.posture}, but the path leads there in another"
+    def _compare_postures(self, motions: Iterable[int]) -> None:
+        """Warn of lines and arcs that lead to their ends in other postures than these state."""
+        stated: dict[Posture, list[int]] = {}
+        for i in motions:
+            posture = self.moves[i].end.posture
+            if posture is not None:
+                stated.setdefault(posture, []).append(i)
+        for posture, rows in stated.items():
+            for i in np.array(rows)[~posture.agrees(self.robot, self.end[rows])]:
+                self.warnings[int(i)] = f"says posture {posture}, but the path leads there in another"
 
 
 def _agrees(robot: Robot, target: Target, q: Float[np.ndarray, "n joints"]) -> np.ndarray:

@@ -445,19 +445,13 @@ class FrameCalibration:
             q: joint positions, radians.
             conditions: how the poses are reached, for effects that depend on it.
         """
-        return self._covariances(q, conditions)[1]
-
-    def _covariances(
-        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None
-    ) -> tuple[Float[np.ndarray, "n 3 3"], Float[np.ndarray, "n 3 3"]]:
-        """Covariance of the grasped frame's origin in the tracker's frame, and against the fixed frame, metres²."""
-        grasped = self._in_tracker(q, conditions)
         relative = self.causes(q, conditions)
-        return grasped, relative @ np.swapaxes(relative, 1, 2)
+        return relative @ np.swapaxes(relative, 1, 2)
 
     def _in_tracker(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None
     ) -> Float[np.ndarray, "n 3 3"]:
+        """Covariance of the grasped frame's origin in the tracker's frame, metres²."""
         J, R = self.grasped.twists(q, conditions)[:, :3], self._grasped_poses(q)[:, :3, :3]
         growth = self.calibration.growth_at(q)[:, None, None]
         by_estimate = growth * (J @ self.calibration.z_covariance @ np.swapaxes(J, 1, 2))
@@ -512,7 +506,10 @@ class FrameCalibration:
         return self.calibration.predict_tool(q) @ self.grasped.T_tool_grasped
 
     def variances(
-        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+        self,
+        q: Float[np.ndarray, "n joints"],
+        conditions: Conditions | None = None,
+        causes: Float[np.ndarray, "n 3 k"] | None = None,
     ) -> Float[np.ndarray, "n sources"]:
         """The square of the uncertainty by where it comes from, in the order of `SOURCES`, metres².
 
@@ -523,11 +520,13 @@ class FrameCalibration:
         Args:
             q: joint positions, radians.
             conditions: how the poses are reached, for effects that depend on it.
+            causes: as `causes` gives them, where they are known.
         """
         q = np.asarray(q, dtype=float)
+        causes = self.causes(q, conditions) if causes is None else causes
         covariance = self.calibration.predict_covariance(q, conditions, model_error=False)[..., :3, :3]
         geometry = _total(covariance).mean(axis=1)
-        grasped, total = map(_total, self._covariances(q, conditions))
+        grasped, total = _total(self._in_tracker(q, conditions)), (causes**2).sum(axis=(1, 2))
         parts = np.stack([geometry, grasped - geometry, total - grasped], axis=1)
         parts = np.maximum(parts, 0.0)
         parts *= (total / np.maximum(parts.sum(axis=1), 1e-300))[:, None]
@@ -651,8 +650,8 @@ def uncertainty_at(
         for first in range(0, len(rows), CHUNK_POSES):
             some = rows[first : first + CHUNK_POSES]
             conditions = None if directions is None else directions.at(some, np.ones(len(some)))
-            variances[some] = frame.variances(q[some], conditions)
-            causes = np.sqrt(counts[some])[:, None, None] * frame.causes(q[some], conditions)
-            flat = causes.reshape(-1, len(columns))
+            causes = frame.causes(q[some], conditions)
+            variances[some] = frame.variances(q[some], conditions, causes)
+            flat = (np.sqrt(counts[some])[:, None, None] * causes).reshape(-1, len(columns))
             common[np.ix_(columns, columns)] += flat.T @ flat
     return Uncertainty(variances=variances, weights=counts, common=common)
