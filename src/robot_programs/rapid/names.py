@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from robot_programs.core.program import Unresolved
 from robot_programs.core.source import Source
@@ -211,10 +212,7 @@ class Scope:
                 if len(declared) > 1:
                     raise Unresolved(f"'{name}' is declared {len(declared)} times")
                 return declared[0]
-        if key in DATA:
-            type_, value = DATA[key]
-            return Symbol(name=name, type=type_, value=value)
-        return None
+        return _predefined(name, key)
 
     def known(self, name: str) -> Symbol | None:
         """Symbol of a name; None where nothing of that name is known, or it is declared several times."""
@@ -232,6 +230,14 @@ class Scope:
             module=self.module, shared=self.shared, own={**self.own, counter.key: [symbol]}, types=self.types,
             routines=self.routines,
         )  # fmt: skip
+
+
+@lru_cache(maxsize=1024)
+def _predefined(name: str, key: str) -> Symbol | None:
+    if key not in DATA:
+        return None
+    type_, value = DATA[key]
+    return Symbol(name=name, type=type_, value=value)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

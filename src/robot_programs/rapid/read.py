@@ -50,10 +50,11 @@ from robot_programs.rapid.resolve import (
     ONLY_EXTERNAL,
     SUFFIX,
     Motion,
+    Resolved,
     Settings,
     TargetArgument,
     base_frame,
-    following,
+    motion_of,
     resolve,
 )
 from robot_programs.rapid.rewrite import RapidProgram
@@ -476,7 +477,7 @@ class _Walk(form.Walk[State, Routine]):
 
 
 @dataclass(eq=False, kw_only=True)
-class Findings(form.Findings[Instruction, Motion]):
+class Findings(form.Findings[Instruction, Resolved]):
     """Resolves motions, and keeps what comes of it."""
 
     settings: Settings
@@ -488,23 +489,20 @@ class Findings(form.Findings[Instruction, Motion]):
         self, instruction: Instruction, scope: Scope, context: Context, state: State, values: Values
     ) -> int | None:
         """Resolve a motion; says its number, or None where that could not be done."""
-        name = context.routine.name.text if context.routine else ""
         try:
             if not is_read(instruction, scope):
                 raise Unresolved("this motion is not read")
-            motion = resolve(instruction, scope, context.file, self.settings, values, name)
+            name = context.routine.name.text if context.routine else ""
+            found = resolve(instruction, scope, context.file, self.settings, values, name)
         except Unresolved as reason:
             self.fail(instruction, context.file, str(reason))
             return None
         if self.settings.soft and (SOFT not in state.variables or state.variables[SOFT].value is True):
             self.soft[instruction] = context.file
-        move = motion.move
-        meaning = (
-            instruction, *_meaning(motion.end), *(_meaning(motion.via) if motion.via else ()), move.tool.name,
-            move.tool.T.tobytes(), move.part.name, move.part.T.tobytes(), move.part_in_hand, move.carrier, move.speed,
-            move.turn_speed, move.stops, move.zone,
-        )  # fmt: skip
-        return self.number(instruction, motion, meaning, state.last)
+        via = _meaning(found.via) if found.via else ()
+        return self.number(
+            instruction, found, (instruction, *_meaning(found.end), *via, found.manner.meaning), state.last
+        )
 
     def motions(self) -> list[Motion]:
         """All that can be rewritten, in the order of the text."""
@@ -513,11 +511,11 @@ class Findings(form.Findings[Instruction, Motion]):
         found = self.ordered(lambda found: not self._is_torn(found.motion), lambda text: (file_of[text], text.start))
         # those of calls that nobody could follow count, too
         return [
-            following(one.motion, one.follows, self.settings, one.same_text + (one.motion.instruction in self.reasons))
+            motion_of(one.motion, one.follows, self.settings, one.same_text + (one.motion.instruction in self.reasons))
             for one in found
         ]
 
-    def _is_torn(self, motion: Motion) -> bool:
+    def _is_torn(self, motion: Resolved) -> bool:
         """Whether a motion's own text would have to change, while on other ways nobody knows where it leads."""
         if motion.instruction not in self.reasons:
             return False

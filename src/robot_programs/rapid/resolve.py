@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -241,7 +241,7 @@ def _resolve(
             meant, external = _numbers(values.of(node, scope), type_, "the target")
             return TargetArgument(
                 argument=argument, argument_file=file, type=type_, origin=None,
-                literal=node if node.is_literal else _literal(node, type_), file=file,
+                literal=_literal(node, type_), file=file,
                 shifted=False, meant=meant, external=external,
             )  # fmt: skip
         case Reference():
@@ -265,11 +265,10 @@ def _named(
     literal = _literal(found.literal, type_) if isinstance(found.literal, Aggregate) else None
     passed, origin = found.passed, found.origin
     target = TargetArgument(
-        argument=argument, argument_file=file, type=type_, origin=origin, literal=literal, file=file,
+        argument=argument, argument_file=file, type=type_, origin=origin, literal=literal,
+        file=file if origin is None else origin.symbol.file or file,
         shifted=origin is None and literal is None, meant=meant, external=external,
     )  # fmt: skip
-    if origin is not None:
-        target = replace(target, file=origin.symbol.file or file)
     if passed is None:
         return target
     given = passed.argument.value
@@ -321,20 +320,22 @@ def _numbers(value: Value, type_: TargetType, what: str) -> tuple[tuple[float, .
     return (*position(trans, what), *quaternion(rot, what), *cf), numbers(extax, 6, f"the external axes of {what}")
 
 
-def leaves(literal: Aggregate) -> tuple[tuple[int, int, float], ...]:
+def leaves(literal: Aggregate) -> Iterator[tuple[int, int, float]]:
     """First character, end and value of the numbers of a target that is written out, in their order."""
     if isinstance(literal.content, str):
-        return tuple(listed(literal.content, literal.start, literal.end))
-    numbers: list[tuple[int, int, float]] = []
+        yield from listed(literal.content, literal.start, literal.end)
+        return
     for item in literal.content:
         if isinstance(item, Aggregate):
-            numbers += leaves(item)
+            yield from leaves(item)
         elif isinstance(item, Number):
-            numbers.append((item.start, item.end, item.value))
-    return tuple(numbers)
+            yield item.start, item.end, item.value
 
 
 def _literal(node: Aggregate, type_: TargetType) -> Aggregate | None:
+    """What holds the numbers of a target, which its value was found to have, if all are written out there."""
+    if node.is_literal:
+        return node
     shape = (3, 4, 4, 6) if type_ == "robtarget" else (6, 6)
     items = node.items
     if len(items) != len(shape):
@@ -490,7 +491,7 @@ class Layout:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Motion:
-    """A resolved motion with its text."""
+    """A motion with its text."""
 
     move: Move
     file: File
@@ -538,6 +539,30 @@ class Manner:
     divisible: bool
     external_offset: str
     redefined: frozenset[str]
+    """As in `Motion`."""
+
+    @cached_property
+    def meaning(self) -> tuple[object, ...]:
+        """Equal for those that do the same."""
+        tool, part = self.frames.tool, self.frames.part
+        return (
+            tool.name, tool.T.tobytes(), part.name, part.T.tobytes(), self.frames.part_in_hand, self.frames.carrier, self.speed,
+            self.turn_speed, self.stops, self.zone,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Resolved:
+    """What the text of a motion means; what comes before it is still to be said."""
+
+    file: File
+    instruction: Instruction
+    layout: Layout
+    end: TargetArgument
+    via: TargetArgument | None
+    manner: Manner
+    routine: str
+    """Name of the one in which it stands."""
 
 
 def layout(instruction: Instruction) -> Layout:
@@ -573,11 +598,11 @@ def layout(instruction: Instruction) -> Layout:
 
 def resolve(
     instruction: Instruction, scope: Scope, file: File, settings: Settings, values: Values, routine: str
-) -> Motion:
-    """A motion with its targets, tool and frame; what comes before it is still to be said.
+) -> Resolved:
+    """What the text of a motion means.
 
     Raises:
-        Unresolved: the text does not give one of them.
+        Unresolved: it does not give a target, a tool or a frame.
     """
     kind = MOTION_FORMS[instruction.name.key].kind
     where, text = layout(instruction), file.source.text
@@ -590,18 +615,7 @@ def resolve(
     type_ = "jointtarget" if kind == "axes" else "robtarget"
     end = resolve_target(where.to, type_, scope, values, file)
     via = resolve_target(where.via, type_, scope, values, file) if where.via else None
-    frames = manner.frames
-    move = Move(
-        kind=kind, end=end.target(True), via=via.target(True) if via else None, tool=frames.tool, part=frames.part,
-        part_in_hand=frames.part_in_hand, speed=manner.speed, turn_speed=manner.turn_speed, divisible=manner.divisible,
-        stops=manner.stops, zone=manner.zone, follows=None, routine=routine,
-        place=file.source.place(instruction.start), carrier=frames.carrier,
-        external=tuple([axis if abs(axis) < MAX_AXIS_POSITION else math.nan for axis in end.external]),
-        external_offset=manner.external_offset,
-    )  # fmt: skip
-    return Motion(
-        move=move, file=file, instruction=instruction, layout=where, end=end, via=via, redefined=manner.redefined
-    )
+    return Resolved(file=file, instruction=instruction, layout=where, end=end, via=via, manner=manner, routine=routine)
 
 
 def _manner(
@@ -625,27 +639,33 @@ def _manner(
     )  # fmt: skip
 
 
-def following(motion: Motion, follows: int | None, settings: Settings, texts_motions: int) -> Motion:
+def motion_of(found: Resolved, follows: int | None, settings: Settings, texts_motions: int) -> Motion:
     """A motion whose place among the others is known.
 
     Args:
-        motion: as it was resolved.
+        found: as it was resolved.
         follows: number of the one before; None where that is not known.
         settings: of the program.
         texts_motions: how many motions its text stands for.
     """
-    move = motion.move
+    manner, kind = found.manner, MOTION_FORMS[found.instruction.name.key].kind
     # where the motion before is not known, the configuration is the best there is even if the controller does not check it
-    binds = move.kind not in settings.postures_off
+    binds = kind not in settings.postures_off
     counts = binds or follows is None
-    end, via = move.end, move.via
-    if not (counts and binds):
-        end, via = motion.end.target(counts, binds), motion.via.target(counts) if motion.via else None
-    move = replace(
-        move, end=end, via=via, follows=follows, texts_motions=texts_motions,
-        divisible=move.divisible and texts_motions == 1,
+    frames = manner.frames
+    move = Move(
+        kind=kind, end=found.end.target(counts, binds), via=found.via.target(counts) if found.via else None,
+        tool=frames.tool, part=frames.part, part_in_hand=frames.part_in_hand, speed=manner.speed,
+        turn_speed=manner.turn_speed, divisible=manner.divisible and texts_motions == 1, stops=manner.stops,
+        zone=manner.zone, follows=follows, texts_motions=texts_motions, routine=found.routine,
+        place=found.file.source.place(found.instruction.start), carrier=frames.carrier,
+        external=tuple([axis if abs(axis) < MAX_AXIS_POSITION else math.nan for axis in found.end.external]),
+        external_offset=manner.external_offset,
     )  # fmt: skip
-    return replace(motion, move=move)
+    return Motion(
+        move=move, file=found.file, instruction=found.instruction, layout=found.layout, end=found.end, via=found.via,
+        redefined=manner.redefined,
+    )  # fmt: skip
 
 
 def _in_base(frames: Frames, settings: Settings) -> Frames:

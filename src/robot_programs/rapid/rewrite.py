@@ -1,11 +1,11 @@
 """Rewriting motions: numbers where they stand, clones of shared targets, further motions on the way; and new modules."""
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections import Counter, defaultdict
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import zip_longest
+from itertools import islice, zip_longest
 
 import numpy as np
 from jaxtyping import Float
@@ -120,7 +120,7 @@ def _quaternion_texts(target: TargetArgument, texts: Texts) -> Texts:
     """Texts of a quaternion, but for those that say what is written."""
     if target.literal is None or target.shifted:
         return texts
-    raw = [value for _, _, value in leaves(target.literal)[3:7]]
+    raw = [value for _, _, value in islice(leaves(target.literal), 3, 7)]
     return tuple(
         None if text is None or abs(float(text) - value) <= TEXT_TOLERANCE_QUATERNION else text
         for text, value in zip(texts, raw, strict=True)
@@ -172,7 +172,7 @@ def external_texts(target: TargetArgument, positions: tuple[float, ...] = ()) ->
         written = [real(v, MM_DECIMALS) for v in target.external]
     else:
         text = target.file.source.text
-        written = [text[start:end] for start, end, _ in leaves(target.literal)[-6:]]
+        written = [text[start:end] for start, end, _ in list(leaves(target.literal))[-6:]]
     return [
         own if new is None or np.isnan(new) or new == old else real(new, MM_DECIMALS)
         for own, old, new in zip_longest(written, target.external, positions)
@@ -290,19 +290,23 @@ class Sharing:
                     by_home[want.home].append((i, want))
         followed, lost = self._carried(carried, by_home)
         yield from lost
-        replaced = [
-            (want.target.argument_file, want.target.argument)
+        replaced = _within(
+            want
             for group in by_argument.values()
             for _, want in group
             if want.changes
             and want.target.origin is None
             and want.target.shifted
             and want.target.root.passed is not None
-        ]
-        for group in by_argument.values():
-            yield from self._in_argument(group, followed, replaced)
-        for group in by_home.values():
-            yield from self._of_home(group, followed)
+        )
+        going: dict[object, list[Want]] = defaultdict(list)
+        for want in followed:
+            going[want.carrier.argument].append(want)
+            going[home_of(want.carrier)].append(want)
+        for argument, group in by_argument.items():
+            yield from self._in_argument(group, going.get(argument, ()), replaced)
+        for home, group in by_home.items():
+            yield from self._of_home(group, going.get(home, ()))
 
     def _carried(
         self, carried: Sequence[tuple[int, Want]], by_home: Mapping[Home, Sequence[tuple[int, Want]]]
@@ -331,7 +335,7 @@ class Sharing:
         return followed, lost
 
     def _in_argument(
-        self, group: Sequence[tuple[int, Want]], followed: Sequence[Want], replaced: Sequence[tuple[File, Argument]]
+        self, group: Sequence[tuple[int, Want]], going: Iterable[Want], replaced: Callable[[Use], bool]
     ) -> Iterator[tuple[int, str]]:
         """Motions that get their targets from one argument, each target from one place.
 
@@ -353,17 +357,16 @@ class Sharing:
                     group, f"its text stands for {first.motion.move.texts_motions} motions to different places"
                 )
             return
-        other = self._other_reading(group, followed, replaced)
+        other = self._other_reading(group, going, replaced)
         if other is not None:
             place = other.file.source.place(other.start)
             yield from _all_of(group, f"what the call gives it is read for something else in {place}, too")
 
     def _other_reading(
-        self, group: Sequence[tuple[int, Want]], followed: Sequence[Want], replaced: Sequence[tuple[File, Argument]]
+        self, group: Sequence[tuple[int, Want]], going: Iterable[Want], replaced: Callable[[Use], bool]
     ) -> Use | None:
         """Reference that reads a parameter beside the motions that go to it."""
-        argument = group[0][1].target.argument
-        known = {(w.motion.file, w.target.read_at) for w in followed if w.carrier.argument is argument}
+        known = {(want.motion.file, want.target.read_at) for want in going}
         parameters: dict[Symbol, None] = {}
         for _, want in group:
             passed = want.target.passed
@@ -371,9 +374,9 @@ class Sharing:
                 known |= {*passed.reads, (want.motion.file, want.target.read_at)}
                 parameters |= dict.fromkeys(passed.parameters)
         uses = (use for symbol in parameters for use in self.uses.get(symbol, ()))
-        return next((u for u in uses if (u.file, u.start) not in known and not _is_in(u, replaced)), None)
+        return next((use for use in uses if (use.file, use.start) not in known and not replaced(use)), None)
 
-    def _of_home(self, group: Sequence[tuple[int, Want]], followed: Sequence[Want]) -> Iterator[tuple[int, str]]:
+    def _of_home(self, group: Sequence[tuple[int, Want]], going: Iterable[Want]) -> Iterator[tuple[int, str]]:
         """Motions whose targets stand in one declaration, which is what has to change where no copy can be named."""
         fixed = [(i, want) for i, want in group if not want.replaceable and want.changes]
         if not fixed or fixed[0][1].target.origin is None:
@@ -388,8 +391,7 @@ class Sharing:
         elif first.target.origin is not None:
             symbol, path = first.target.origin.symbol, first.target.origin.path
             changed = [want for _, want in group if want.changes and (want.replaceable or want.agrees(first))]
-            going = [want for want in followed if home_of(want.carrier) == first.home]
-            other = other_use(self.uses.get(symbol, ()), path, changed, going)
+            other = other_use(self.uses.get(symbol, ()), path, changed, _within(going))
             if other is not None:
                 place = other.file.source.place(other.start)
                 yield from _all_of(
@@ -411,17 +413,27 @@ def home_of(target: TargetArgument) -> Home:
 
 
 def other_use(
-    uses: Iterable[Use], path: tuple[int, ...], wants: Iterable[Want], followed: Iterable[Want] = ()
+    uses: Iterable[Use], path: tuple[int, ...], wants: Iterable[Want], goes_along: Callable[[Use], bool]
 ) -> Use | None:
     """Reference that reads a target beside the arguments that change and those that go with it."""
-    own = [(want.target.argument_file, want.target.argument) for want in wants if want.changes]
-    own += [(want.target.argument_file, want.target.argument) for want in followed]
-
-    return next((use for use in uses if use.overlaps(path) and not _is_in(use, own)), None)
+    changes = _within(want for want in wants if want.changes)
+    return next((use for use in uses if use.overlaps(path) and not changes(use) and not goes_along(use)), None)
 
 
-def _is_in(use: Use, arguments: Iterable[tuple[File, Argument]]) -> bool:
-    return any(use.file is file and argument.start <= use.start < argument.end for file, argument in arguments)
+def _within(wants: Iterable[Want]) -> Callable[[Use], bool]:
+    """Whether references stand in the arguments of some motions, none of which stands in another."""
+    spans: dict[int, list[tuple[int, int]]] = defaultdict(list)
+    for want in wants:
+        spans[id(want.target.argument_file)].append((want.target.argument.start, want.target.argument.end))
+    for own in spans.values():
+        own.sort()
+
+    def stands(use: Use) -> bool:
+        own = spans.get(id(use.file), ())
+        last = bisect_right(own, use.start, key=lambda span: span[0]) - 1
+        return last >= 0 and use.start < own[last][1]
+
+    return stands
 
 
 def _all_of(group: Iterable[tuple[int, Want]], why: str) -> Iterator[tuple[int, str]]:
@@ -701,7 +713,7 @@ def _write_targets(
     """Put the numbers where they belong: into the argument, into the declaration, or into clones of the declaration."""
     declared: dict[tuple[Symbol, tuple[int, ...]], list[Want]] = {}
     once: dict[tuple[object, ...], Want] = {}  # several motions may have one target from one argument
-    followed = [want for want in wants if want.is_carried]  # their text stays: they go with what they shift
+    followed = _within(want for want in wants if want.is_carried)  # their text stays: they go with what they shift
     for want in wants:
         if not want.is_carried:
             once.setdefault((want.target.argument, want.home), want)
@@ -757,7 +769,7 @@ def _clone_text(want: Want) -> str:
     if target.literal is None or target.shifted:
         return meant_text(target, want.texts)
     text, parts, at = target.file.source.text, [], target.literal.start
-    for (start, end, _), new in zip(leaves(target.literal), want.texts, strict=False):
+    for new, (start, end, _) in zip(want.texts, leaves(target.literal), strict=False):
         if new is not None:
             parts += [text[at:start], new]
             at = end

@@ -167,7 +167,7 @@ def numbers(value: Value, count: int, what: str) -> tuple[float, ...]:
     Raises:
         Unresolved: there are more or fewer, or something else.
     """
-    if not isinstance(value, tuple) or len(value) != count or not all([isinstance(v, float) for v in value]):
+    if not isinstance(value, tuple) or len(value) != count or not all(isinstance(v, float) for v in value):
         raise Unresolved(f"{what} is not made of {count} numbers")
     return cast("tuple[float, ...]", value)
 
