@@ -1,11 +1,12 @@
 import time
+from unittest.mock import patch
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_programs.core.flow import Branches, Loop
-from robot_programs.rapid.parse import parse
+from robot_programs.rapid.parse import StatementParser, parse
 from robot_programs.rapid.read import read_rapid
 from robot_programs.rapid.syntax import Instruction, number, tokenize
 from tests.laws.robots import generators
@@ -51,6 +52,51 @@ def test_the_time_to_read_grows_with_the_length(piece):
 
     shortest = max(seconds(1000), 4e-3)
     assert any(seconds(8000) < 30 * shortest for _ in range(2))
+
+
+PIECES = [
+    "a",
+    "MoveL",
+    "TRUE",
+    ",",
+    "\\",
+    "\\b:=",
+    ":=",
+    "[",
+    "]",
+    "1",
+    ";",
+    ";",
+    " ",
+    "\n",
+    "!c\n",
+    "(",
+    ")",
+    "+",
+    "[[1,2],[-3]]",
+    "[4]",
+]
+
+
+@given(
+    st.lists(st.sampled_from(PIECES), max_size=30).map(lambda pieces: "MODULE m PROC p() " + "".join(pieces))
+    | generators.map(lambda rng: generate(rng).sources[0].text)
+)
+def test_plain_instructions_mean_the_same_word_by_word(text):
+    at_once = repr(parse(text)).replace("plain=True", "plain=False")
+    with patch.object(StatementParser, "_plain", return_value=None):
+        assert repr(parse(text)) == at_once
+
+
+def test_instructions_of_names_and_lists_are_plain():
+    lines = [
+        "MoveL [[1,2,3],[4]] , v5,\n z1,t\\WObj:=w;",
+        "Stop;",
+        "MoveL Offs(p,1,2,3),v5,z1,t;",
+        "MoveL p!c\n,v5,z1,t;",
+    ]
+    ((module,), ()) = parse(f"MODULE m PROC p() {' '.join(lines)} ENDPROC ENDMODULE")
+    assert [node.line.plain for node in module.routines[0].body] == [True, True, False, False]
 
 
 # Statements as a tree.
