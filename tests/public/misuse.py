@@ -18,8 +18,10 @@ import numpy as np
 import pandas as pd
 
 import taskcal as tc
+from taskcal.export import export_dh, export_ur_yaml, export_urdf, fit_offsets
 from taskcal.identification.effects import EffectSearch
 from taskcal.identification.options import FitOptions
+from taskcal.kinematics import choose_spin, solve_near
 from taskcal.planning.plan import PlanOptions
 from taskcal.planning.selection import SelectionOptions
 from taskcal.planning.study import StudyOptions
@@ -119,6 +121,8 @@ def calls(folder: Path) -> dict[str, Call]:
     points = campaign.points.astype(np.float32).astype(float)
     fields = {"ids": campaign.ids, "q": q, "targets": campaign.targets, "points": points}
     poses = model.poses(q).astype(np.float32).astype(float)
+    along = np.linspace(0.1, 0.2, 12).reshape(2, 6).astype(np.float32).astype(float)
+    path = model.poses(along).astype(np.float32).astype(float)
     fit = {"model": model, "campaign": campaign}
     where = {"model": model, "task": task}
     return {
@@ -161,6 +165,16 @@ def calls(folder: Path) -> dict[str, Call]:
         "correct": Call(
             tc.correct, {"calibration": calibration, "program": tc.read_program(files["p.csv"], robot=robot)}
         ),
+        "solve_near": Call(
+            solve_near, {"model": model, "T": path, "seed": along, "tip": np.eye(4)}, lambda found: found.q.tobytes()
+        ),
+        "choose_spin": Call(
+            choose_spin, {"model": model, "T": path, "tip": np.eye(4)}, lambda found: found.q.tobytes()
+        ),
+        "fit_offsets": Call(fit_offsets, {"calibration": calibration, "q": q, "weights": np.ones(40)}),
+        "export_dh": Call(export_dh, {"calibration": calibration, "convention": "dh", "q": q, "accept_loss": True}),
+        "export_ur_yaml": Call(export_ur_yaml, {"calibration": calibration}),
+        "export_urdf": Call(export_urdf, {"calibration": calibration, "q": q}),
         "Campaign": Call(tc.Campaign, fields, lambda made: made.digest, gaps=True),
         "Conditions": Call(tc.Conditions, {"temperature": np.full(40, 20.0), "move": q}, gaps=True),
         "Task": Call(tc.Task, {"name": "poses", "poses": poses, "weights": np.ones(40)}),

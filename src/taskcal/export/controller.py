@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.export.forms import placed, spread_poses
+from taskcal.arguments import checked
+from taskcal.errors import WrongValue
+from taskcal.export.forms import placed, poses_or_spread
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.uncertainty_budget import check_known
@@ -79,6 +81,7 @@ def _left(remaining: Remaining, uncertainty: float) -> dict[str, float]:
     }
 
 
+@checked
 def fit_offsets(
     calibration: Calibration,
     q: Float[np.ndarray, "n joints"] | None = None,
@@ -97,9 +100,12 @@ def fit_offsets(
         accept_uncertain: fit them although the calibration knows less there than the robot's tolerances do.
 
     Raises:
+        WrongValue: q has no rows, or weights not one for each of them.
         TaskcalError: the calibration knows next to nothing at these poses.
     """
-    q = spread_poses(calibration) if q is None else q
+    q = poses_or_spread(calibration, q)
+    if weights is not None and len(weights) != len(q):
+        raise WrongValue(f"weights has {len(weights)} entries, and {len(q)} poses count (q); give one for each")
     if not accept_uncertain:
         check_known(calibration, q, f"offsets for {len(q)} poses are not fitted")
     share = np.full(len(q), 1.0 / len(q)) if weights is None else weights / weights.sum()

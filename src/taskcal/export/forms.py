@@ -9,7 +9,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.errors import TaskcalError, UnknownName, shown
+from taskcal.arguments import checked
+from taskcal.errors import TaskcalError, UnknownName, WrongValue, shown
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.uncertainty_budget import check_known
@@ -202,6 +203,17 @@ def spread_poses(calibration: Calibration, count: int = SAMPLES) -> Float[np.nda
     return q[closes(model, q, None) & closes(model, q, calibration.estimate)][:count]
 
 
+def poses_or_spread(calibration: Calibration, q: Float[np.ndarray, "n joints"] | None) -> Float[np.ndarray, "n joints"]:
+    """Joint positions as given, or all over the ranges.
+
+    Raises:
+        WrongValue: none are given.
+    """
+    if q is not None and not len(q):
+        raise WrongValue("q has no rows; give the poses of the task, or leave it out")
+    return spread_poses(calibration) if q is None else q
+
+
 # A calibrated robot as URDF with absolute values, its joints at the controller's own.
 
 ANYWHERE = 1000.0
@@ -243,7 +255,7 @@ def export_as(
         TaskcalError: the form cannot hold the robot, or loses something that is not accepted; or the calibration knows next to
             nothing at these poses.
     """
-    q = spread_poses(calibration) if q is None else q
+    q = poses_or_spread(calibration, q)
     if not accept_uncertain:
         check_known(calibration, q, f"{form} for {len(q)} poses is not written")
     written = write(CalibratedChain.of(calibration, q))
@@ -253,6 +265,7 @@ def export_as(
     return Export(text=written.text, loss=loss, frames=written.frames, remarks=written.remarks)
 
 
+@checked
 def export_urdf(
     calibration: Calibration,
     q: Float[np.ndarray, "n joints"] | None = None,
@@ -395,6 +408,7 @@ LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 """As the driver calls them, from the base."""
 
 
+@checked
 def export_ur_yaml(
     calibration: Calibration,
     q: Float[np.ndarray, "n joints"] | None = None,
@@ -503,6 +517,7 @@ class DHForm:
         return T @ self.tool
 
 
+@checked
 def export_dh(
     calibration: Calibration,
     convention: Literal["dh", "mdh"],

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
+from taskcal.arguments import checked
 from taskcal.errors import ClosureError, ReachError
 from taskcal.geometry import se3
 from taskcal.kernels import walk
@@ -243,6 +244,7 @@ class Reached:
     """Whether the pose is met, inside all limits."""
 
 
+@checked
 def solve_near(
     model: ErrorModel,
     T: Float[np.ndarray, "n 4 4"],

@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from taskcal.arguments import checked
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import (
@@ -89,6 +90,7 @@ class _Guide:
         return self.T[k] @ about_z(turn * (2.0 * np.pi / GRID_ANGLES))
 
 
+@checked
 def choose_spin(
     model: ErrorModel,
     T: Float[np.ndarray, "n 4 4"],
