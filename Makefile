@@ -65,8 +65,8 @@ types: $(VENV)/.dev  ## pyright, strict on src
 layers: $(VENV)/.dev  ## import-linter: the order of the folders
 	$(BIN)/lint-imports
 
-docs: $(VENV)/.dev  ## build the documentation into docs/_build/html
-	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
+docs: $(VENV)/.dev  ## build the documentation into build/docs/VERSION, and the list of versions
+	$(BIN)/python docs/versions.py
 
 bench: $(VENV)/.test  ## time the benchmarks
 	$(BIN)/python -m pytest benchmarks --benchmark-only
@@ -136,7 +136,7 @@ peers: $(VENV)/.test  ## install other calibration packages, run them on the sam
 	$(BIN)/python -m benchmarks.peers
 
 clean:  ## remove .venv and everything built
-	rm -rf $(VENV) build dist docs/_build taskcal-demo taskcal-studio
+	rm -rf $(VENV) build dist docs/reference/api docs/reference/commands taskcal-demo taskcal-studio
 	rm -rf .pytest_cache .ruff_cache .hypothesis .benchmarks .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 

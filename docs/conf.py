@@ -3,9 +3,12 @@
 import sys
 from pathlib import Path
 
+import taskcal
+
 sys.path.insert(0, str(Path(__file__).parent))
 
 project = "Taskcal"
+release = taskcal.__version__
 author = "Taskcal contributors"
 copyright = "Taskcal contributors"
 
@@ -13,8 +16,9 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
+    "api_pages",
     "catalogue_table",
-    "command_table",
+    "command_pages",
     "effect_table",
     "home_picture",
     "layer_picture",
@@ -22,7 +26,6 @@ extensions = [
 ]
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 myst_heading_anchors = 3
-exclude_patterns = ["_build"]
 
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
@@ -30,6 +33,8 @@ autodoc_preserve_defaults = True
 autodoc_inherit_docstrings = False
 add_module_names = False
 nitpicky = True  # a name that a docstring refers to is in the reference
+default_role = "py:obj"  # a name in single backticks is linked where it has a page
+nitpick_ignore_regex = [("py:obj", ".*")]
 nitpick_ignore = [  # one class by two names: the library of programs raises it as InputError
     ("py:exc", "TaskcalError"),
     ("py:exc", "InputError"),
@@ -37,8 +42,13 @@ nitpick_ignore = [  # one class by two names: the library of programs raises it 
 ]
 
 html_theme = "furo"
-html_title = "Taskcal"
+html_title = f"Taskcal {release}"
 html_static_path = ["_static"] if (Path(__file__).parent / "_static").is_dir() else []
+templates_path = ["_templates"]
+html_sidebars = {
+    "**": [f"sidebar/{part}.html" for part in ("brand", "search", "scroll-start", "navigation", "scroll-end")]
+}
+html_sidebars["**"].append("versions.html")
 html_css_files = ["taskcal.css"]
 html_js_files = [("scrollable.js", {"defer": "defer"})]
 

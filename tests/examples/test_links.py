@@ -9,8 +9,6 @@ PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md"
 )
 NAMED = re.compile(r"`((?:docs|examples|tests|benchmarks|src|\.ci)/[\w./-]*)`")
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
-BUILT = "docs/_build/"
-"""What `make docs` leaves."""
 DOC = re.compile(r"\{doc\}`(?:[^`<]*<)?([^`>]+)>?`")
 
 
@@ -26,7 +24,7 @@ def missing(page: Path) -> list[str]:
     text = re.sub(r"```(?!\{).*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     files = [name for name in LINK.findall(text) if "://" not in name and not name.startswith("mailto:")]
     return [
-        *(name for name in NAMED.findall(text) if not name.startswith(BUILT) and not (ROOT / name).exists()),
+        *(name for name in NAMED.findall(text) if not (ROOT / name).exists()),
         *(name for name in files if not anchored(page, name).exists()),
         *(name for name in DOC.findall(text) if not anchored(page, name, ".md").is_file()),
     ]

@@ -20,7 +20,12 @@ pytestmark = [pytest.mark.browser, pytest.mark.long]
 
 DOCS = Path(__file__).parents[2] / "docs"
 
-LOOKED_AT = ("index.html", "tutorial/index.html", "examples/index.html")
+LOOKED_AT = (
+    "index.html",
+    "how-to/with-a-tracker.html",
+    "reference/commands/identify.html",
+    "reference/api/taskcal.identify.html",
+)
 """Pages of which screenshots are kept."""
 
 FEWEST = 40
@@ -46,6 +51,12 @@ def address(built: Path) -> Generator[str, None, None]:
         Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_address[1]}"
         server.shutdown()
+
+
+def test_search_for_option_finds_page_of_command(address: str, tab: Any) -> None:
+    for words in ("--target-within-mm", "target-within-mm"):
+        tab.goto(f"{address}/search.html?q={words}")
+        tab.locator('#search-results a[href*="reference/commands/identify.html"]').first.wait_for(timeout=20_000)
 
 
 def test_every_page_opens_without_complaint(built: Path, address: str, tab: Any) -> None:

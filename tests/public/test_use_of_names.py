@@ -18,7 +18,7 @@ SOURCES = [
     *(
         path
         for path in sorted((ROOT / "docs").glob("*.py"))
-        if path.name not in ("command_table.py", "draw_gallery.py")
+        if path.name not in ("command_pages.py", "draw_gallery.py")
     ),
 ]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -47,6 +47,34 @@ SUMMARIES = {
 """Each command's name and the first line of its help, in the order in which a user needs them: from a robot to its report, and
 then what keeps the installation in order."""
 
+EXAMPLES = {
+    "demo": "taskcal demo",
+    "robots list": "taskcal robots",
+    "robots show": "taskcal robots show abb-irb120",
+    "robots import": "taskcal robots import table.csv --convention dh -o my-robot.toml",
+    "sensitivity": "taskcal sensitivity --robot ur5e --task task.toml",
+    "select": "taskcal select --robot ur5e --task task.toml",
+    "plan": "taskcal plan --robot ur5e --task task.toml --count 40 -o plan.csv",
+    "study": "taskcal study --robot ur5e --task task.toml --counts 20,40",
+    "simulate": "taskcal simulate --robot ur5e --task task.toml -o campaign.csv",
+    "convert": "taskcal convert --robot ur5e measured.xlsx -o campaign.csv",
+    "register": "taskcal register --robot ur5e campaign.csv -o reg.json",
+    "identify": "taskcal identify --robot ur5e campaign.csv -o cal.json --holdout 0.3",
+    "validate": "taskcal validate cal.json other.csv --accept 0.15",
+    "compare": "taskcal compare before.json after.json --task task.toml",
+    "fleet": "taskcal fleet robots/",
+    "performance": "taskcal performance poses.csv",
+    "correct": "taskcal correct -c cal.json part.mod -o part-corrected.mod",
+    "place": "taskcal place -c cal.json part.mod --region=-300:300,0,0",
+    "poses": "taskcal poses -c cal.json joints.csv",
+    "export": "taskcal export cal.json --form urdf -o robot.urdf",
+    "report": "taskcal report cal.json --task task.toml -o report.html",
+    "studio": "taskcal studio my-project",
+    "doctor": "taskcal doctor campaign.csv --robot ur5e",
+    "warm": "taskcal warm",
+}
+"""A use of each command that needs no other option; its help shows it."""
+
 
 class LazyCommands(MutableMapping[str, Any]):
     """Commands by name; a value is imported as it is asked for."""
@@ -83,6 +111,9 @@ def _load(name: str) -> Any:
         app.command(name, cls=Command)(laid_out(module.command))
     command: Any = typer.main.get_command(app)  # pyright: ignore
     command.name = name
+    command.example = EXAMPLES.get(name, "")
+    for inner, subcommand in getattr(command, "commands", {}).items():
+        subcommand.example = EXAMPLES.get(f"{name} {inner}", "")
     return command
 
 

@@ -57,6 +57,9 @@ def _typed(names: Sequence[str], arguments: Sequence[str]) -> str | None:
 class Command(TyperCommand):
     """A command of Taskcal."""
 
+    example = ""
+    """A use of it, which its help shows on a line of its own."""
+
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the options."""
         try:
@@ -70,6 +73,12 @@ class Command(TyperCommand):
         """Run the command."""
         show_log()
         return super().invoke(ctx)
+
+    def format_help_text(self, ctx: Any, formatter: Any) -> None:
+        """Write what the command does, and an example."""
+        super().format_help_text(ctx, formatter)
+        if self.example:
+            formatter.write(f"\n  Example: {self.example}\n")
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help, and behind it what can be written for ``--effects``, effects of imported modules among it."""

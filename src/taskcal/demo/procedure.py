@@ -130,7 +130,9 @@ def reference_task(spread: float = 0.0) -> Task:
     return replace(task, workspace=replace(task.workspace, orientations=orientations))
 
 
-ONE, SEVERAL = "one orientation", "±20°"
+ONE = "one orientation"
+"""Name of the campaign in a single tool orientation."""
+SEVERAL = "±20°"
 SPREAD = np.radians(20.0)
 INSIDE, OUTSIDE = "same orientations", "turned farther"
 CIRCLES = "circles held"
