@@ -42,6 +42,7 @@ nitpick_ignore = [  # one class by two names: the library of programs raises it 
 ]
 
 html_theme = "furo"
+html_use_index = False  # of 1300 entries; search and the list of names find them
 html_title = f"Taskcal {release}"
 html_static_path = ["_static"] if (Path(__file__).parent / "_static").is_dir() else []
 templates_path = ["_templates"]

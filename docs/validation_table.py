@@ -10,7 +10,7 @@ from sphinx.util.docutils import SphinxDirective
 
 
 class Validation(SphinxDirective):
-    """A section for each page, with a list of its claims."""
+    """A section for each page, with a list of its claims, folded."""
 
     def run(self) -> list[nodes.Node]:
         """The sections."""
@@ -20,10 +20,13 @@ class Validation(SphinxDirective):
 def _section(page: str, some: list[Claim]) -> nodes.section:
     title = page.removeprefix("docs/")
     section = nodes.section("", nodes.title("", title), ids=[nodes.make_id(f"claims-{title}")])
+    count = f"{len(some)} claim{'s' if len(some) > 1 else ''}"
+    section += nodes.raw("", f"<details><summary>{count}</summary>", format="html")
     for claim in some:
         said = nodes.line_block("", *(nodes.line("", "", nodes.Text(text)) for text in map(_cells, claim.says)))
         section += nodes.block_quote("", said)
         section += nodes.bullet_list("", *(_item(*line) for line in _lines(claim)))
+    section += nodes.raw("", "</details>", format="html")
     return section
 
 

@@ -349,7 +349,7 @@ def identifiability(
     components: Literal["position", "pose"] = "position",
     frames: bool = False,
 ) -> Identifiability:
-    """Eliminate from left to right what some poses cannot tell from the parameters before it.
+    """Find the parameters that are identifiable at some poses, by elimination from left to right.
 
     Args:
         model: the model.

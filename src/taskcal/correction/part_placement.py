@@ -189,7 +189,7 @@ def place(
     progress: Callable[[int, int], None] | None = None,
     **options: Unpack[PlacementChoices],
 ) -> PartPlacements:
-    """The error to be expected of a program or a task, over placements of its part.
+    """Compute the expected error of a program or a task over placements of its part.
 
     Args:
         on: the robot as calibrated; or a robot, whose tolerances then count.

@@ -341,7 +341,7 @@ class Diagnosis:
 @checked
 @single_threaded
 def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -> Diagnosis:
-    """Find the mistakes of a campaign: what is written wrong, and what went wrong in its course.
+    """Find the mistakes of a campaign, in its file and in the course of the measurement.
 
     Every usual mistake of joints, frames, rows and robot is undone, singly and in pairs; half of the rows register the nominal
     robot, the other half say how far off it is. A mistake is significant where undoing it lowers the geometric mean of that by a

@@ -72,7 +72,7 @@ class Resemblance:
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Comparison:
-    """What the second calibration's robot does otherwise than the first one's."""
+    """Differences between two calibrations of one robot, frames projected out."""
 
     q: Float[np.ndarray, "n joints"]
     """Poses at which they were compared, radians."""

@@ -54,7 +54,7 @@ from taskcal.short_repr import short_repr
 @short_repr
 @dataclass(frozen=True, kw_only=True)
 class EffectSearch:
-    """What may be added to the geometry, and how it is put to the proof."""
+    """Options of a search for effects: candidates, and the criteria of acceptance."""
 
     effects: Sequence[Effect] | None = None
     """Those to add without proof; None to try the candidates."""
@@ -153,7 +153,7 @@ class Stage:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Explanation:
-    """A calibration with the effects and the field that the data prove, and the proof."""
+    """A calibration with the supported effects, and the evidence for each."""
 
     calibration: Calibration
     effects: tuple[Effect, ...]
@@ -280,7 +280,7 @@ def select_effects(
     options: FitOptions | None = None,
     progress: Callable[[str], None] = _silent,
 ) -> Explanation:
-    """Identify geometry, then geometry and all effects at once, and keep the effects where the data prove them.
+    """Identify geometry, then geometry and all effects at once, and keep the effects where the data support them.
 
     Candidates compete where the campaign tells what they need and use (`Effect.is_told`): backlash, settling and overshoot where
     it has the ways to its rows, thermal expansion where all rows have temperatures, or times, that differ enough. Of two that have

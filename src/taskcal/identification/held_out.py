@@ -379,7 +379,7 @@ MIN_ALIKE = 2
 
 @dataclass(frozen=True, kw_only=True)
 class Outlier:
-    """A measured point that the fit cannot believe."""
+    """A measured point whose residual is too large for chance."""
 
     row: int
     """Row of the whole campaign, counted from 0, whichever rows were fitted."""

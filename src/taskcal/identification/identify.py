@@ -364,10 +364,9 @@ class Attempt:
 def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices]) -> Calibration:
     """Identify the model's parameters from a campaign, the tracker frame and the targets with them.
 
-    The estimate minimises the whitened residuals with a Gaussian prior on every parameter, so that parameters that
-    repeat each other share what is found instead of running away. Real robots deviate from any geometry by far more than
-    the tracker's noise, and by their own amounts: a model error beside the noise, and one common scale of the prior, are
-    those of the largest marginal likelihood.
+    The estimate minimises the whitened residuals with a Gaussian prior on every parameter. The prior distributes the
+    estimate among linearly dependent parameters. Real robots deviate from any geometry by far more than the tracker's
+    noise: the model error and the common scale of the prior are those of the largest marginal likelihood.
 
     Args:
         model: the model.

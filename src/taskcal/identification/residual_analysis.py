@@ -187,7 +187,7 @@ class Explained:
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ResidualAnalysis:
-    """What is left at every pose, and what it goes with."""
+    """Residual at every pose, and the quantities that explain it."""
 
     residual: Float[np.ndarray, "n 3"]
     """Measured less predicted, mean over the targets seen, in base axes, metres."""
@@ -220,7 +220,7 @@ class ResidualAnalysis:
 def analyse_residuals(
     calibration: Calibration, campaign: Campaign, *, permutations: int = 99, folds: int = 5, seed: int = 0
 ) -> ResidualAnalysis:
-    """Find out what the residuals of a calibration go with.
+    """Find the quantities that explain the residuals of a calibration.
 
     Args:
         calibration: the calibration.

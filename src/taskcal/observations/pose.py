@@ -16,7 +16,7 @@ TURN_PRIOR = 1e-3
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Pose(Observation):
-    """Y = T: a six-dimensional target, or a board on the tool before a camera that stands."""
+    """Y = T: a six-dimensional target, or a board on the tool in front of a fixed camera."""
 
     key: ClassVar[str] = "pose"
     width: ClassVar[int] = 6

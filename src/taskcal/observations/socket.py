@@ -87,7 +87,7 @@ MAX_MEDIANS = 10.0
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sockets(Standalone):
-    """0 = p − s: the ball p is in the middle s of its socket, which is unknown and stands still.
+    """0 = p − s: the ball p is in the middle s of its socket, which is unknown and fixed.
 
     Sockets alone do not tell how large the robot is: all lengths might be twice as long, and all sockets twice as far apart.
     """

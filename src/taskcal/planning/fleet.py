@@ -479,7 +479,7 @@ Progress = Callable[[int, int], None]
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fleet:
-    """What the files of many robots tell: tables of rows with the keys of ``--json``, in millimetres and milliradians."""
+    """Results of many robots: tables of rows with the keys of ``--json``, in millimetres and milliradians."""
 
     folder: Path
     calibrations: tuple[Row, ...]

@@ -64,7 +64,7 @@ Prepared = tuple[Float[np.ndarray, "_ _"] | None, ...]
 
 
 class ErrorModel:
-    """Six defects per joint frame, six of the tool, and the lengths of a closed loop.
+    """Six geometric errors per joint frame, six of the tool, and those of the lengths of a closed loop.
 
     The error frame of a joint follows its rotation: E = T(tx, ty, tz)·Rx·Ry·Rz in the joint's own frame; the tool's
     follows the tool's transform. With ``lengths_only`` the model has the robot's nominal dimensions as its only

@@ -124,7 +124,7 @@ and memory however short they are."""
 
 @dataclass(frozen=True, kw_only=True)
 class TableForm:
-    """Statements of the user on what a table leaves open; nothing by default."""
+    """What the user states of a table whose form leaves it open; nothing by default."""
 
     columns: tuple[str, ...] | None = None
     """Names of the columns, for a file that has none, or others."""

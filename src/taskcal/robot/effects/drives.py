@@ -289,7 +289,7 @@ CERTAIN_SIGMAS = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class Compliance(Effect):
-    """Drives that yield under the weight of what they carry, and under forces at the tool.
+    """Compliance of the drives under gravity, and under forces at the tool.
 
     Torques come by virtual work through the true load path: through a parallelogram's rod the forearm's moment goes to the
     motor of its crank, whose absolute angle yields, and the lower arm's motor carries its weight but not its moment. A
