@@ -47,10 +47,13 @@ def _described(path: str, command: Any, line: str) -> Iterable[str]:
     records = [(p, record) for p in command.get_params(context) if (record := p.get_help_record(context))]
     yield f".. program:: {path}\n"
     for title, kind in (("Arguments", "argument"), ("Options", "option")):
-        some = [record for parameter, record in records if parameter.param_type_name == kind]
+        some = [(parameter.opts, *record) for parameter, record in records if parameter.param_type_name == kind]
         if some:
             yield f".. rubric:: {title}\n"
-        for names, text in some:
+        for spelled, names, text in some:
+            yield from (
+                f".. index:: ! {name}\n" for name in spelled if name.startswith("--")
+            )  # found first by its name
             named = f".. option:: {names}\n" if kind == "option" else f"``{names.partition(' <')[0]}``"
             yield f"{named}\n   {_plain(text)}\n"
     if any("--effects" in parameter.opts for parameter, _ in records):

@@ -10,24 +10,21 @@ from sphinx.util.docutils import SphinxDirective
 
 
 class Validation(SphinxDirective):
-    """A section for each page, with a list of its claims, folded."""
+    """The claims of each page, folded."""
 
     def run(self) -> list[nodes.Node]:
-        """The sections."""
-        return [_section(page, list(some)) for page, some in groupby(claims(), key=lambda claim: claim.page)]
+        """One list after the other."""
+        pages = groupby(claims(), key=lambda claim: claim.page)
+        return [node for page, some in pages for node in _folded(page.removeprefix("docs/"), list(some))]
 
 
-def _section(page: str, some: list[Claim]) -> nodes.section:
-    title = page.removeprefix("docs/")
-    section = nodes.section("", nodes.title("", title), ids=[nodes.make_id(f"claims-{title}")])
+def _folded(page: str, some: list[Claim]) -> list[nodes.Node]:
     count = f"{len(some)} claim{'s' if len(some) > 1 else ''}"
-    section += nodes.raw("", f"<details><summary>{count}</summary>", format="html")
+    made: list[nodes.Node] = [nodes.raw("", f"<details><summary>{page}: {count}</summary>", format="html")]
     for claim in some:
         said = nodes.line_block("", *(nodes.line("", "", nodes.Text(text)) for text in map(_cells, claim.says)))
-        section += nodes.block_quote("", said)
-        section += nodes.bullet_list("", *(_item(*line) for line in _lines(claim)))
-    section += nodes.raw("", "</details>", format="html")
-    return section
+        made += [nodes.block_quote("", said), nodes.bullet_list("", *(_item(*line) for line in _lines(claim)))]
+    return [*made, nodes.raw("", "</details>", format="html")]
 
 
 def _lines(claim: Claim) -> list[tuple[str, list[nodes.Node]]]:

@@ -1,6 +1,7 @@
 """Build the documents of this version into ``build/docs/VERSION``, beside those of others, and the page that lists all."""
 
 import html
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -26,6 +27,7 @@ def index(names: list[str]) -> str:
 
 def build() -> int:
     """Run Sphinx, and list what is there; its exit status."""
+    shutil.rmtree(OUT / taskcal.__version__, ignore_errors=True)  # pages that are no longer
     options = ["-W", "--keep-going", "-q", "-b", "html", "-d", str(OUT / ".doctrees")]
     status = subprocess.run([sys.executable, "-m", "sphinx", *options, str(DOCS), str(OUT / taskcal.__version__)])
     built = [path.parent.name for path in OUT.glob("*/searchindex.js")]
