@@ -14,11 +14,11 @@ ROOT = Path(__file__).parents[2]
 NAMESPACES = {f"taskcal.{name}" for name in set(dir(taskcal)) - set(taskcal.__all__) - {"__version__"}}
 SOURCES = [
     *sorted((ROOT / "examples").glob("*.py")),
-    # the pages of the command line are made from the command line itself, and the gallery by its commands
+    # the pages of commands and names are made from the command line and the package themselves, the gallery by its commands
     *(
         path
         for path in sorted((ROOT / "docs").glob("*.py"))
-        if path.name not in ("command_pages.py", "draw_gallery.py")
+        if path.name not in ("api_pages.py", "command_pages.py", "draw_gallery.py")
     ),
 ]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
