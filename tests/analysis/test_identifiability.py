@@ -126,6 +126,8 @@ def test_what_is_left_of_a_direction_is_what_a_posterior_leaves(rng, p, exponent
     np.testing.assert_allclose(v @ posterior @ v.T, np.diag(left**2), rtol=1e-6, atol=1e-9 * left[0] ** 2)
     assert (np.diff(left) <= 0.0).all()
     assert told.count == (left**2 < 0.5).sum()
+    assert [direction.left for direction in told.lost] == left[left**2 >= 0.5].tolist()
+    assert told.summary()["rank"] == told.count + len(told.lost) == p
 
 
 @pytest.mark.parametrize("noise", [0.0, -1e-3, np.nan, np.inf])

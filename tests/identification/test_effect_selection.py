@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
+from taskcal.errors import FitError
 from taskcal.identification.calibration import load_calibration
 from taskcal.identification.effects import EffectSearch, explain, untried_effects
 from taskcal.identification.group_search import find_group_model
@@ -349,3 +350,20 @@ def test_effects_enter_with_evidence_of_more_than_three_alone(robot, monkeypatch
     assert together.log_evidence == pytest.approx(gain)
     assert together.accepted == enters == bool(found.calibration.model.effects)
     assert ("without the evidence for it" in together.reason) != enters
+
+
+@pytest.mark.parametrize("advice", ["; check the campaign's rows", ". Measure more poses; check the rows"])
+def test_a_model_that_cannot_be_fitted_is_remarked_by_its_reason(robot, monkeypatch, advice):
+    """The geometry stays, and what the refusal advises about a model of effects is of no use there."""
+    from taskcal.identification import effects as module
+
+    def refuse(*arguments, **options):
+        raise FitError(f"the fit of geometry and effects ran away{advice}")
+
+    model, rng = ErrorModel(robot), np.random.default_rng(0)
+    campaign, _ = simulate(model, poses(robot, rng, 40), rng=rng)
+    monkeypatch.setattr(module, "find_group_model", refuse)
+    found = explain(model, campaign, candidates=CHEAP, folds=3)
+    assert found.effects == ()
+    assert found.calibration.model == model
+    assert found.calibration.remarks[-1].endswith(": the fit of geometry and effects ran away")

@@ -1,5 +1,7 @@
 """Hyperparameters: model error and prior scale of the largest marginal likelihood, each of its own group."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -64,6 +66,20 @@ def test_a_model_error_that_is_given_is_that_of_its_own_group() -> None:
     added = found.predict_covariance(q) - found.predict_covariance(q, model_error=False)
     expected = np.diag([POSITION**2] * 3 + [ROTATION**2] * 3)
     np.testing.assert_allclose(added[:, 0], np.broadcast_to(expected, (5, 6, 6)), atol=1e-6 * ROTATION**2)
+
+
+@pytest.mark.parametrize("error", ["estimate", 1e-4])
+@pytest.mark.parametrize("scale", [0.2, 3.0])
+def test_a_prior_scale_that_is_given_is_kept(error: float | str, scale: float) -> None:
+    """Whatever scale the rows would ask for, and with a model error that is sought or given; there is no group to be found then."""
+    model, campaign = poses_with_model_error(16, POSITION, ROTATION)
+    points = replace(campaign.take(range(40)), rotations=None)
+    found = identify(model, points, prior_scale=scale, model_error=error)
+    assert found.prior_scale == pytest.approx(scale, rel=1e-12)
+    assert found.parameter_groups is None
+    sought = identify(model, points, model_error=error)
+    assert 0.3 < sought.prior_scale < 1.0
+    assert sought.parameter_groups == 1
 
 
 def test_fit_without_tracker_ends_if_rotation_is_prior_only():

@@ -84,6 +84,7 @@ def test_turning_spin_reaches_where_a_constant_fails():
     assert np.ptp(spun.spin) > np.radians(150)
     steps = np.abs(np.diff(spun.spin))
     assert steps.max() < 3.0 * steps.mean()
+    assert np.abs(np.diff(spun.spin, 2)).max() < 0.3 * steps.mean()  # evenly: a grid of spins alone would go by jerks
 
 
 def test_the_nearest_posture_of_many_joints_serves_too():

@@ -149,14 +149,3 @@ def test_a_link_of_no_length_hides_what_is_behind_it():
     links = Links(start=start, end=start.copy(), radius=np.array([0.1, 0.1]))
     assert not station().visible(T, links)[0, 0]
     assert station().visible(T, Links(start=start, end=start.copy(), radius=np.array([0.04, 0.1])))[0, 0]
-
-
-@given(generators)
-@settings(max_examples=5)
-def test_the_tracker_is_the_origin_of_its_frame(rng):
-    """Parallel to the base, and reflectors are where their positions say."""
-    cell = station(position=rng.uniform(-3, 3, 3))
-    T = cell.T_tracker_base
-    np.testing.assert_allclose(T[:3, :3] @ cell.position + T[:3, 3], 0.0, atol=1e-12)
-    np.testing.assert_array_equal(T[:3, :3], np.eye(3))
-    np.testing.assert_array_equal(cell.offsets, [reflector.position for reflector in cell.reflectors])

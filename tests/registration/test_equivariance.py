@@ -7,8 +7,10 @@ import pytest
 
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
+from taskcal.geometry.point_registration import orientations, refine, rms_length
 from taskcal.registration.circles import find_circles, register_from_circles
 from taskcal.registration.registration import (
+    Cloud,
     nominal_poses,
     place_targets,
     register,
@@ -129,6 +131,21 @@ def test_a_station_is_placed_in_spite_of_wrong_points():
     measured[[2, 11, 23]] += 0.05
     found = frame_of_points(base, measured, 1.0, "station 'b'")
     np.testing.assert_allclose(found, T, atol=3e-5)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_points_that_fit_nowhere_are_placed_where_they_fit_best(seed):
+    """Of rows that were mixed up many frames are about as near; none of those from which a search may start is nearer."""
+    rng, model, campaign = measured_arm(seed, "three targets", rows=20)
+    mixed = replace(campaign, q=rng.permutation(campaign.q))
+    cloud = Cloud.of(nominal_poses(model, mixed), mixed)
+
+    def left(Z):
+        return rms_length(cloud.residual(Z, *cloud.moments.offsets(Z)))
+
+    each = np.array([left(refine(Z, cloud.moments)[0]) for Z in orientations()])
+    assert np.ptp(each) > 1e-3 * each.min()
+    assert left(register(model, mixed).T_tracker_base[:3, :3]) <= each.min() * (1.0 + 1e-6)
 
 
 @pytest.mark.parametrize(("points", "said"), [(2, "too few"), (9, "on one line")])
