@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import re
+import shutil
 from contextlib import chdir, redirect_stdout
 from pathlib import Path
 
@@ -200,7 +201,11 @@ def test_the_first_rows_and_a_picked_point_are_the_file_s(worked) -> None:
         assert facts[TEXTS("measurements.rows")] == "40"
         assert facts[TEXTS("measurements.targets")] == "A, B"
         assert facts[TEXTS("measurements.lost")] == "3"
-        (header, *rows) = next(iter(user.tables().values()))
+        ((header, *rows),) = (
+            table
+            for title, table in user.tables().items()
+            if title == TEXTS("measurements.first_rows", count=len(table) - 1)
+        )
         written = written_rows(worked)
         assert written[0].keys() <= set(header)
         assert 0 < len(rows) < len(written)
@@ -408,8 +413,8 @@ def test_a_station_is_begun_and_its_tracker_moved(own) -> None:
     visit(own, edit)
 
 
-def test_what_is_asked_of_a_fit_is_kept(own) -> None:
-    Project(own).choose(campaign="campaigns/a.csv")
+def test_what_is_asked_of_a_fit_is_kept(worked, tmp_path) -> None:
+    own = Path(shutil.copytree(worked, tmp_path / "own"))
 
     async def ask(user: Visitor) -> None:
         await user.open("identify")
@@ -447,15 +452,22 @@ def test_a_result_shows_the_calibration_s_own_errors(worked) -> None:
         means = {row[0]: numbers(" ".join(row[1:])) for row in errors[1:]}
         for name, sample in (("nominal", "nominal"), ("fitted", "fitted"), ("unseen", "held_out")):
             assert round(result[sample]["mean_mm"], 3) in np.round(means[TEXTS(f"result.{name}")], 3)
-        user.tell(user.named(TEXTS("result.scale")), "moved", {"value": "2", "said": 1})
-        assert "× 100" in user.said("span")
+        slider, scales = user.named(TEXTS("result.scale")), []
+        for place in range(int(slider.props["min"]), int(slider.props["max"]) + 1):
+            user.tell(slider, "moved", {"value": str(place), "said": 1})
+            scales += [float(said[2:]) for said in user.said("span") if said.startswith("× ")]
+        assert scales[0] == 1.0
+        assert np.all(np.diff(scales) > 0.0)
         assert user.facts()[TEXTS("result.drawn")] == f"{np.isfinite(sizes).sum()} / {np.isfinite(sizes).sum()}"
         await user.open("identify")
-        ((_, row),) = user.tables().values()
-        shown = [*row[:3], *(float(value) for value in row[3:])]
+        (table,) = (table for title, table in user.tables().items() if title == TEXTS("identify.errors"))
+        shown = dict(zip(*table, strict=True))
         held = result["held_out"]
-        wanted = [result["nominal"]["mean_mm"], result["fitted"]["mean_mm"], held["mean_mm"], held["max_mm"]]
-        assert shown[:3] == ["one", str(result["rows"]), str(len(result["parameters"]))]
-        np.testing.assert_allclose(shown[3:], wanted, atol=6e-4)
+        wanted = {"nominal": result["nominal"]["mean_mm"], "fitted": result["fitted"]["mean_mm"]}
+        wanted |= {"unseen": held["mean_mm"], "largest": held["max_mm"]}
+        assert shown[TEXTS("identify.rows")] == str(result["rows"])
+        assert shown[TEXTS("identify.parameters")] == str(len(result["parameters"]))
+        for name, value in wanted.items():
+            assert float(shown[TEXTS(f"identify.{name}")]) == pytest.approx(value, abs=6e-4)
 
     visit(worked, look)

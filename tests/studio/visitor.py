@@ -77,8 +77,9 @@ class Visitor:
     def tables(self) -> dict[str, list[list[str]]]:
         """Header and rows of every table, by its title."""
         return {
-            self.said("caption", within=table)[0]: [
-                [e.text for e in self.elements("th", "td", within=row)] for row in self.elements("tr", within=table)
+            next(iter(self.said("caption", within=table)), ""): [
+                [getattr(e, "text", "") for e in self.elements("th", "td", within=row)]
+                for row in self.elements("tr", within=table)
             ]
             for table in self.elements("table")
         }

@@ -57,3 +57,23 @@ def test_a_report_in_words_is_called_one():
     report = "".join(f"Angle {k}: {k / 7:.3f}, {k / 9:.3f}\nError: {k}\nRemark: none\n" for k in range(9))
     with pytest.raises(FileError, match="is labelled text, not a table"):
         laid(report)
+
+
+def test_the_table_is_what_most_rows_of_numbers_are():
+    out = laid("9,9,9,9\na,b,c\n1,2,3\n4,5,6\n")
+    assert out.header == ("a", "b", "c")
+    assert tuple(out.lines) == (3, 4)
+    assert any(note.startswith("line 1 holds numbers above the table") for note in out.notes)
+
+
+@pytest.mark.parametrize("line", ["AXES = CARTESIAN", "Frame: base", "Frame;:;base", "Operator: N. N."])
+def test_a_setting_right_above_the_numbers_names_no_columns(line):
+    assert laid(f"{line}\n1;2;3\n4;5;6\n7;8;9\n").header == ("", "", "")
+
+
+def test_units_behind_the_numbers_are_those_of_their_columns():
+    out = laid("a;b;c;d;e\n1;2 mm;3;-4.5°;5\n6;7 mm;8;9.25°;10\n")
+    assert (out.units[1], out.units[3]) == ("mm", "°")
+    assert not any(out.units[k] for k in (0, 2, 4) if k < len(out.units))
+    assert tuple(out.rows) == (("1", "2", "3", "-4.5", "5"), ("6", "7", "8", "9.25", "10"))
+    assert laid("a;b\n1;2 mm\n6;7 mm\n8;9 deg\n3;4 deg\n").rows[0] == ("1", "2 mm")  # of neither

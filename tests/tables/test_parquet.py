@@ -45,6 +45,12 @@ def test_what_other_programs_write_is_read(tmp_path):
     assert list(read.lines) == [2, 3, 4]
 
 
+def test_a_file_of_others_without_rows_is_not_called_damaged():
+    written = io.BytesIO()
+    pyarrow.parquet.write_table(pyarrow.table({"x_mm": pyarrow.array([], pyarrow.float64())}), written)
+    assert list(read_parquet(PATH, written.getvalue()).rows) == [("x_mm",)]
+
+
 @pytest.mark.parametrize("damage", [lambda c: c[:40], lambda c: c[:20] + c[30:], lambda c: c[:4] + bytes(len(c) - 4)])
 def test_a_damaged_file_is_refused(damage):
     content = parquet_of(["id", "x_mm"], [[str(k), "1.5"] for k in range(25)])
