@@ -473,9 +473,9 @@ def _visits(routine: Routine, stops: Iterable[_Stop]) -> Iterator[Visit]:
     for name, group in by_name.items():
         kinds = dict.fromkeys((stop.frames, stop.given) for stop in group if stop.number is not None)
         for stop in group:
-            for frames, given in kinds:
-                same = stop.frames == frames if stop.number is not None else stop.frames >= frames
-                if same and (stop.given is given or stop.given is None):
+            # what is given by a call is of no other kind: compared with all, they would take time by their square
+            for frames, given in kinds if stop.given is None else ((stop.frames, stop.given),):
+                if stop.frames == frames if stop.number is not None else stop.frames >= frames:
                     yield Visit(number=stop.number, target=(routine, name, frames, given), place=stop.place)
 
 

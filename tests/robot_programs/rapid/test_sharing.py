@@ -1,5 +1,7 @@
 """Targets that several motions share are written as all of them need, or not at all."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -111,3 +113,15 @@ def test_what_was_assigned_is_written_where_it_is_used():
     np.testing.assert_allclose(moved, [1, 2], atol=1e-6)
     assert not cannot
     assert "q:=p1;\nMoveL [[11,0,0]," in text
+
+
+def test_calls_that_give_targets_take_time_by_their_number():
+    def seconds(count: int) -> float:
+        calls = "go p1,tool0;\n" * count
+        program = read_rapid([source(f"MODULE m\n{POINTS}PROC main()\n{calls}ENDPROC\n{GO}ENDMODULE")])
+        begin = time.process_time()
+        assert len(list(program.visits())) == count
+        return time.process_time() - begin
+
+    shortest = max(seconds(300), 4e-3)
+    assert any(seconds(2400) < 30 * shortest for _ in range(2))
