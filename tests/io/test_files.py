@@ -1,6 +1,8 @@
 import os
 import subprocess
 import sys
+import time
+from unittest.mock import Mock
 
 import pytest
 
@@ -83,6 +85,18 @@ def test_cleanup_removes_only_temp_files_of_dead_processes(tmp_path):
     running = writing.lay_file(path, b"of this process").part
     write_all({path: "whole", other: "whole"})
     assert sorted(tmp_path.iterdir()) == sorted([path, other, running])
+
+
+def test_files_of_processes_that_are_not_ours_are_kept(tmp_path, monkeypatch):
+    """Another user's, whom no signal reaches; those of another machine for an hour."""
+    monkeypatch.setattr(writing.os, "kill", Mock(side_effect=PermissionError))
+    theirs = writing.lay_file(tmp_path / "a.csv", b"of another user").part
+    now, before = (tmp_path / f".a.csv.1-elsewhere.{name}.part" for name in ("now", "before"))
+    for stray, age in ((now, 0.9), (before, 1.1)):
+        stray.touch()
+        os.utime(stray, (time.time() - age * 3600.0,) * 2)
+    write_all({tmp_path / "a.csv": "whole"})
+    assert sorted(tmp_path.iterdir()) == sorted([theirs, now, tmp_path / "a.csv"])
 
 
 def test_interrupt_between_files_leaves_consistent_set(tmp_path, monkeypatch):

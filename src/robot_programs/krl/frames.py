@@ -404,10 +404,12 @@ class Frames:
         except Unresolved as trouble:
             changed = "MACHINE_FRAME_DAT" in self.data.refused
             return _unknown(f"what carries {base} is not known: {trouble}") if changed else variable
+        if index is None:
+            return _unknown(f"what carries {base} is not known: MACHINE_FRAME_DAT[{number:g}] has no MACH_DEF_INDEX")
         if index == 0:
             return variable
         try:
-            machine = self._stated(f"MACHINE_DEF[{index or 0:g}]")
+            machine = self._stated(f"MACHINE_DEF[{index:g}]")
         except Unresolved as trouble:
             return _unknown(f"what carries {base} is not known: {trouble}")
         kind, controller = machine.field("MECH_TYPE"), machine.value("COOP_KRC_INDEX")
@@ -419,7 +421,9 @@ class Frames:
             case "#EASYS" | "#EBSYS" | "#ECSYS" | "#EDSYS" | "#EESYS" | "#EFSYS" if controller == 1:
                 return replace(variable, carrier=EXTERNAL_KINEMATIC)
             case _:
-                text = f"{base} is carried by MACHINE_DEF[{index or 0:g}], which is no external kinematic system of this robot"
+                text = (
+                    f"{base} is carried by MACHINE_DEF[{index:g}], which is no external kinematic system of this robot"
+                )
                 return _unknown(f"{text}, and where it is this program does not tell")
 
     def _stated(self, name: str) -> Aggregate:

@@ -20,5 +20,7 @@ def test_joints_are_read_by_number_or_by_the_robots_own_names():
 def test_a_joint_that_the_robot_lacks_is_named():
     with pytest.raises(FileError, match=r"path\.csv:1: has 'J1_deg' but no column 'J6_deg' of abb-irb120"):
         read("J1_deg,J2_deg,J3_deg,J4_deg,J5_deg\n", robot=ROBOT)
+    with pytest.raises(FileError, match=r"has 'J2_deg' but no column 'J1_deg' of abb-irb120"):
+        read("J2_deg,J3_deg,J4_deg\n", robot=ROBOT)
     with pytest.raises(FileError, match=r"joint J1 is given twice, by 'J1_deg' and 'q1_rad'; keep one"):
         read("J1_deg,q1_rad\n", robot=ROBOT)

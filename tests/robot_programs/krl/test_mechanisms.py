@@ -92,6 +92,14 @@ def test_base_on_an_unknown_carrier_is_not_fixed(kind, controller, index):
     assert "BASE_DATA[2]" in texts(program)[-1]
 
 
+def test_base_whose_carrier_is_not_stated_is_not_fixed():
+    """It is on no mechanism in place of the one that is left out, though there is a first."""
+    text = config("#EASYS").replace("MACH_DEF_INDEX 2,", "").replace("MACHINE_DEF[2]", "MACHINE_DEF[1]")
+    program = read(INLINE, config=text)
+    assert not program.moves
+    assert "MACHINE_FRAME_DAT[2] has no MACH_DEF_INDEX" in texts(program)[-1]
+
+
 def test_a_carried_base_of_an_inline_form_with_splines_is_left():
     line = f"SLIN {POSE} WITH $TOOL=STOOL2(FP1), $BASE=SBASE(FP1.BASE_NO)"
     dat = "DECL FDAT FP1={TOOL_NO 1,BASE_NO 2,IPO_FRAME #BASE}"

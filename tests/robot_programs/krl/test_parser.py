@@ -1,7 +1,11 @@
+from pathlib import Path
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_programs.core.source import Source
+from robot_programs.krl.data import File
 from robot_programs.krl.syntax import (
     Aggregate,
     Assignment,
@@ -39,6 +43,22 @@ def test_words_are_where_they_say(text):
 def test_any_text_has_statements(text):
     for line in parse(text):
         assert 0 <= line.start < line.end <= len(text)
+
+
+@given(
+    st.lists(
+        st.sampled_from(["DEF A( )", "END", "DEFDAT B", "ENDDAT", "DEFFCT INT C( )", "ENDFCT", "HALT", "I=1"]),
+        max_size=9,
+    )
+)
+def test_every_statement_is_in_one_section_or_bounds_it(lines):
+    """Whatever the order of heads and ends, and whatever is outside of any."""
+    text = "\n".join(lines)
+    file = File(number=0, source=Source.of(Path("a.src"), text.encode()), statements=tuple(parse(text)))
+    inside = [line for section in file.sections for line in section.lines]
+    bounds = [line for line in file.statements if isinstance(line, Begin | End)]
+    assert inside == [line for line in file.statements if not isinstance(line, Begin | End)]
+    assert [section.head for section in file.sections if section.head] == [b for b in bounds if isinstance(b, Begin)]
 
 
 def test_a_motion_with_all_it_can_say():

@@ -1,3 +1,5 @@
+from itertools import permutations
+
 import pytest
 
 from robot_programs.rapid.names import Symbol
@@ -207,6 +209,9 @@ def test_joined_state_holds_what_all_ways_agree_on():
     assert both.last is None
     assert [(symbol, known.value) for symbol, known in both.variables.items()] == [(A, 1.0)]
     assert one.joined([one], "").last == 1
+    for ways in permutations([one, one, other]):
+        first, *others = ways
+        assert first.joined(others, "").agrees(both), "it matters in which order ways join, or that two are one"
 
 
 def test_joined_state_names_data_only_if_all_ways_do():

@@ -24,6 +24,13 @@ def test_words_are_parts_of_the_text_in_order(text):
     assert at == len(text)
 
 
+def test_what_is_outside_of_modules_is_said_once_at_its_first_word():
+    modules, problems = parse("stray words;\nMODULE m\nENDMODULE\nmore\nMODULE n\nENDMODULE\n")
+    assert [found.name.text for found in modules] == ["m", "n"]
+    ((position, text),) = [(problem.position, problem.text) for problem in problems]
+    assert (position, text.split()[0]) == (0, "'stray'")
+
+
 def test_words_of_each_kind():
     text = '%%%VERSION:1%%%\nMODULE m ! "no" string\n x1:=-.5E+3<>0x1F;"a ""b"" c!"\\Y'
     assert [token.text for token in tokenize(text)] == [

@@ -38,6 +38,15 @@ def test_what_each_call_gives_is_written_in_its_declaration():
     assert "_2" not in text
 
 
+def test_targets_that_calls_state_are_written_in_the_calls():
+    state = "go [[{},0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],tool0;".format
+    moved, cannot, text = rewritten(f"{state(40)}\n{state(50)}", GO, 1.0, 2.0)
+    np.testing.assert_allclose(moved, [1, 2], atol=1e-6)
+    assert not cannot
+    assert "go [[41,0,0]," in text
+    assert "go [[52,0,0]," in text
+
+
 def test_calls_with_other_tools_get_a_copy_of_the_target():
     """What calls with other tools need gets a copy where the call is."""
     moved, cannot, text = rewritten("go p1,tool0;\ngo p1,tA;", GO, 1.0, 2.0)

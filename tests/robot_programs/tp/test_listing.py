@@ -42,6 +42,14 @@ def test_sections_end_where_the_next_begins():
     assert found.fault() is None
 
 
+def test_instructions_are_those_of_their_section_alone():
+    """A listing without it has none, whatever else looks like one."""
+    text = "/PROG  A\n   1:L P[1] 10mm/sec FINE ;\n{}\n/POS\nP[1]{{\n   2:L P[1] 10mm/sec FINE ;\n}};\n/END\n".format
+    assert Listing(text("")).instructions == ()
+    (only,) = Listing(text("/MN\n   3:L P[2] 10mm/sec FINE ;")).instructions
+    assert "P[2]" in only.text
+
+
 def test_a_position_that_is_not_closed_or_listed_twice_is_told():
     text = "/MN\n/POS\nP[1]{\n   GP1:\nP[2]{\n};\n/END\n"
     fault = Listing(text).fault()
