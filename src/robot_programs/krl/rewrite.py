@@ -88,7 +88,7 @@ class Status:
         away = np.zeros(len(q))
         if self.T is not None:
             away = _bits_miss(self.T, -q[:, :JOINTS]).max(axis=1)
-        beyond = _beyond(robot, q)
+        beyond = None if self.S is None else _beyond(robot, q)
         if self.S is not None and beyond is not None:
             wrong = _bits_miss(self.S, beyond)
             away = np.maximum(away, np.where(wrong < BORDER_TOLERANCE, wrong, np.pi + wrong).max(axis=1))
@@ -104,7 +104,7 @@ class Status:
             robot: the robot.
             q: joint positions, radians.
         """
-        beyond = _beyond(robot, q[None])
+        beyond = None if self.S is None else _beyond(robot, q[None])
         S = self.S if self.S is None or beyond is None else _with_bits(self.S, beyond[0])
         T = None if self.T is None else _with_bits(self.T, -q[:JOINTS])
         return Status(S=S, T=T)
@@ -130,8 +130,8 @@ def _beyond(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray,
         return None
     ahead = q.copy()
     ahead[:, 0] = 0.0  # seen from a frame that turns with axis 1
-    overhead = -geometry.wrist(robot.joint_frames(ahead))[:, 0]
-    frames = robot.joint_frames(q)
+    turned, frames = np.split(robot.joint_frames(np.concatenate([ahead, q])), 2)
+    overhead = -geometry.wrist(turned)[:, 0]
     second, third = frames[:, 1], frames[:, 2]
     arm, forearm = third[:, :3, 3] - second[:, :3, 3], geometry.wrist(frames) - third[:, :3, 3]
     elbow = np.einsum("ni,ni->n", third[:, :3, 2], np.cross(arm, forearm)) * geometry.elbow_sign

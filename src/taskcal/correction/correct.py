@@ -108,7 +108,7 @@ def find_rejections(
         elif changes.joint[i] > bounds.joint:
             reasons[int(i)] = (
                 f"would move a joint by {np.degrees(changes.joint[i]):.1f}°, and {np.degrees(bounds.joint):g}° are allowed "
-                f"(--max-joint-deg){_why_joints_swing(robot, nodes.q[nodes.move == i][-1])}"
+                f"(--max-joint-deg){_why_joints_swing(robot, nodes.q[np.searchsorted(nodes.move, i, side='right') - 1])}"
             )
         elif not np.isfinite(subdivision.deviation[i]):
             reasons[int(i)] = (
