@@ -83,7 +83,10 @@ SEAL = "seal"
 DIGEST_DIGITS = 16
 """Hexadecimal, of SHA-256: 64 bits, so that two values agree by chance once in 10¹⁹."""
 
-ON_PURPOSE = "if it was edited on purpose, read it with --unsealed (unsealed=True in Python)"
+ON_PURPOSE = (
+    "if it was edited on purpose, commands read it with --unsealed (Python with unsealed=True); the studio does not, as it makes "
+    "one anew from the campaign"
+)
 """What to do about a file whose reader can accept it."""
 
 MAX_NAMED = 6
