@@ -1,17 +1,12 @@
 """Draw the pictures of README and documentation anew: ``python docs/draw_picture.py [error-over-angle|closed-loop|peers|scaling]``.
 
-Needs Chromium or Chrome, which photographs the figures.
+Needs Chromium, Chrome or Edge, which makes pixels of the charts.
 """
 
 import json
 import os
-import shutil
-import subprocess
 import sys
-import tempfile
 from pathlib import Path
-
-import plotly.graph_objects as go
 
 from taskcal import ErrorModel, load_robot
 from taskcal.demo import (
@@ -26,14 +21,15 @@ from taskcal.demo import (
     summarise_runs,
     tabulate_closed_loop,
 )
+from taskcal.report.chart import Figure
+from taskcal.report.content import Chart, Section
+from taskcal.report.page import Page, draw_figures
 
 ROOT = Path(__file__).parents[1]
 STATIC = ROOT / "docs" / "_static"
-WIDTH, HEIGHT = 1000, 440
-BROWSERS = "chromium", "chromium-browser", "google-chrome", "chrome"
 
 
-def error_over_angle() -> go.Figure:
+def error_over_angle() -> Figure:
     """Errors as the tool turns away from the orientation that was measured."""
     predictions = run_procedure(ErrorModel(load_robot(ROBOT))).predictions
     shown = [p for p in predictions if p.model.startswith("all")]
@@ -41,7 +37,7 @@ def error_over_angle() -> go.Figure:
     return draw_error_over_angle(shown)
 
 
-def closed_loop() -> go.Figure:
+def closed_loop() -> Figure:
     """Errors of the true cutter as programmed, touched off and corrected, on 20 virtual robots; a quarter of an hour.
 
     What is identified of each robot is kept in the folder that TASKCAL_FITS names, if it does, and taken from there.
@@ -57,7 +53,7 @@ def closed_loop() -> go.Figure:
     return draw_closed_loop(largest_errors(runs))
 
 
-def peers() -> go.Figure:
+def peers() -> Figure:
     """Cost of Taskcal and of its peers against poses and parameters, as `python -m benchmarks.peers` measured it last."""
     sys.path.insert(0, str(ROOT))
     from benchmarks.peers.figure import draw
@@ -66,7 +62,7 @@ def peers() -> go.Figure:
     return draw(json.loads(RESULT.read_text(encoding="utf-8")))
 
 
-def scaling() -> go.Figure:
+def scaling() -> Figure:
     """Cost of Taskcal's passes against poses and parameters, and of its studies against robots, as measured last."""
     sys.path.insert(0, str(ROOT))
     from benchmarks.peers.figure import draw_scaling
@@ -78,34 +74,10 @@ def scaling() -> go.Figure:
 PICTURES = {"error-over-angle": error_over_angle, "closed-loop": closed_loop, "peers": peers, "scaling": scaling}
 
 
-def photograph(figure: go.Figure, picture: Path) -> None:
+def photograph(figure: Figure, picture: Path) -> None:
     """Write a figure as a PNG."""
-    browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
-    if browser is None:
-        sys.exit(f"no browser found to photograph the figure; install one of {', '.join(BROWSERS)}")
-    figure.update_layout(width=WIDTH, height=HEIGHT, title=None)
-    with tempfile.TemporaryDirectory() as folder:
-        page = Path(folder) / "figure.html"
-        html = figure.to_html(include_plotlyjs=True, config={"displayModeBar": False})
-        page.write_text(html.replace("<body>", '<body style="margin: 0">'), encoding="utf-8")
-        picture.parent.mkdir(exist_ok=True)
-        command = [
-            browser,
-            "--headless",
-            "--no-sandbox",
-            "--disable-gpu",
-            "--no-first-run",
-            "--disable-background-networking",
-            "--disable-component-update",
-            "--disable-sync",
-            "--hide-scrollbars",
-            f"--user-data-dir={folder}/profile",
-            f"--window-size={WIDTH},{HEIGHT}",
-            "--virtual-time-budget=8000",
-            f"--screenshot={picture}",
-            page.as_uri(),
-        ]
-        subprocess.run(command, check=True, capture_output=True, timeout=120)
+    title = picture.stem
+    picture.write_bytes(draw_figures(Page(title=title, sections=[Section(title, Chart(title, figure))]), "png")[title])
     print(f"{picture}: {picture.stat().st_size / 1000:.0f} kB")
 
 

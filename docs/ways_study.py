@@ -10,10 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import plotly.graph_objects as go
 from draw_picture import STATIC, photograph
 
 import taskcal as tc
+from taskcal.report.chart import BLUE, VERMILION, Axis, Figure, Panel, Series
 
 ERRORS = 0.5e-3
 """Of the robots' lengths, metres, and of their angles, radians (1σ)."""
@@ -83,35 +83,22 @@ def table(studies: dict[str, tc.Study]) -> str:
     return "\n".join(out)
 
 
-def figure(studies: dict[str, tc.Study]) -> go.Figure:
+def figure(studies: dict[str, tc.Study]) -> Figure:
     """Of medians and of what nine robots in ten have, with the most postures."""
-    out = go.Figure()
+    series: list[Series] = []
+    names: tuple[str, ...] = ()
     for k, (name, study) in enumerate(studies.items()):
         before = {f"{key}_mm": 1e3 * value for key, value in study.spread_before().items()}
         lines = [line for line in study.summary() if line["count"] == COUNTS[-1]]
         found = {"not calibrated": before, **{line["observe"]: line for line in lines}}
-        middle = np.array([line["median_mm"] for line in found.values()])
-        out.add_scatter(
-            x=list(found),
-            y=middle,
-            error_y={
-                "type": "data",
-                "symmetric": False,
-                "array": [line["p95_mm"] - line["median_mm"] for line in found.values()],
-                "arrayminus": [line["median_mm"] - line["p05_mm"] for line in found.values()],
-            },
-            mode="markers",
-            marker={
-                "size": 11,
-                "color": ["#7A7A7A", *(len(lines) * [("#D55E00", "#0072B2")[k % 2]])],
-                "symbol": ("circle", "diamond")[k % 2],
-            },
-            name=f"model error {name}",
+        names = tuple(found)
+        x, low, high = ([line[key] for line in found.values()] for key in ("median_mm", "p05_mm", "p95_mm"))
+        colour, shape = ((VERMILION, "circle"), (BLUE, "diamond"))[k % 2]
+        series.append(
+            Series(name=f"model error {name}", x=x, y=range(len(x)), low=low, high=high, colour=colour, shape=shape)
         )
-    out.update_layout(template="simple_white", height=440, margin={"t": 60}, legend={"orientation": "h", "y": 1.1})
-    ticks = [m * 10.0**k for k in (-3, -2, -1, 0) for m in (1, 2, 5)]
-    title = f"task error after {COUNTS[-1]} postures (mm, rms)"
-    return out.update_yaxes(type="log", title_text=title, tickvals=ticks, ticktext=[f"{tick:g}" for tick in ticks])
+    x = Axis(title=f"task error after {COUNTS[-1]} postures, rms", unit="mm", log=True)
+    return Figure(panels=(Panel(x=x, y=Axis(categories=names), series=tuple(series)),))
 
 
 def _span(median: float, low: float, high: float) -> str:

@@ -1,13 +1,11 @@
 """Names that an attacker chose: in files that commands read, nothing of them commands a terminal or a page."""
 
-import json
 import re
 from pathlib import Path
 
 import pytest
 
-from taskcal.report.theme import figure_json
-from tests.studio.hostile_project import MARKUP, write_campaign, write_robot
+from tests.studio.hostile_project import write_campaign, write_robot
 
 COMMANDS = set("\x1b\x07\x9b")
 
@@ -49,15 +47,3 @@ def test_commands_escape_control_sequences_and_markup_in_names(run, hostile: Pat
     written = text.read_text(encoding="utf-8")
     assert not COMMANDS & set(written)
     assert not re.search(r"(?<!\\)<", written)
-
-
-@pytest.mark.parametrize(
-    "name", [MARKUP, "<a href='http://evil.example'>here</a>", "\\<A href=x>", "\\\\u003ca>", "a<ab>c<b>d"]
-)
-def test_a_name_in_a_figure_is_no_link_and_stays_what_it_is(name: str) -> None:
-    import plotly.graph_objects as go
-
-    figure = go.Figure(go.Scatter(x=[1.0], y=[2.0], name=name, text=[name]))
-    drawn = json.loads(figure_json(figure))["data"][0]
-    assert not re.search(r"</?[aA]\b", drawn["name"] + drawn["text"][0])
-    assert drawn["name"].replace("&lt;", "<") == name

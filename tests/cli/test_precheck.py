@@ -65,7 +65,7 @@ def test_invalid_files_are_rejected_before_heavy_imports(tmp_path: Path, cell: P
     code = (
         "import sys; from taskcal.cli import main\n"
         f"statuses = [main(line.split()) for line in {WRONG!r}]\n"
-        "heavy = ('scipy', 'numba', 'pandas', 'plotly', 'jinja2', 'rich', 'joblib')\n"
+        "heavy = ('scipy', 'numba', 'pandas', 'jinja2', 'rich', 'joblib')\n"
         "print(statuses, [name for name in heavy if name in sys.modules])"
     )
     ended = subprocess.run(

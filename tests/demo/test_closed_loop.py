@@ -24,6 +24,7 @@ from taskcal.demo.closed_loop_report import closed_loop_page, draw_closed_loop, 
 from taskcal.demo.true_robot import UNKIND, Sizes
 from taskcal.identification.identify import identify
 from taskcal.robot.effects import SOFT, Backlash, Harmonics, WarmUp
+from tests.report.drawn import series
 
 
 def named_effects(model, campaign, backlash=True):
@@ -130,7 +131,7 @@ def test_tables_figure_and_json_tell_the_same(runs):
     for line, row in zip(LINES, table.groups[0][1], strict=False):
         assert line in str(row[0])
         assert float(str(row[1])) == pytest.approx(np.median(found[line]) * 1e3, abs=1e-4)
-    marks = {trace.name: np.sort(trace.y) for trace in draw_closed_loop(found).data}
+    marks = {one.name: np.sort(one.y) for one in series(draw_closed_loop(found))}
     assert len(marks) == 4
     for line in LINES:
         np.testing.assert_allclose(marks[line], np.sort(found[line]) * 1e3)

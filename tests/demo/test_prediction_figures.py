@@ -1,19 +1,12 @@
 """Figures of the demonstration show the numbers they are given, in the units their axes name."""
 
 import numpy as np
-import plotly.graph_objects as go
 import pytest
 from scipy.stats import chi2
 
 from taskcal.demo.procedure import SEVERAL, Predictions, Procedure
 from taskcal.demo.procedure_report import draw_coverage, draw_error_over_angle, draw_held_out, draw_workspace
-
-
-def axis_titles(figure: go.Figure) -> str:
-    layout = figure.to_dict()["layout"]
-    axes = [value for key, value in layout.items() if key[1:5] == "axis"]
-    axes += [value for key, value in layout.get("scene", {}).items() if key[1:] == "axis"]
-    return " ".join(axis.get("title", {}).get("text", "") for axis in axes)
+from tests.report.drawn import axis_titles, series
 
 
 def predictions_of(covariance: np.ndarray, error: np.ndarray, where: str = "same orientations") -> Predictions:
@@ -37,19 +30,17 @@ def predictions() -> list[Predictions]:
     return [predictions_of(factor @ factor.T, rng.normal(size=(3000, 3)) @ factor.T)]
 
 
-def test_held_out_errors_are_all_inside_the_axis(procedure: Procedure) -> None:
+def test_held_out_errors_are_drawn_in_micrometres(procedure: Procedure) -> None:
     figure = draw_held_out(procedure.fits)
-    low, high = figure.layout.xaxis.range
-    drawn = np.concatenate([np.asarray(trace.x, dtype=float) for trace in figure.data])
+    drawn = np.concatenate([one.x for one in series(figure)])
     expected = [v * 1e6 for f in procedure.fits for e in (f.inside, f.outside) for v in (e.mean, e.maximum)]
     assert set(np.round(drawn, 6)) == set(np.round(expected, 6))
-    assert low < np.log10(drawn).min()
-    assert np.log10(drawn).max() < high
+    assert all(panel.x.log and panel.x.unit == "µm" for panel in figure.panels)
 
 
 def test_coverage_of_a_right_statement_is_the_diagonal(predictions: list[Predictions]) -> None:
     figure = draw_coverage(predictions)
-    curve = next(trace for trace in figure.data if trace.mode == "lines")
+    curve = figure.panels[1].series[0]
     np.testing.assert_allclose(curve.y, curve.x, atol=3.0)  # 3000 poses: one standard deviation is 0.9 % at most
     assert "%" in axis_titles(figure)
     assert predictions[0].share_inside(0.95) == pytest.approx(0.95, abs=0.02)
@@ -62,13 +53,13 @@ def test_squared_distance_has_three_degrees_of_freedom(predictions: list[Predict
 
 def test_views_of_the_workspace_share_their_colours(predictions: list[Predictions]) -> None:
     larger = predictions_of(predictions[0].covariance[0], 10.0 * predictions[0].error[:50], "turned farther")
-    figure = draw_workspace([predictions[0], larger], {SEVERAL: np.zeros((4, 3))})
-    assert len({trace.marker.cmax for trace in figure.data if trace.name == "new poses"}) == 1
-    assert [trace.visible for trace in figure.data] == [True, True, False, False]
-    assert "X (mm)" in axis_titles(figure)
+    layers = draw_workspace([predictions[0], larger], {SEVERAL: np.zeros((4, 3))}).layers
+    assert len({layer["most"] for layer in layers if "most" in layer}) == 1
+    assert [layer["off"] for layer in layers] == [False, True, False]
+    assert layers[1]["at"][-1][2] == 1000.0
 
 
 def test_errors_are_drawn_over_degrees(predictions: list[Predictions]) -> None:
     figure = draw_error_over_angle(predictions)
-    assert max(figure.data[0].x) == pytest.approx(np.degrees(0.5))
+    assert max(series(figure)[0].x) == pytest.approx(np.degrees(0.5))
     assert "°" in axis_titles(figure)

@@ -38,7 +38,7 @@ POSIX_ONLY = {
 NO_MODULES = ["fcntl", "grp", "pwd", "resource", "termios", "tty"]
 
 WITHOUT_POSIX = f"""
-import asyncio, importlib, joblib, multiprocessing, numba, pkgutil, platformdirs, plotly.graph_objects, sys, tempfile
+import asyncio, importlib, joblib, multiprocessing, numba, pkgutil, platformdirs, sys, tempfile
 import rich.console, rich.progress, rich.table, scipy.optimize, typer
 import pyarrow.parquet, pandas, nicegui, distributed, xacrodoc, trimesh, openpyxl
 from numba.core.caching import FunctionCache

@@ -5,10 +5,10 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-import plotly.graph_objects as go
 import pypdfium2 as pdfium
 import pytest
 
+from taskcal.report.chart import Axis, Figure, Panel, Series
 from taskcal.report.content import Chart, Scene, Section
 from taskcal.report.page import Page, draw_figures, find_browser
 from tests.pages.printed import share_drawn
@@ -20,7 +20,10 @@ PAGE = Page(
     sections=(
         Section(
             "both kinds",
-            Chart("a chart", go.Figure(go.Scatter(x=[1, 2, 3], y=[1, 4, 9], line={"color": "black"}))),
+            Chart(
+                "a chart",
+                Figure(panels=(Panel(x=Axis(), y=Axis(), series=(Series(kind="line", x=[1, 2, 3], y=[1, 4, 9]),)),)),
+            ),
             Scene(
                 title="in space",
                 layers=(

@@ -5,9 +5,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import plotly.graph_objects as go
 import pytest
 
+from taskcal.report.chart import Axis, Figure, Panel
 from taskcal.report.content import Chart, Scene, Section
 from taskcal.report.page import Page
 from tests.pages.conftest import quiet_tab
@@ -20,7 +20,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.long]
 
 SIZES = {"desk": (1440, 900), "phone": (390, 844)}
 
-MARKS = ".scatterlayer path, .barlayer path, .boxlayer path, .heatmaplayer image, .gl-container canvas"
+MARKS = ".chart svg g path"
 """What a chart draws of its data."""
 
 DRAWN = """() => [...document.querySelectorAll("figure")].map((figure) => {
@@ -39,7 +39,6 @@ DRAWN = """() => [...document.querySelectorAll("figure")].map((figure) => {
 
 def opened(tab: Any, page: Path) -> None:
     tab.goto(page.as_uri(), timeout=120_000)
-    tab.wait_for_selector("html[data-drawn]", timeout=120_000)
     tab.wait_for_timeout(200)
 
 
@@ -75,7 +74,9 @@ def test_a_page_on_paper(shown: tuple[str, Any]) -> None:
     tables = tab.eval_on_selector_all(
         "table", "all => all.map(t => [...t.tBodies[0].rows].map(r => r.cells[0].textContent))"
     )
-    titles = tab.eval_on_selector_all("h2, h3, summary", "all => all.map(one => one.textContent)")
+    titles = tab.eval_on_selector_all(
+        "h2, h3, details:not(.view) > summary, .view[open] > summary", "all => all.map(one => one.textContent)"
+    )
     tab.pdf(path=sheet, prefer_css_page_size=True, print_background=True)
     paper = Printed(sheet)
     assert [title for title in titles if squeezed(title) not in paper.text] == []
@@ -90,7 +91,7 @@ def test_a_page_on_paper(shown: tuple[str, Any]) -> None:
 def test_controls_are_left_off_paper_and_folds_opened(made: Callable[[str], Path], tab: Any) -> None:
     opened(tab, made("calibration of a loop"))
     tab.emulate_media(media="print")
-    for control in (".updatemenu-container", ".modebar", ".scene .controls", "nav"):
+    for control in (".scene .controls", "nav", "details.view:not([open])"):
         assert tab.locator(control).count() > 0
         assert not any(one.is_visible() for one in tab.locator(control).all())
     assert all(one.is_visible() for one in tab.locator("details table").all())
@@ -98,7 +99,10 @@ def test_controls_are_left_off_paper_and_folds_opened(made: Callable[[str], Path
 
 def test_an_empty_figure_is_seen_to_be_empty(tmp_path: Path, tab: Any) -> None:
     """The test above would be worth nothing if it called everything drawn."""
-    blocks = (Chart(title="nothing", figure=go.Figure()), Scene(title="nowhere", layers=()))
+    blocks = (
+        Chart(title="nothing", figure=Figure(panels=(Panel(x=Axis(), y=Axis()),))),
+        Scene(title="nowhere", layers=()),
+    )
     page = tmp_path / "empty.html"
     page.write_text(Page(title="empty", sections=[Section("none", *blocks)]).html(), "utf-8")
     opened(tab, page)

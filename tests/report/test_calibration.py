@@ -33,12 +33,11 @@ from taskcal.report.calibration import (
     verdict,
 )
 from taskcal.report.content import Chart, Table
-from taskcal.report.theme import BLUE
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
 from taskcal.virtual.cell import Truth, simulate
-from tests.report.axis_titles import axis_titles
+from tests.report.drawn import axis_titles, series
 
 MODEL = ErrorModel(load_robot("ur5"))
 
@@ -273,12 +272,11 @@ def truth_and_fits(model: ErrorModel, poses: Mapping[str, np.ndarray]) -> tuple[
 
 def test_residuals_figure_shows_one_model_at_a_time(truth_and_fits: tuple[Truth, dict[str, Calibration]]) -> None:
     fits = truth_and_fits[1]
-    figure = draw_residuals({"a": fits, "b": fits}, "whole")
-    shown = [i for i, trace in enumerate(figure.data) if trace.visible]
-    assert len(shown) == 6
-    menu = figure.layout.updatemenus[0]
-    assert np.flatnonzero(menu.buttons[menu.active].args[0]["visible"]).tolist() == shown
-    lengths = np.linalg.norm([figure.data[i].y for i in shown[:3]], axis=0)
+    views = draw_residuals({"a": fits, "b": fits}, "whole")
+    assert list(views) == ["whole", "frames only"]
+    figure = views["whole"]
+    assert len(series(figure)) == 6
+    lengths = np.linalg.norm([one.y for one in series(figure)[:3]], axis=0)
     np.testing.assert_allclose(lengths, 1e3 * np.linalg.norm(fits["whole"].residuals[:, 0], axis=1))
     assert "mm" in axis_titles(figure)
 
@@ -287,8 +285,8 @@ def test_residuals_figure_shows_a_target_of_lengths() -> None:
     """A target of which angles alone were measured has no residual in millimetres."""
     angles, wire = (SimpleNamespace(width=w, angles=a, along_axes=False) for w, a in ((2, 2), (1, 0)))
     residuals = np.arange(24.0).reshape(2, 2, 6)
-    some = SimpleNamespace(residuals=residuals, layout=SimpleNamespace(observed=(angles, wire)))
-    (drawn,) = draw_residuals({"a": {"m": some}}).data
+    some = SimpleNamespace(residuals=residuals, ids=("1", "2"), layout=SimpleNamespace(observed=(angles, wire)))
+    (drawn,) = series(draw_residuals({"a": {"m": some}})["m"])
     np.testing.assert_allclose(drawn.y, 1e3 * residuals[:, 1, 0])
 
 
@@ -296,25 +294,25 @@ def test_parameters_are_drawn_in_millimetres_and_milliradians(
     truth_and_fits: tuple[Truth, dict[str, Calibration]],
 ) -> None:
     truth, fits = truth_and_fits
-    figure = draw_parameters({"whole": fits["whole"]}, truth.x)
+    figure = draw_parameters({"whole": fits["whole"]}, truth.x)["whole"]
     calibration, place = fits["whole"], {name: i for i, name in enumerate(fits["whole"].model.names)}
-    for trace in figure.data:
-        at = [place[name] for name in trace.customdata]
+    for trace in series(figure):
+        at = [place[name] for name in trace.labels]
         values = truth.x if trace.name == "truth" else calibration.estimate
-        np.testing.assert_allclose(trace.y, 1e3 * values[at])
+        np.testing.assert_allclose(trace.x, 1e3 * values[at])
         if trace.name != "truth":
-            np.testing.assert_allclose(trace.error_y.array, 2e3 * calibration.standard_errors[at])
-    assert sorted(name for trace in figure.data for name in trace.customdata) == sorted(2 * calibration.model.names)
+            np.testing.assert_allclose(trace.high - trace.x, 2e3 * calibration.standard_errors[at])
+    assert sorted(name for trace in series(figure) for name in trace.labels) == sorted(2 * calibration.model.names)
     assert "geometric error (mm)" in axis_titles(figure)
     assert "geometric error (mrad)" in axis_titles(figure)
 
 
 def test_parameters_figure_has_a_panel_for_each_unit(fitted: tuple[Calibration, ResidualAnalysis]) -> None:
     calibration, _ = fitted
-    figure = draw_parameters({"fit": calibration})
-    titles = [figure.layout[f"yaxis{k}"].title.text for k in ("", 2, 3, 4)]
+    figure = draw_parameters({"fit": calibration})["fit"]
+    titles = [panel.x.label for panel in figure.panels]
     assert titles == ["geometric error (mm)", "geometric error (mrad)", "effect (mrad/m)", "effect (mrad/rad)"]
-    drawn = np.concatenate([np.asarray(trace.y, dtype=float) for trace in figure.data])
+    drawn = np.concatenate([trace.x for trace in series(figure)])
     np.testing.assert_allclose(np.sort(drawn), np.sort(calibration.estimate * 1e3))
 
 
@@ -322,20 +320,20 @@ def test_residual_analysis_figures_show_the_first_quantity(fitted: tuple[Calibra
     _, found = fitted
     first = found.explained[0]
     assert first.regressor.name == "position of J3"
-    bars = draw_shares(found).data[0]
-    assert bars.y[-1] == "position of J3: turn of J3"
-    assert bars.x[-1] == pytest.approx(100 * first.share)
-    figure = draw_against(found)
-    assert figure.layout.yaxis.title.text == "residual (mrad)"
-    assert figure.layout.xaxis.title.text == "position of J3 (°)"
-    points, line = figure.data[:2]
+    (shares,) = draw_shares(found).panels
+    assert shares.y.categories[0] == "position of J3: turn of J3"
+    assert shares.series[0].x[0] == pytest.approx(100 * first.share)
+    (panel,) = next(iter(draw_against(found).values())).panels
+    assert panel.y.label == "residual (mrad)"
+    assert panel.x.label == "position of J3 (°)"
+    points, line = panel.series
     assert np.all(np.diff(line.x) >= 0.0)
     near = np.interp(points.x, line.x, line.y)
     assert np.corrcoef(near, points.y)[0, 1] > 0.9
     assert 0.5 < np.ptp(line.y) < 3.0  # a milliradian to both sides, less what geometry takes up
 
 
-def test_shares_are_blue_if_significant(fitted: tuple[Calibration, ResidualAnalysis]) -> None:
+def test_shares_are_full_if_significant(fitted: tuple[Calibration, ResidualAnalysis]) -> None:
     """A large share by chance, a sure share of next to nothing, and one that is both large and sure."""
     kinds = [r.regressor for r in fitted[1].explained]
     told = [(0.05, 0.20), (0.015, 0.03), (0.004, 0.01), (-0.1, None)]
@@ -346,11 +344,11 @@ def test_shares_are_blue_if_significant(fitted: tuple[Calibration, ResidualAnaly
     something = replace(
         fitted[1], explained=(Explained(regressor=kinds[0], share=0.012, p_value=0.01), *nothing.explained)
     )
-    for found, blue in ((nothing, 0), (something, 1)):
-        assert list(draw_shares(found).data[0].marker.color).count(BLUE) == blue
+    for found, full in ((nothing, 0), (something, 1)):
+        assert series(draw_shares(found))[0].hollow.count(False) == full
         words = str([getattr(block, "items", ()) for block in residual_analysis_section(found, "80 poses").blocks])
-        assert ("No tested quantity explains 1 % of it significantly." in words) == (blue == 0)
-        assert words.count("of the variance") == blue
+        assert ("No tested quantity explains 1 % of it significantly." in words) == (full == 0)
+        assert words.count("of the variance") == full
 
 
 def test_residual_analysis_section_names_significant_quantities(fitted: tuple[Calibration, ResidualAnalysis]) -> None:

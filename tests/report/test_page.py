@@ -1,12 +1,10 @@
 """A report as a page and as Markdown."""
 
-import json
 import re
 from html.parser import HTMLParser
 
-import plotly.graph_objects as go
-
 from taskcal.identification.calibration import package_version
+from taskcal.report.chart import Axis, Figure, Panel, Series
 from taskcal.report.content import Chart, Commands, Numbers, Points, Scene, Section, Table
 from taskcal.report.page import Page, as_markdown, figures_of
 
@@ -45,10 +43,15 @@ def outline(page: str) -> Outline:
     return out
 
 
+def _figure(text: str) -> Figure:
+    one = Series(x=[1, 2], y=[3, 4], name=text)
+    return Figure(panels=(Panel(x=Axis(title=text), y=Axis(), title=text, series=(one, one)),))
+
+
 def sections_of_everything(text: str) -> list[Section]:
     table = Table.of_rows(text, (text, "b"), [(text, "1"), ("y", "2")], note=text)
     folded = Table(title=text, header=("a",), groups=((text, ((text,),)),), folded=True)
-    chart = Chart(title=text, figure=go.Figure(go.Scatter(x=[1, 2], y=[3, 4], name=text)), note=text)
+    chart = Chart(title=text, figure=_figure(text), note=text)
     return [Section(text, text, Points(text), Numbers((text, "µm", text)), Commands(text), table, folded, chart)] * 3
 
 
@@ -71,22 +74,14 @@ def test_page_escapes_markup() -> None:
     assert hostile in outline(page).text
 
 
-def test_page_holds_figures_unchanged() -> None:
-    page = html_of("words", sections_of_everything("a < b"))
-    found = re.findall(r'<script type="application/json" data-for="(chart-\d)">(.*?)</script>', page)
-    assert [name for name, _ in found] == ["chart-1", "chart-2", "chart-3"]
-    assert json.loads(found[0][1])["data"][0]["name"] == "a < b"
-
-
-def test_page_embeds_plotly_once_if_needed() -> None:
-    def size(sections: list[Section]) -> int:
-        return len(html_of("words", sections))
-
-    without = [Section("words", "words")]
-    once, thrice = without + sections_of_everything("a")[:1], without + sections_of_everything("a")
-    assert size(without) < 20_000
-    assert 3_000_000 < size(once) < 8_000_000
-    assert size(thrice) - size(once) < 50_000
+def test_page_shows_its_figures_without_scripts() -> None:
+    """Every chart is an image for wide and one for narrow screens; of several views the first is open."""
+    views = Section("a", Chart("c", {"one": _figure("a"), "two": _figure("b")}))
+    page = html_of("words", [*sections_of_everything("words"), views])
+    body = page[page.index("<body>") : page.index("<script>")]
+    assert body.count('class="chart-wide"') == body.count('class="chart-narrow"') == 5
+    assert re.findall(r'<details class="view"( open)?><summary>(\w+)', body) == [(" open", "one"), ("", "two")]
+    assert len(page) < 60_000
 
 
 def test_page_is_reproducible() -> None:
@@ -102,7 +97,7 @@ def _page(words: str) -> Page:
         Numbers((words, "mm", words)),
         Commands("taskcal"),
         table,
-        Chart(words, go.Figure(), words),
+        Chart(words, _figure(words), words),
         Scene(title="in space", note=words),
     )
     return Page(title=words, sections=(section,), lead=words, source=words, header=((words, words),))

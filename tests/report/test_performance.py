@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from taskcal.report.performance import path_performance_page, pose_performance_page
+from tests.report.drawn import series
 
 
 def items(page, kind):
@@ -23,11 +24,11 @@ def test_pose_page_has_the_worst_pose_and_every_cycle() -> None:
     (numbers,) = items(page, "Numbers")
     assert [value for value, *_ in numbers.items] == ["2.000", "0.040", "3", "12"]
     bars, cycles = (chart.figure for chart in items(page, "Chart"))
-    shown = {trace.name.split(" ")[0]: list(trace.y) for trace in bars.data}
-    assert shown["accuracy"] == pytest.approx([2.0, None, 1.0])
-    assert shown["repeatability"] == pytest.approx([0.01, 0.04, None])
-    assert list(bars.data[0].x) == ["a", "b left", "c"]
-    for trace, one in zip(cycles.data, poses.values(), strict=True):
+    shown = {one.name.split(" ")[0]: one.x for one in series(bars)}
+    assert shown["accuracy"] == pytest.approx([2.0, np.nan, 1.0], nan_ok=True)
+    assert shown["repeatability"] == pytest.approx([0.01, 0.04, np.nan], nan_ok=True)
+    assert bars.panels[0].y.categories == ("a", "b left", "c")
+    for trace, one in zip(series(cycles), poses.values(), strict=True):
         np.testing.assert_allclose(trace.y, 1e3 * one.distances)
         assert list(trace.x) == [1, 2][: len(one.distances)] or len(trace.x) == one.cycles
 
@@ -38,6 +39,6 @@ def test_path_page_has_accuracy_and_repeatability_along_the_path() -> None:
     page = path_performance_page(performance, "file.csv")
     (numbers,), (chart,) = items(page, "Numbers"), items(page, "Chart")
     assert [one[0] for one in numbers.items if one] == ["4.000", "0.200", "7"]
-    for trace, key in zip(chart.figure.data, along, strict=True):
+    for trace, key in zip(series(chart.figure), along, strict=True):
         assert trace.name in key
         np.testing.assert_allclose(trace.y, 1e3 * along[key])

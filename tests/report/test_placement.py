@@ -6,6 +6,7 @@ import numpy as np
 
 from taskcal.correction.part_placement import PartPlacements, PlacedPart
 from taskcal.report.placement import draw_placements, placement_page, varied_axes
+from tests.report.drawn import series
 
 XS, YS, TURNS = (-0.2, 0.0, 0.2), (-0.1, 0.1), (-0.5, 0.5)
 
@@ -24,30 +25,29 @@ def test_placement_maps_cross_out_infeasible_places():
     found = PartPlacements(name="square", now=placed(0.0), all=tuple(placed(*at) for at in product(XS, YS, TURNS)))
     assert varied_axes(found) == [0, 1, 3]
     best = found.ranked[0]
-    figure = draw_placements(found, best)
-    maps = [trace for trace in figure.data if trace.type == "heatmap"]
-    assert len(maps) == 3
-    first = maps[0]
-    assert (list(first.x), list(first.y)) == ([-200.0, 0.0, 200.0], [-100.0, 100.0])
-    for i, y in enumerate(YS):
-        for k, x in enumerate(XS):
-            shown = np.nan if x > 0.1 else placed(x, y, best.turn).expected * 1e3
-            np.testing.assert_allclose(first.z[i][k], shown)
-    crosses, circle = (trace for trace in figure.data if trace.type == "scatter" and trace.xaxis == first.xaxis)
-    assert set(crosses.x) == {200.0}
-    assert (circle.x[0], circle.y[0]) == (best.shift[0] * 1e3, best.shift[1] * 1e3)
-    labels = [button.label for button in figure.layout.updatemenus[0].buttons]
-    assert labels == [
+    views = draw_placements(found, best)
+    assert list(views) == [
         "expected",
         "before",
         "joint margin",
         "executed",
     ]  # corrected is what is expected; there is no force
+    panels = views["expected"].panels
+    assert len(panels) == 3
+    first = panels[0].cells
+    assert (list(first.x), list(first.y)) == ([-200.0, 0.0, 200.0], [-100.0, 100.0])
+    for i, y in enumerate(YS):
+        for k, x in enumerate(XS):
+            shown = np.nan if x > 0.1 else placed(x, y, best.turn).expected * 1e3
+            np.testing.assert_allclose(first.z[i][k], shown)
+    crosses, circle = panels[0].series
+    assert set(crosses.x) == {200.0}
+    assert (circle.x[0], circle.y[0]) == (best.shift[0] * 1e3, best.shift[1] * 1e3)
 
 
 def test_placements_along_one_axis_are_a_curve():
     line = PartPlacements(name="square", now=placed(0.0), all=tuple(placed(x) for x in XS))
-    (expected, before) = draw_placements(line, line.ranked[0]).data
+    (expected, before) = series(draw_placements(line, line.ranked[0]))
     np.testing.assert_allclose(
         np.array(expected.y, dtype=float), [placed(-0.2).expected * 1e3, placed(0.0).expected * 1e3, np.nan]
     )

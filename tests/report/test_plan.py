@@ -9,6 +9,7 @@ from taskcal.planning.plan import Plan
 from taskcal.report.plan import draw_by_count
 from taskcal.report.scene import outline
 from taskcal.task.workspace import Workspace
+from tests.report.drawn import levels, series
 
 
 def test_plan_figure_is_in_millimetres() -> None:
@@ -17,15 +18,15 @@ def test_plan_figure_is_in_millimetres() -> None:
         random=np.array([2e-5, 4e-5]), grid=3e-5, by_count=np.array([9.0, 1e-3, 1e-4, 2e-5]), before=1e-3,
         criterion="task", exchanges=0, accuracy=5e-5,
     )  # fmt: skip
-    traces = {trace.name.split(":")[0]: trace for trace in draw_by_count(made).data}
+    figure = draw_by_count(made)
+    traces = {one.name.split(":")[0]: one for one in series(figure)}
     assert list(traces["greedy selection"].x) == [2, 3, 4]  # one pose alone says nothing, and is left out
     assert traces["random poses"].y[0] == pytest.approx(0.03)
-    assert traces["random poses"].error_y.array[0] == pytest.approx(0.01)
-    assert traces["accuracy that the task needs"].y[0] == pytest.approx(0.05)
-    with_error = {trace.name: trace for trace in draw_by_count(replace(made, model_error=4e-5 / 3.0**0.5)).data}
-    assert with_error["accuracy that the task needs, less the model error"].y[0] == pytest.approx(0.03)
-    hopeless = draw_by_count(replace(made, model_error=5e-5))
-    assert not [trace.name for trace in hopeless.data if trace.name.startswith("accuracy")]
+    assert traces["random poses"].high[0] == pytest.approx(0.04)
+    assert levels(figure)["accuracy that the task needs"] == pytest.approx(0.05)
+    with_error = levels(draw_by_count(replace(made, model_error=4e-5 / 3.0**0.5)))
+    assert with_error["accuracy that the task needs, less the model error"] == pytest.approx(0.03)
+    assert list(levels(draw_by_count(replace(made, model_error=5e-5)))) == ["nominal (registered)"]
 
 
 @pytest.mark.parametrize("shape", ["box", "cylinder"])

@@ -21,20 +21,20 @@ from taskcal.report.sensitivity import (
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import ModelError
-from tests.report.axis_titles import axis_titles
+from tests.report.drawn import axis_titles, series
 
 
 def test_effects_figure_matches_the_table() -> None:
     model = ErrorModel(load_robot("ur5"))
     found = Sensitivity(model=model, matrix=np.random.default_rng(0).normal(size=(7, 3, len(model))))
     np.testing.assert_allclose((found.rms_per_axis() ** 2).sum(axis=0), found.rms() ** 2)
-    figure, table = draw_effects(found), tabulate_effects(found)
-    assert len(figure.data) == 8
+    views, table = draw_effects(found), tabulate_effects(found)
+    scaled, raw = (series(one) for one in views.values())
+    assert len(scaled) == 8
     rows = table.groups[0][1]
     assert len(rows) == len(model)
-    assert float(rows[0][-1]) == pytest.approx(figure.data[7].y[0], abs=0.51)
-    raw = figure.layout.updatemenus[0].buttons[1].args[0]["y"]
-    assert float(rows[3][2]) == pytest.approx(raw[0][3], abs=1e-3)
+    assert float(rows[0][-1]) == pytest.approx(scaled[7].x[0], abs=0.51)
+    assert float(rows[3][2]) == pytest.approx(raw[0].x[3], abs=1e-3)
 
 
 def test_effects_table_names_units(fitted: tuple[Calibration, ResidualAnalysis]) -> None:
@@ -59,24 +59,23 @@ def elimination(model: ErrorModel, poses: Mapping[str, np.ndarray]) -> Eliminati
 def test_sensitivities_figure_is_scaled_or_per_unit(
     sensitivities: Mapping[str, Sensitivity], elimination: EliminationTable
 ) -> None:
-    figure = draw_sensitivities(sensitivities, elimination.eliminations)
-    assert len(figure.data) == 6
+    views = draw_sensitivities(sensitivities, elimination.eliminations)
+    scaled, raw = (series(one) for one in views.values())
+    assert len(scaled) == 6
     found = sensitivities["arm"]
-    np.testing.assert_allclose(figure.data[5].y, found.maximum(scaled=True)[2] * 1e6)
-    scaled, raw = (button.args[0]["y"] for button in figure.layout.updatemenus[0].buttons)
-    np.testing.assert_allclose(scaled[5], figure.data[5].y)
-    np.testing.assert_allclose(raw[5], found.maximum()[2])
-    pale = [opacity < 1.0 for opacity in figure.data[3].marker.opacity]
-    assert pale.count(False) == elimination.eliminations["arm"].rank
-    assert "µm" in axis_titles(figure)
+    np.testing.assert_allclose(scaled[5].x, found.maximum(scaled=True)[2] * 1e6)
+    np.testing.assert_allclose(raw[5].x, found.maximum()[2])
+    assert list(scaled[3].hollow).count(False) == elimination.eliminations["arm"].rank
+    assert "µm" in axis_titles(views["scaled by tolerance"])
 
 
 def test_singular_values_figure_counts_the_rank(model: ErrorModel, elimination: EliminationTable) -> None:
     figure = draw_singular_values(elimination.eliminations)
     ranks = [found.rank for found in elimination.eliminations.values()]
     assert ranks[0] > ranks[1]
-    assert [trace.name.split(": ")[1] for trace in figure.data[:2]] == [f"{r} of {len(model)} count" for r in ranks]
-    assert all((np.asarray(trace.y) > 0.0).all() for trace in figure.data)
+    assert [one.name.split(": ")[1] for one in series(figure)] == [f"{r} of {len(model)} count" for r in ranks]
+    assert all((one.y > 0.0).all() for one in series(figure))
+    assert [one.hollow.count(False) for one in series(figure)] == ranks
 
 
 def test_sensitivity_page_states_determined_directions():

@@ -10,6 +10,7 @@ from taskcal.report.study import describe_unlearnt, draw_study, study_page, tabu
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
+from tests.report.drawn import levels, series
 
 GEOMETRY = np.array([0.01, 0.02, 0.03, 0.04])
 
@@ -31,15 +32,16 @@ def test_study_figure_has_a_box_for_each_model() -> None:
         for r in range(3) for plan in ("planned", "grid") for model in ("all", "selected")
     )  # fmt: skip
     figure = draw_study(Study(rows=rows, robots=3, seed=0, accuracy=1e-4))
-    assert [trace.name for trace in figure.data] == ["all", "selected"]
-    for trace in figure.data:
+    assert [one.name for one in series(figure)] == ["all", "selected"]
+    names = figure.panels[0].y.categories
+    for trace in series(figure):
         own = [row for row in rows if row["model"] == trace.name]
-        assert list(trace.y) == [row["rms_mm"] for row in own]
-        assert [tuple(x) for x in zip(*trace.x, strict=True)] == [("10 poses", row["plan"]) for row in own]
-    assert figure.layout.annotations[0].y == pytest.approx(-1.0)
+        assert trace.x == [row["rms_mm"] for row in own]
+        assert [names[k] for k in trace.y] == [f"{row['plan']}, 10 poses" for row in own]
+    assert list(levels(figure).values()) == [pytest.approx(0.1)]
     off = draw_study(Study(rows=rows, robots=3, seed=0, accuracy=5e-4, model_error=4e-4 / 3.0**0.5))
-    assert off.layout.annotations[0].y == pytest.approx(np.log10(0.3))
-    assert not draw_study(Study(rows=rows, robots=3, seed=0, accuracy=4e-4, model_error=4e-4)).layout.annotations
+    assert list(levels(off).values()) == [pytest.approx(0.3)]
+    assert not levels(draw_study(Study(rows=rows, robots=3, seed=0, accuracy=4e-4, model_error=4e-4)))
 
 
 def test_study_page_has_the_table():

@@ -16,6 +16,7 @@ pytest.importorskip("nicegui", reason="the extra 'studio' is not installed")
 from taskcal.studio.pages.measurements_page import draw_drift, draw_repeatability
 from taskcal.studio.pages.plan_page import read_plan
 from taskcal.studio.texts import Texts
+from tests.report.drawn import series
 
 TEXTS = Texts("en")
 MODEL = ErrorModel(load_robot("abb-irb120"))
@@ -37,11 +38,11 @@ def test_the_planned_poses_are_read_as_they_were_written(tmp_path):
 def test_repeated_poses_and_reference_points_are_drawn_by_row():
     campaign, _ = simulate(MODEL, np.repeat(postures(5), 3, axis=0), rng=np.random.default_rng(1))
     repeated = pose_repeatability(campaign)
-    (bars,) = draw_repeatability(repeated, TEXTS).data
-    np.testing.assert_allclose(bars.y, repeated.repeatability * 1e3)
-    assert list(bars.x) == ["0", "3", "6", "9", "12"]
+    (panel,) = draw_repeatability(repeated, TEXTS).panels
+    np.testing.assert_allclose(panel.series[0].x, repeated.repeatability * 1e3)
+    assert panel.y.categories == ("0", "3", "6", "9", "12")
     nest = np.tile([1.0, 2.0, 0.5], (15, 1))
     nest[10:, 2] += 2e-4
     moved = replace(campaign, reference_points={"nest": nest})
-    (marks,) = draw_drift(moved, TEXTS).data
+    (marks,) = series(draw_drift(moved, TEXTS))
     np.testing.assert_allclose(marks.y, np.r_[np.zeros(10), np.full(5, 0.2)], atol=1e-9)

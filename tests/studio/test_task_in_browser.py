@@ -92,7 +92,7 @@ def test_a_task_is_moved_weighed_and_planned(chromium: Any, tmp_path: Path) -> N
         )
         assert f"{said['expected_error_mm']:.4f} mm" in page.inner_text("main")
         assert f"{said['random_expected_error_mm']:.4f} mm" in page.inner_text("main")
-        assert page.locator("figure.chart .main-svg").count() > 0
+        assert page.locator("figure .chart svg").count() > 0
         page.get_by_role("button", name="Play").click()
         gap = said["clearance_mm"]["between_links"][1]
         assert said["visible"][1] == ["smr1"]

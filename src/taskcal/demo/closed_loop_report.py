@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import plotly.graph_objects as go
 from jaxtyping import Float
 
 from taskcal.correction.cell import cell_text
@@ -20,16 +19,16 @@ from taskcal.demo.closed_loop import (
     stated_errors,
 )
 from taskcal.demo.true_robot import AxisWobble
+from taskcal.report.chart import BLUE, INK, ORANGE, VERMILION, Axis, Figure, Level, Panel, Series
 from taskcal.report.content import Chart, Column, Commands, Numbers, Section, Table
-from taskcal.report.correction import draw_errors, with_decades
+from taskcal.report.correction import draw_errors
 from taskcal.report.page import Page
-from taskcal.report.theme import BLUE, GREY, INK, ORANGE, VERMILION, add_series, styled
 
 MARKERS = {
-    "as programmed": (VERMILION, "circle-open"),
+    "as programmed": (VERMILION, "circle"),
     "touched off": (ORANGE, "square"),
     "corrected": (BLUE, "diamond"),
-    "stated": (INK, "line-ew-open"),
+    "stated": (INK, "cross"),
 }
 """Colour and shape of each line; the shapes tell them apart without colour."""
 
@@ -125,18 +124,24 @@ def _held_on(runs: Sequence[LoopRun]) -> str:
     return f"{sum(StatedAndTrue.of([run]).held for run in runs)} of {len(runs)}"
 
 
-def draw_closed_loop(found: Mapping[str, Float[np.ndarray, " runs"]]) -> go.Figure:
+def draw_closed_loop(found: Mapping[str, Float[np.ndarray, " runs"]]) -> Figure:
     """Errors of every robot, metres, as `largest_errors` gives them, on a logarithmic scale, by the error as programmed."""
     order = np.argsort(found[LINES[0]], kind="stable")
-    figure = go.Figure()
-    for label, (colour, shape) in MARKERS.items():
-        name = "stated, 95 % within" if label == "stated" else label
-        marker = {"size": 10, "symbol": shape, "line": {"width": 2, "color": colour}}
-        values = found[label][order] * 1e3
-        add_series(figure, name, np.arange(1, len(order) + 1), values, colour, hover="%{y:.3f} mm", marker=marker)
-    figure.add_hline(y=0.1, line={"color": GREY, "dash": "dot", "width": 1})
-    figure.update_xaxes(title_text="virtual robot, by its error as programmed", dtick=max(1, len(order) // 10))
-    return with_decades(styled(figure, height=400), "largest error on the part (mm)")
+    series = tuple(
+        Series(
+            name="stated, 95 % within" if label == "stated" else label,
+            x=np.arange(1, len(order) + 1),
+            y=found[label][order] * 1e3,
+            colour=colour,
+            shape=shape,
+            hollow=label == LINES[0],
+        )
+        for label, (colour, shape) in MARKERS.items()
+    )
+    x = Axis(title="virtual robot, by its error as programmed")
+    y = Axis(title="largest error on the part", unit="mm", log=True)
+    level = Level(at=0.1, name="0.1 mm")
+    return Figure(panels=(Panel(x=x, y=y, series=series, levels=(level,), height=300.0),))
 
 
 def closed_loop_page(
@@ -178,7 +183,7 @@ def closed_loop_page(
                 Chart(
                     "As programmed, touched off, corrected",
                     draw_closed_loop(found),
-                    "Each robot is one column of marks; the dotted line is at 0.1 mm.",
+                    "Each robot is one column of marks; the dashed line is at 0.1 mm.",
                 ),
                 tabulate_effects(runs),
             ),
@@ -187,7 +192,7 @@ def closed_loop_page(
                 "The first robot",
                 Chart(
                     "Error along the program",
-                    draw_errors(loop.program, errors_by_line(runs[0]), "true error (mm)"),
+                    draw_errors(loop.program, errors_by_line(runs[0]), "true error"),
                     "Distance of the true cutter from where it is wanted; between targets, from its way.",
                 ),
             ),

@@ -5,9 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 from jaxtyping import Float
-from plotly.subplots import make_subplots
 from scipy.special import chdtri
 
 from taskcal.analysis.identifiability import published_kept
@@ -26,22 +24,11 @@ from taskcal.demo.procedure import (
 from taskcal.identification.held_out import Validation
 from taskcal.reading.writer import campaign_text
 from taskcal.report.calibration import draw_parameters, draw_residuals
-from taskcal.report.content import MICROMETRES, Chart, Column, Commands, Numbers, Points, Section, Table
+from taskcal.report.chart import GREY, INK, SERIES, SHAPES, VERMILION, Axis, Figure, Panel, Series
+from taskcal.report.content import MICROMETRES, Chart, Column, Commands, Numbers, Points, Scene, Section, Table
 from taskcal.report.page import Page
+from taskcal.report.scene import coloured_points, to_mm
 from taskcal.report.sensitivity import draw_sensitivities, draw_singular_values, tabulate_all_eliminated
-from taskcal.report.theme import (
-    BLUE,
-    GREY,
-    INK,
-    SERIES,
-    SHAPES,
-    VERMILION,
-    add_series,
-    show_one,
-    styled,
-    styled_space,
-    switch,
-)
 from taskcal.robot.error_model import COMPONENTS, ErrorModel
 
 # Files that a run leaves in a folder: its campaigns, and the calibrations of the whole model.
@@ -375,130 +362,111 @@ def tabulate_parameters(procedure: Procedure) -> Table:
 # foreseen.
 
 LEVELS = np.linspace(0.0, 1.0, 101)
-TICKS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000]
 
 
-def draw_held_out(fits: Sequence[Fitted]) -> go.Figure:
+def draw_held_out(fits: Sequence[Fitted]) -> Figure:
     """Mean and largest error of every model, inside the measured orientations and outside."""
-    campaigns = list(dict.fromkeys(f.campaign for f in fits))
     places = {"inside": "same orientations", "outside": "turned farther"}
-    figure = make_subplots(
-        rows=len(campaigns),
-        cols=2,
-        shared_yaxes=True,
-        shared_xaxes="all",  # pyright: ignore[reportArgumentType]
-        subplot_titles=[f"measured in {campaign}: {where}" for campaign in campaigns for where in places.values()],
-        horizontal_spacing=0.04,
-        vertical_spacing=0.14,
-    )
-    drawn = {"mean": (BLUE, "circle", "middle left"), "maximum": (VERMILION, "diamond", "middle right")}
-    every: list[float] = []
-    for row, campaign in enumerate(campaigns, start=1):
+    panels: list[Panel] = []
+    for campaign in dict.fromkeys(f.campaign for f in fits):
         mine = [f for f in fits if f.campaign == campaign]
-        for col, where in enumerate(places, start=1):
-            low, high = (np.array([getattr(getattr(f, where), size) for f in mine]) * 1e6 for size in drawn)
-            every += [*low, *high]
-            span = {"array": high - low, "arrayminus": 0.0 * low, "width": 0, "thickness": 5, "color": "#b8c1ca"}
-            for values, (size, (colour, symbol, side)) in zip((low, high), drawn.items(), strict=True):
-                name = {"mean": "mean", "maximum": "largest"}[size]
-                add_series(
-                    figure, name, values, [f.model for f in mine], colour, mode="markers+text",
-                    hover="%{y}: %{x:.1f} µm", text=[f" {v:.0f} " for v in values], textposition=side, textfont={"size": 13},
-                    marker={"symbol": symbol, "size": 11}, legendgroup=name, showlegend=row == col == 1, cliponaxis=False,
-                    error_x={"symmetric": False, **span} if size == "mean" else None, row=row, col=col,
-                )  # fmt: skip
-    styled(figure, height=230 * len(campaigns) + 130, top=90)
-    ends = [np.log10(min(every)) - 0.35, np.log10(max(every)) + 0.35]
-    figure.update_xaxes(type="log", range=ends, tickvals=TICKS, tickfont={"size": 12})
-    figure.update_xaxes(title_text="error of the predicted TCP (µm)", row=len(campaigns))
-    figure.update_yaxes(autorange="reversed", ticks="")
-    return figure.update_layout(legend={"y": 1.07})
+        for where, title in places.items():
+            mean, largest = (
+                np.array([getattr(getattr(f, where), of) for f in mine]) * 1e6 for of in ("mean", "maximum")
+            )
+            series = (
+                Series(name="mean", x=mean, y=range(len(mine)), low=mean, high=largest),
+                Series(name="largest", x=largest, y=range(len(mine)), colour=VERMILION, shape="diamond"),
+            )
+            x = Axis(title="error of the predicted TCP", unit="µm", log=True)
+            y = Axis(categories=tuple(f.model for f in mine))
+            panels.append(Panel(title=f"measured in {campaign}: {title}", x=x, y=y, series=series))
+    return Figure(panels=tuple(panels), columns=2, shared="x")
 
 
-def draw_error_over_angle(predictions: Sequence[Predictions]) -> go.Figure:
+def draw_error_over_angle(predictions: Sequence[Predictions]) -> Figure:
     """Error of every new pose over the rotation of its tool from the one measured orientation."""
-    figure = go.Figure()
+    series: list[Series] = []
     for k, label in enumerate(dict.fromkeys(_fit_label(p) for p in predictions)):
         mine = [p for p in predictions if _fit_label(p) == label]
         angle, length = (np.concatenate([getattr(p, key) for p in mine]) for key in ("angle", "length"))
-        marker = {"symbol": SHAPES[k % len(SHAPES)], "size": 5, "opacity": 0.65}
-        add_series(
-            figure, label, np.degrees(angle), length * 1e6, SERIES[k % len(SERIES)], hover="%{x:.1f}°: %{y:.1f} µm", marker=marker
-        )  # fmt: skip
-    styled(figure, height=440, x="rotation of the tool from the single measured orientation (°)")
-    return figure.update_yaxes(title_text="error of the predicted TCP (µm)", type="log", tickvals=TICKS)
+        colour, shape = SERIES[k % len(SERIES)], SHAPES[k % len(SHAPES)]
+        series.append(Series(name=label, x=np.degrees(angle), y=length * 1e6, colour=colour, shape=shape))
+    x = Axis(title="rotation of the tool from the single measured orientation", unit="°")
+    y = Axis(title="error of the predicted TCP", unit="µm", log=True)
+    return Figure(panels=(Panel(x=x, y=y, series=tuple(series), height=340.0),))
 
 
-def draw_coverage(predictions: Sequence[Predictions]) -> go.Figure:
+def draw_coverage(predictions: Sequence[Predictions]) -> Figure:
     """Whether errors are as large as was stated: beside the stated uncertainty, and inside the stated ellipsoids."""
-    figure = make_subplots(
-        rows=1, cols=2, horizontal_spacing=0.12, subplot_titles=["pose by pose", "share inside the stated ellipsoid"]
-    )
-    left: dict[str, Any] = {"row": 1, "col": 1}
-    right: dict[str, Any] = {"row": 1, "col": 2}
     limits = chdtri(3, 1.0 - LEVELS)
-    low = high = 1.0
+    poses: list[Series] = []
+    shares: list[Series] = []
     for k, p in enumerate(predictions):
-        colour, label = SERIES[k % len(SERIES)], f"{_fit_label(p)}; {p.where}"
-        stated, actual = p.stated * 1e6, p.length * 1e6
-        low, high = min(low, stated.min()), max(high, stated.max(), actual.max())
-        add_series(
-            figure, label, stated, actual, colour, hover="stated %{x:.1f} µm, actual %{y:.1f} µm", legendgroup=label,
-            marker={"size": 4, "opacity": 0.5}, **left,
-        )  # fmt: skip
+        name, colour = f"{_fit_label(p)}; {p.where}", SERIES[k % len(SERIES)]
         inside = 100.0 * np.mean(p.squared_distance[:, None] <= limits, axis=0)
-        add_series(
-            figure, label, 100.0 * LEVELS, inside, colour, mode="lines", width=2.5, legendgroup=label, showlegend=False,
-            hover="%{x:.0f} % ellipsoid holds %{y:.0f} %", **right,
-        )  # fmt: skip
-    for place, ends in ((left, [low, high]), (right, [0.0, 100.0])):
-        line: dict[str, Any] = {"mode": "lines", "dash": "dash", "width": 1.2, "showlegend": place is left}
-        add_series(figure, "as stated", ends, ends, INK, **line, **place)
-    styled(figure, height=560, top=70)
-    figure.update_layout(legend={"y": -0.17, "yanchor": "top", "itemsizing": "constant"}, margin={"b": 150})
-    logarithmic: dict[str, Any] = {"type": "log", "tickvals": TICKS, **left}
-    figure.update_xaxes(title_text="stated standard uncertainty in space (µm)", **logarithmic)
-    figure.update_yaxes(title_text="actual error in space (µm)", **logarithmic)
-    figure.update_xaxes(title_text="stated probability (%)", range=[0, 100], **right)
-    return figure.update_yaxes(title_text="new poses inside (%)", range=[0, 102], **right)
+        shape = SHAPES[k % len(SHAPES)]
+        poses.append(Series(name=name, x=p.stated * 1e6, y=p.length * 1e6, colour=colour, shape=shape))
+        shares.append(Series(kind="line", name=name, x=100.0 * LEVELS, y=inside, colour=colour))
+    stated = np.concatenate([p.stated for p in predictions]) * 1e6
+    diagonals = (
+        Series(kind="line", name="as stated", x=ends, y=ends, colour=INK, dash=True)
+        for ends in ([stated.min(), stated.max()], [0.0, 100.0])
+    )
+    left, right = ((*series, diagonal) for series, diagonal in zip((poses, shares), diagonals, strict=True))
+    panels = (
+        Panel(
+            title="pose by pose",
+            x=Axis(title="stated standard uncertainty in space", unit="µm", log=True),
+            y=Axis(title="actual error in space", unit="µm", log=True),
+            series=left,
+            height=320.0,
+        ),
+        Panel(
+            title="share inside the stated ellipsoid",
+            x=Axis(title="stated probability", unit="%", span=(0.0, 100.0)),
+            y=Axis(title="new poses inside", unit="%", span=(0.0, 100.0)),
+            series=right,
+            height=320.0,
+        ),
+    )
+    return Figure(panels=panels, columns=2)
 
 
-def draw_workspace(predictions: Sequence[Predictions], measured: Mapping[str, Float[np.ndarray, "n 3"]]) -> go.Figure:
-    """New poses where they are in the workspace, coloured by the error of their prediction.
+def draw_workspace(predictions: Sequence[Predictions], measured: Mapping[str, Float[np.ndarray, "n 3"]]) -> Scene:
+    """New poses where they are in the workspace, coloured by the error of their prediction; the first is shown at first.
 
     Args:
-        predictions: views to choose from; all share one logarithmic scale of colours.
+        predictions: layers to choose from; all share one logarithmic scale of colours.
         measured: for each campaign, the TCPs that were measured, in the base, metres.
     """
-    figure = go.Figure()
     top = float(np.ceil(2.0 * np.log10(max(p.length.max() for p in predictions) * 1e6)) / 2.0)
-    scale = {
-        "colorscale": "Viridis",
-        "cmin": 0.0,
-        "cmax": top,
-        "colorbar": {
-            "title": {"text": "error (µm)"},
-            "tickvals": np.log10(TICKS).tolist(),
-            "ticktext": list(map(str, TICKS)),
-            "len": 0.8,
-        },
-    }
-    for k, p in enumerate(predictions):
-        shown: dict[str, Any] = {"mode": "markers", "visible": k == 0}
-        figure.add_scatter3d(
-            **dict(zip("xyz", p.position.T * 1e3, strict=True)), **shown, name="new poses",
-            marker={"size": 5, "color": np.log10(np.maximum(p.length * 1e6, 1e-3)), **scale},
-            customdata=np.stack([p.length * 1e6, np.degrees(p.angle)], axis=1),
-            hovertemplate="%{customdata[0]:.1f} µm, turned %{customdata[1]:.0f}°<extra></extra>",
-        )  # fmt: skip
-        figure.add_scatter3d(
-            **dict(zip("xyz", measured[p.campaign].T * 1e3, strict=True)), **shown, name="measured poses",
-            marker={"size": 3, "symbol": "cross", "color": GREY}, hoverinfo="skip",
-        )  # fmt: skip
-    styled_space(figure, distance=1.6)
-    owner = [k for k in range(len(predictions)) for _ in range(2)]
-    choices = {f"{_fit_label(p)}; {p.where}": (show_one(owner, k),) for k, p in enumerate(predictions)}
-    return switch(figure, choices, y=1.02)
+    layers = [
+        {
+            **coloured_points(
+                f"{_fit_label(p)}; {p.where}",
+                p.position,
+                np.log10(np.maximum(p.length * 1e6, 1e-3)),
+                (0.0, top),
+                [f"{e:.1f} µm, turned {a:.0f}°" for e, a in zip(p.length * 1e6, np.degrees(p.angle), strict=True)],
+            ),
+            "off": k > 0,
+        }
+        for k, p in enumerate(predictions)
+    ]
+    layers += [
+        {
+            "kind": "points", "label": f"measured poses, {name}", "colour": GREY, "size": 2.2, "square": True,
+            "at": to_mm(points), "off": name != predictions[0].campaign,
+        }
+        for name, points in measured.items()
+    ]  # fmt: skip
+    return Scene(
+        title="Where the errors are in the workspace",
+        layers=tuple(layers),
+        note=f"Dark 1 µm to bright {10.0**top:.0f} µm, logarithmic, in all layers alike; squares are the measured poses, in base "
+        "coordinates.",
+    )
 
 
 def _fit_label(p: Predictions) -> str:
@@ -636,8 +604,8 @@ def _sensitivity(procedure: Procedure) -> Section:
         Chart(
             "Largest influence of each parameter on X, Y and Z",
             draw_sensitivities(procedure.sensitivities, procedure.elimination.eliminations),
-            "Along the robot's base axes. Pale bars: parameters that repeat others at these poses. The buttons "
-            "change between the influence of a geometric error as large as its tolerance and the influence per unit.",
+            "Along the robot's base axes. Empty marks: parameters that repeat others at these poses. Influence of a geometric "
+            "error as large as its tolerance, or per unit.",
         ),
         tabulate_influences(procedure),
     )
@@ -691,7 +659,7 @@ def _identification(procedure: Procedure) -> Section:
         Chart(
             "Residuals, pose by pose",
             draw_residuals(panels, "all", MICROMETRES),
-            "Measured less predicted, along the robot's base axes. The list at the right changes the model.",
+            "Measured less predicted, along the robot's base axes, by each model.",
         ),
     )
 
@@ -733,11 +701,7 @@ def _held_out(procedure: Procedure) -> Section:
             draw_error_over_angle([*whole, *_undamped(procedure)]),
             "Every point is a new pose. Measured in one orientation, the error grows with the rotation away from it.",
         ),
-        Chart(
-            "Where the errors are in the workspace",
-            draw_workspace(whole, base),
-            "Rotate with the mouse. All views share one scale of colours; crosses are the measured poses, in base coordinates.",
-        ),
+        draw_workspace(whole, base),
     )
 
 

@@ -1,12 +1,10 @@
 """A calibration as a page and as tables: prediction error, residuals, parameters, uncertainty over a task, provenance."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
-import plotly.graph_objects as go
 from jaxtyping import Bool, Float
-from plotly.subplots import make_subplots
 
 from taskcal.analysis.identifiability import Identifiability, describe_combination, identifiability
 from taskcal.analysis.sensitivity import sensitivity
@@ -26,6 +24,7 @@ from taskcal.identification.validation import MeasuredErrors, measured_errors
 from taskcal.planning.selection import Rung
 from taskcal.planning.task_map import Uncertainty
 from taskcal.registration.registration import Registration
+from taskcal.report.chart import AXIS_COLOURS, BLUE, SERIES, SHAPES, VERMILION, Axis, Figure, Level, Panel, Series
 from taskcal.report.content import (
     MILLIMETRES,
     NOMINAL,
@@ -47,21 +46,8 @@ from taskcal.report.content import (
 )
 from taskcal.report.page import Page, edited_entry
 from taskcal.report.scene import robot_scene
-from taskcal.report.sensitivity import MAX_TICKED, draw_effects
+from taskcal.report.sensitivity import draw_effects
 from taskcal.report.task import draw_bands, draw_maps
-from taskcal.report.theme import (
-    AXIS_COLOURS,
-    BLUE,
-    GREY,
-    INK,
-    SERIES,
-    SHAPES,
-    VERMILION,
-    add_series,
-    show_one,
-    styled,
-    switch,
-)
 from taskcal.report.verdict import verdict_section
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.parameter import ShownUnit
@@ -110,6 +96,7 @@ def verdict(
     *,
     in_space: bool = True,
     angles: tuple[float, float] | None = None,
+    digits: tuple[int, int] = (3, 3),
 ) -> str:
     """State how the prediction error changes; the robot itself moves as before until its programs are corrected.
 
@@ -120,13 +107,15 @@ def verdict(
         held_out: number of held-out points of which these are means; None for fitted ones.
         in_space: whether the errors are distances in space, not those of single numbers such as lengths.
         angles: mean errors of angles that are measured by themselves, before and after, milliradians.
+        digits: behind the point, of both errors.
     """
     where = f"{held_out} held-out points" if held_out is not None else "fitted rows, optimistic: none were held out"
     change = "falls" if after < before else "does not fall"
     ratio = f"ratio {before / after:.1f}, " if after > 0.0 else ""
     what = "mean 3D prediction error" if in_space else "mean prediction error"
     return (
-        f"{robot}: the {what} {change} from {before:.3f} mm, {NOMINAL}, to {after:.3f} mm, calibrated ({ratio}{where})."
+        f"{robot}: the {what} {change} from {before:.{digits[0]}f} mm, {NOMINAL}, to {after:.{digits[1]}f} mm, calibrated "
+        f"({ratio}{where})."
         + (f" Mean error of the angles: {angles[0]:.3f} mrad, then {angles[1]:.3f} mrad." if angles else "")
     )
 
@@ -227,23 +216,16 @@ def ladder_section(rungs: Sequence[Rung]) -> Section:
     return Section("Error reduction by model stage", chart, Table.of("Nested models", columns, rungs))
 
 
-def draw_ladder_rungs(rungs: Sequence[Rung]) -> go.Figure:
+def draw_ladder_rungs(rungs: Sequence[Rung]) -> Figure:
     """Draw a bar for each nested model, with the 95th percentile as a tick."""
-    names = [f"{rung.name} ({rung.parameters})" for rung in rungs][::-1]
-    means, tails = (
-        [1e3 * value for value in values][::-1] for values in zip(*((r.mean, r.p95) for r in rungs), strict=True)
+    places = range(len(rungs))
+    mean = Series(kind="bars", name="mean", x=[1e3 * rung.mean for rung in rungs], y=places)
+    tail = Series(
+        name="95th percentile", shape="tick", colour=VERMILION, x=[1e3 * rung.p95 for rung in rungs], y=places
     )
-    figure = go.Figure(
-        go.Bar(
-            x=means, y=names, orientation="h", name="mean", marker={"color": BLUE},
-            text=[f"{mean:.3f}" for mean in means], textposition="auto", textangle=0, constraintext="none",
-            hovertemplate="%{y}: %{x:.3f} mm<extra></extra>",
-        )
-    )  # fmt: skip
-    tick = {"symbol": "line-ns-open", "size": 16, "line": {"width": 2.5}}
-    add_series(figure, "95th percentile", tails, names, INK, hover="95 % below %{x:.3f} mm", extra=" ", marker=tick)
-    styled(figure, height=150 + 42 * len(rungs), x="cross-validated 3D error (mm)")
-    return figure.update_xaxes(rangemode="tozero")
+    names = tuple(f"{rung.name} ({rung.parameters})" for rung in rungs)
+    x = Axis(title="cross-validated 3D error", unit="mm")
+    return Figure(panels=(Panel(x=x, y=Axis(categories=names), series=(mean, tail)),))
 
 
 # Parameters: estimates, or why there is none, and dependence.
@@ -265,16 +247,14 @@ def parameters_section(calibration: Calibration) -> Section:
         Chart(
             "Effect of every parameter on the TCP at the measured poses",
             draw_effects(sensitivity(geometry, calibration.q)),
-            "A high bar: a geometric error of one tolerance (1σ) moves the tool far. A bar near zero: it hardly matters here, and "
-            "is poorly determined by these poses. Along the robot's base axes, and in space.",
-            least_width=700,
+            "Far to the right: a geometric error of one tolerance (1σ) moves the tool far. Near zero: it hardly matters here, "
+            "and is poorly determined by these poses. Along the robot's base axes, and in space.",
         ),
         Chart(
             "Estimated parameters",
             draw_parameters({"fit": calibration}),
             "Bars are two standard errors. A bar that crosses zero: the geometric error is not significant. Linearly dependent "
             "parameters share the estimate.",
-            least_width=700,
         )
         if estimated
         else None,
@@ -366,54 +346,49 @@ def _tabulate_correlations(calibration: Calibration) -> Table:
     )
 
 
-def draw_parameters(calibrations: Mapping[str, Calibration], truth: Float[np.ndarray, " p"] | None = None) -> go.Figure:
+MAX_DRAWN = 40
+"""Parameters of a unit that are drawn; more would hide those that matter."""
+
+
+def draw_parameters(
+    calibrations: Mapping[str, Calibration], truth: Float[np.ndarray, " p"] | None = None
+) -> Mapping[str, Figure]:
     """Draw estimated parameters with two standard errors, beside the truth where it is known.
 
     Args:
-        calibrations: calibrations of one model to choose from.
+        calibrations: calibrations of one model, each a view.
         truth: the true parameters, metres and radians.
     """
-    model = next(iter(calibrations.values())).model
+    return {label: _draw_estimates(one, truth) for label, one in calibrations.items()}
+
+
+def _draw_estimates(calibration: Calibration, truth: Float[np.ndarray, " p"] | None) -> Figure:
+    model = calibration.model
     groups: dict[tuple[bool, ShownUnit], list[int]] = {}  # one scale each: lengths and angles, then units of effects
     for i, parameter in enumerate(model.parameters):
         groups.setdefault((parameter.name in model.effect_names, parameter.shown), []).append(i)
-    titles = [
-        f"effects in {unit.name}" if effect else {"mm": "lengths", "mrad": "angles"}[unit.name]
-        for effect, unit in groups
-    ]
-    count = len(groups)
-    figure = make_subplots(rows=count, cols=1, vertical_spacing=0.4 / count, subplot_titles=titles)
-    styled(figure, height=340 * count, top=100)
-    figure.update_layout(legend={"y": 1.0 + 0.12 / count})
-    owner: list[int] = []
-    for row, ((effect, unit), columns) in enumerate(groups.items(), start=1):
-        place: dict[str, Any] = {"row": row, "col": 1}
-        names = [model.parameters[i].symbol or model.parameters[i].name for i in columns]
-        shared: dict[str, Any] = {
-            "customdata": [model.parameters[i].name for i in columns],
-            "showlegend": row == 1,
-            "hover": f"%{{customdata}}: %{{y:.3f}} {unit.name}",
-            **place,
-        }
-        for k, (label, calibration) in enumerate(calibrations.items()):
-            owner.append(k)
-            errors = {"array": 2.0 * calibration.standard_errors[columns] * unit.factor, "thickness": 1.6, "width": 4}
-            add_series(
-                figure, "estimate, two standard errors", names, calibration.estimate[columns] * unit.factor, SERIES[1],
-                extra=label, error_y=errors, visible=k == 0, legendgroup="estimate", marker={"size": 8}, **shared,
-            )  # fmt: skip
+    errors = calibration.standard_errors
+    clear = np.abs(calibration.estimate) / np.where(errors > 0.0, errors, np.inf)
+    panels: list[Panel] = []
+    for (effect, unit), every in groups.items():
+        columns = sorted(sorted(every, key=lambda i: -clear[i])[:MAX_DRAWN])
+        title = f"effects in {unit.name}" if effect else {"mm": "lengths", "mrad": "angles"}[unit.name]
+        if len(columns) < len(every):
+            title += f": {len(columns)} of {len(every)}, those largest over their standard errors"
+        places, labels = range(len(columns)), [model.parameters[i].name for i in columns]
+        value, half = calibration.estimate[columns] * unit.factor, 2.0 * errors[columns] * unit.factor
+        name = "estimate, two standard errors"
+        series = [Series(name=name, x=value, y=places, low=value - half, high=value + half, labels=labels)]
         if truth is not None:
-            owner.append(-1)
-            marker = {"symbol": "diamond-open", "size": 11, "line": {"width": 2}}
-            values = truth[columns] * unit.factor
-            add_series(figure, "truth", names, values, VERMILION, legendgroup="truth", marker=marker, **shared)
-        figure.update_yaxes(
-            title_text=f"{'effect' if effect else 'geometric error'} ({unit.name})", zeroline=True, **place
-        )
-        figure.update_xaxes(
-            tickangle=-60, tickfont={"size": 11}, dtick=1 if len(columns) < MAX_TICKED else None, **place
-        )
-    return switch(figure, {label: (show_one(owner, k),) for k, label in enumerate(calibrations)}, y=1.06)
+            true = truth[columns] * unit.factor
+            series.append(
+                Series(name="truth", x=true, y=places, labels=labels, hollow=True, colour=VERMILION, shape="diamond")
+            )
+        x = Axis(title="effect" if effect else "geometric error", unit=unit.name)
+        names = tuple(model.parameters[i].symbol or model.parameters[i].name for i in columns)
+        zero = Level(at=0.0, name="", along="x")
+        panels.append(Panel(title=title, x=x, y=Axis(categories=names), series=tuple(series), levels=(zero,)))
+    return Figure(panels=tuple(panels), columns=2)
 
 
 # Provenance.
@@ -491,7 +466,7 @@ def residual_analysis_section(analysis: ResidualAnalysis, rows: str) -> Section:
         Chart(
             "Residual variance explained, by quantity",
             draw_shares(analysis),
-            "Each quantity by itself; correlated quantities share what they explain. Grey: not significant, as chance "
+            "Each quantity by itself; correlated quantities share what they explain. Empty: not significant, as chance "
             f"gives as much more often than once in {1 / MAX_P_VALUE:.0f} or the share is under {100 * MIN_SHARE:.0f} %.",
         )
         if judged
@@ -528,49 +503,46 @@ def _findings(analysis: ResidualAnalysis) -> tuple[str, ...]:
     return tuple(out)
 
 
-def draw_shares(analysis: ResidualAnalysis) -> go.Figure:
-    """Draw the share of the residual variance that goes with each quantity; grey where it is not significant."""
-    rows = [e for e in analysis.explained[::-1] if e.p_value is not None]
-    figure = go.Figure(
-        go.Bar(
-            x=[100.0 * e.share for e in rows], y=[f"{e.regressor.name}: {e.regressor.moves}" for e in rows], orientation="h",
-            marker={"color": [BLUE if e.proven else GREY for e in rows]}, customdata=[f"p {e.p_value:.2g}" for e in rows],
-            hovertemplate="%{y}<br>%{x:.1f} %, %{customdata}<extra></extra>",
-        )
-    )  # fmt: skip
-    styled(figure, height=140 + 26 * max(len(rows), 3), legend=False, x="share of the variance on held-out poses (%)")
-    return figure.update_xaxes(rangemode="tozero")
+def draw_shares(analysis: ResidualAnalysis) -> Figure:
+    """Draw the share of the residual variance that goes with each quantity; empty where it is not significant."""
+    rows = [e for e in analysis.explained if e.p_value is not None]
+    names = tuple(f"{e.regressor.name}: {e.regressor.moves}" for e in rows)
+    bars = Series(
+        kind="bars",
+        x=[100.0 * e.share for e in rows],
+        y=range(len(rows)),
+        hollow=[not e.proven for e in rows],
+        labels=[f"{name}, p {e.p_value:.2g}" for name, e in zip(names, rows, strict=True)],
+    )
+    x = Axis(title="share of the variance on held-out poses", unit="%")
+    return Figure(panels=(Panel(x=x, y=Axis(categories=names), series=(bars,)),))
 
 
-def draw_against(analysis: ResidualAnalysis) -> go.Figure:
+def draw_against(analysis: ResidualAnalysis) -> Mapping[str, Figure]:
     """Draw the residual along the direction of each of the first quantities, against it, with the fitted smooth."""
-    figure = go.Figure()
-    owner: list[int] = []
-    choices: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {}
-    regressors = [e.regressor for e in analysis.explained[:MAX_REGRESSORS]]
-    for k, regressor in enumerate(regressors):
+    views: dict[str, Figure] = {}
+    for regressor in [e.regressor for e in analysis.explained[:MAX_REGRESSORS]]:
         along, seen, unit = _along(regressor, analysis.residual)
         smooth = fit_smooth(regressor, analysis.residual) * 1e3
         u = regressor.values[:, 0] * regressor.scale
         order = np.argsort(u, kind="stable")
+        curve = regressor.values.shape[1] == 1 and regressor.smooth
         names = list(AXIS_COLOURS) if along.shape[1] == 3 else [regressor.moves]
-        mode = "lines" if regressor.values.shape[1] == 1 and regressor.smooth else "markers"
+        series: list[Series] = []
         for d, name in enumerate(names):
             colour, own = AXIS_COLOURS.get(name, BLUE), seen[:, d]
-            owner += [k, k]
-            points = {"size": 5, "opacity": 0.55}
-            hover = f"%{{x:.4g}}: %{{y:.4g}} {unit}"
-            add_series(figure, name, u[own], along[own, d], colour, hover=hover, visible=k == 0, marker=points)
-            add_series(
-                figure, f"{name}, fitted", u[order], smooth[order, d], colour if len(names) > 1 else INK, mode=mode,
-                visible=k == 0, width=2.5, marker={"symbol": "diamond", "size": 7},
-            )  # fmt: skip
-        label = f"{regressor.name} ({regressor.unit})"
-        choices[label] = {}, {"xaxis.title.text": label, "yaxis.title.text": f"residual ({unit})"}
-    shown = {label: (show_one(owner, k), titles) for k, (label, (_, titles)) in enumerate(choices.items())}
-    first = next(iter(shown.values()))[1]
-    styled(figure, height=480, x=first["xaxis.title.text"], y=first["yaxis.title.text"], top=100)
-    return switch(figure, shown, y=1.12)
+            over = colour if len(names) > 1 else VERMILION
+            series += [
+                Series(name=name, x=u[own], y=along[own, d], colour=colour, shape=SHAPES[d], rows=np.flatnonzero(own).tolist()),
+                Series(
+                    kind="line" if curve else "points", name=f"{name}, fitted", x=u[order], y=smooth[order, d], colour=over,
+                    shape="" if curve else "cross",
+                ),
+            ]  # fmt: skip
+        x = Axis(title=regressor.name, unit=regressor.unit)
+        panel = Panel(x=x, y=Axis(title="residual", unit=unit), series=tuple(series), height=320.0)
+        views[f"{regressor.name} ({regressor.unit})"] = Figure(panels=(panel,))
+    return views
 
 
 def _along(
@@ -613,9 +585,6 @@ def tabulate_range(calibration: Calibration) -> Table:
 
 # Residuals of the fitted rows.
 
-PANELS = 3
-"""Joints that are drawn side by side."""
-
 
 def residuals_section(calibration: Calibration, errors: MeasuredErrors | None) -> Section:
     """Make the section of fit residuals.
@@ -630,7 +599,7 @@ def residuals_section(calibration: Calibration, errors: MeasuredErrors | None) -
         axes = "The one number that was read"
     blocks: list[Block] = [] if errors is None else _error_charts(calibration, errors)
     blocks.insert(
-        min(1, len(blocks)),
+        0,
         Chart(
             f"Measured less predicted, target {calibration.targets[0]}",
             draw_residuals({calibration.provenance.campaign or "the campaign": {"fit": calibration}}),
@@ -652,12 +621,6 @@ def residuals_section(calibration: Calibration, errors: MeasuredErrors | None) -
 def _error_charts(calibration: Calibration, errors: MeasuredErrors) -> list[Block]:
     return [
         Chart(
-            "Error of every measured pose, nominal and calibrated",
-            draw_before_after(errors),
-            "All circles should lie far below the crosses: a circle among the crosses is a pose at which the calibration does "
-            "not reduce the error. Of several targets the worst one counts.",
-        ),
-        Chart(
             "Residuals along each axis, by target",
             draw_by_axis(calibration, errors),
             "Boxes about zero and alike: no axis and no target stands out. A box off zero: this target, or this "
@@ -667,20 +630,20 @@ def _error_charts(calibration: Calibration, errors: MeasuredErrors) -> list[Bloc
             "Residuals against joint angle",
             draw_over_joints(calibration, errors),
             "A trend or wave indicates an error of this joint; a flat scatter does not.",
-            least_width=700,
         ),
         Chart(
             "Error against the rotation of the tool",
             draw_over_orientation(calibration, errors),
-            "Circles that rise to the right: the error grows with the rotation; then measure more orientations. Most "
-            "campaigns have few poses far to the right.",
+            "A circle for every measured pose, of several targets the worst; a circle among the crosses is a pose at which the "
+            "calibration does not reduce the error. Circles that rise to the right: the error grows with the rotation; then "
+            "measure more orientations. Most campaigns have few poses far to the right.",
         ),
     ]
 
 
 def draw_residuals(
     calibrations: Mapping[str, Mapping[str, Calibration]], start: str = "", unit: LengthUnit = MILLIMETRES
-) -> go.Figure:
+) -> Mapping[str, Figure]:
     """Draw residuals of a target, pose by pose: in base axes, the sensor's, or the one number that was read.
 
     It is the first target of which lengths were measured.
@@ -690,31 +653,36 @@ def draw_residuals(
         start: beginning of the name of the model that is shown first; the last by default.
         unit: of the residuals.
     """
-    campaigns, models = list(calibrations), [list(panel) for panel in calibrations.values()]
-    count = len(campaigns)
-    titles = [f"measured in {label}" for label in campaigns] if count > 1 else None
-    figure = make_subplots(rows=count, cols=1, shared_xaxes=True, vertical_spacing=0.12, subplot_titles=titles)
-    shown = next((m for m, name in enumerate(models[0]) if start and name.startswith(start)), len(models[0]) - 1)
-    owner: list[int] = []
-    for row, (label, panel) in enumerate(calibrations.items(), start=1):
-        for m, (name, calibration) in enumerate(panel.items()):
-            values = _first_residuals(calibration) * unit.factor
-            several = values.shape[1] > 1
-            for k, (letter, colour) in enumerate(list(AXIS_COLOURS.items())[: values.shape[1]]):
-                owner.append(m)
-                add_series(
-                    figure, letter, np.arange(1, len(values) + 1), values[:, k], colour,
-                    hover=f"pose %{{x}}: %{{y:.{unit.digits}f}} {unit.name}",
-                    extra=f"{f'{letter}, ' if several else ''}{name}, {label}", legendgroup=letter, visible=m == shown,
-                    showlegend=row == 1 and values.shape[1] == 3, marker={"symbol": SHAPES[k], "size": 7}, row=row, col=1,
-                )  # fmt: skip
-    choose = count > 1 or len(models[0]) > 1
-    styled(figure, height=260 * count + 120, y=f"residual ({unit.name})", top=100 if choose else 60)
-    figure.update_layout(legend={"y": 1.06 if choose else 1.02})
-    figure.update_xaxes(title_text="measured pose", row=count, col=1)
-    # models of several campaigns may differ in their count of parameters
-    labels = [" / ".join(dict.fromkeys(names)) for names in zip(*models, strict=True)]
-    return switch(figure, {label: (show_one(owner, m),) for m, label in enumerate(labels)}, y=1.06, active=shown)
+    models = [list(panel) for panel in calibrations.values()]
+    first = next((m for m, name in enumerate(models[0]) if start and name.startswith(start)), len(models[0]) - 1)
+    views: dict[str, Figure] = {}
+    for m in sorted(range(len(models[0])), key=lambda m: m != first):
+        chosen = {label: list(panel.values())[m] for label, panel in calibrations.items()}
+        # models of several campaigns may differ in their count of parameters
+        name = " / ".join(dict.fromkeys(names[m] for names in models))
+        views[name] = Figure(panels=tuple(_residual_panel(label, one, unit) for label, one in chosen.items()))
+    if len(calibrations) == 1:
+        views = {name: replace(one, panels=(replace(one.panels[0], title=""),)) for name, one in views.items()}
+    return views
+
+
+def _residual_panel(campaign: str, calibration: Calibration, unit: LengthUnit) -> Panel:
+    values = _first_residuals(calibration) * unit.factor
+    several = values.shape[1] > 1
+    series = tuple(
+        Series(
+            name=letter if several else "",
+            x=np.arange(1, len(values) + 1),
+            y=values[:, k],
+            colour=colour,
+            shape=SHAPES[k],
+            labels=[f"pose {n}, id {name}" for n, name in enumerate(calibration.ids, start=1)],
+            rows=range(len(values)),
+        )
+        for k, (letter, colour) in enumerate(list(AXIS_COLOURS.items())[: values.shape[1]])
+    )
+    y = Axis(title="residual", unit=unit.name)
+    return Panel(title=f"measured in {campaign}", x=Axis(title="measured pose"), y=y, series=series)
 
 
 def _first_residuals(calibration: Calibration) -> Float[np.ndarray, "n axes"]:
@@ -727,35 +695,58 @@ def _first_residuals(calibration: Calibration) -> Float[np.ndarray, "n axes"]:
     return residual[:, : kinds[first].width - kinds[first].angles]
 
 
-def draw_before_after(errors: MeasuredErrors) -> go.Figure:
-    """Draw the 3D error at every fitted row, nominal and calibrated; the worst target counts."""
-    figure = _draw_nominal_and_calibrated(errors, np.arange(1, len(errors.q) + 1), "pose %{x}")
-    return styled(figure, height=400, x="measured pose", y="3D error (mm)", zero=True, top=70)
-
-
-def draw_over_orientation(calibration: Calibration, errors: MeasuredErrors) -> go.Figure:
-    """Draw the 3D error over the tool's rotation from its mean orientation, nominal and calibrated."""
-    turned = turn_from_mean(calibration.model.poses(errors.q)[:, :3, :3])
-    figure = _draw_nominal_and_calibrated(errors, turned, "%{x:.0f}°")
-    styled(
-        figure, height=380, x="rotation of the tool from its mean orientation (°)", y="3D error (mm)", zero=True, top=70
+def draw_histogram(before: Validation | None, after: Validation, tolerances: Mapping[str, float]) -> Figure:
+    """Draw how many points have which error, nominal and calibrated, with tolerances, metres."""
+    models = {NOMINAL: before, "calibrated": after}
+    errors = {name: _lengths(one) for name, one in models.items() if one is not None}
+    top = max(float(max(values.max(initial=0.0) for values in errors.values())), 1e-6)
+    count = int(np.clip(np.sqrt(len(errors["calibrated"])) * 2, MIN_BINS, MAX_BINS))
+    edges = np.linspace(0.0, top * (1.0 + 1e-9), count + 1)
+    series = tuple(
+        Series(
+            kind="steps",
+            name=name,
+            x=edges,
+            y=np.histogram(values, edges)[0],
+            colour=VERMILION if name == NOMINAL else BLUE,
+            dash=name == NOMINAL,
+        )
+        for name, values in errors.items()
     )
-    return figure.update_xaxes(rangemode="tozero")
+    levels = tuple(Level(at=at * 1e3, name=name, along="x") for name, at in tolerances.items())
+    x = Axis(title="3D error" if after.in_space else "error", unit="mm", zero=True)
+    return Figure(panels=(Panel(x=x, y=Axis(title="points", zero=True), series=series, levels=levels),))
 
 
-def _draw_nominal_and_calibrated(errors: MeasuredErrors, x: Float[np.ndarray, " n"], hover: str) -> go.Figure:
-    figure = go.Figure()
-    for label, values, colour, shape in (
-        (NOMINAL, errors.before, VERMILION, "x-thin-open"),
+def _lengths(errors: Validation) -> Float[np.ndarray, " n"]:
+    """Errors that are lengths, millimetres; where there is none, all."""
+    chosen = np.isfinite(errors.errors)
+    if errors.lengths is not None and (chosen & errors.lengths).any():
+        chosen &= errors.lengths
+    return errors.errors[chosen] * 1e3
+
+
+MIN_BINS, MAX_BINS = 12, 40
+"""Of a histogram, which has about twice the square root of the number of points: the long tail of the nominal errors takes half."""
+
+
+def draw_over_orientation(calibration: Calibration, errors: MeasuredErrors) -> Figure:
+    """Draw the 3D error over the tool's rotation from its mean orientation, nominal and calibrated; the worst target counts."""
+    turned = turn_from_mean(calibration.model.poses(errors.q)[:, :3, :3])
+    series: list[Series] = []
+    for name, values, colour, shape in (
+        (NOMINAL, errors.before, VERMILION, "x"),
         ("calibrated", errors.after, BLUE, "circle"),
     ):
         length = 1e3 * np.linalg.norm(values[..., :3], axis=2)
         length = np.where(np.isfinite(length), length, -1.0).max(axis=1)  # the worst of the targets that were seen
-        seen = length >= 0.0
-        size = 8 if seen.sum() < 200 else 5
-        marker = {"symbol": shape, "size": size, "line": {"width": 2, "color": colour}}
-        add_series(figure, label, x[seen], length[seen], colour, hover=f"{hover}: %{{y:.3f}} mm", marker=marker)
-    return figure
+        seen = np.where(length >= 0.0, length, np.nan)
+        labels = [f"id {name}" for name in calibration.ids]
+        series.append(
+            Series(name=name, x=turned, y=seen, colour=colour, shape=shape, labels=labels, rows=range(len(seen)))
+        )
+    x = Axis(title="rotation of the tool from its mean orientation", unit="°", zero=True)
+    return Figure(panels=(Panel(x=x, y=Axis(title="3D error", unit="mm", zero=True), series=tuple(series)),))
 
 
 def turn_from_mean(rotations: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, " n"]:
@@ -764,47 +755,51 @@ def turn_from_mean(rotations: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "
     return np.degrees(np.linalg.norm(se3.log(mean.T @ rotations), axis=1))
 
 
-def draw_over_joints(calibration: Calibration, errors: MeasuredErrors) -> go.Figure:
+def draw_over_joints(calibration: Calibration, errors: MeasuredErrors) -> Figure:
     """Draw the 3D residual over each joint's position."""
     robot, targets = calibration.model.robot, calibration.targets
-    columns = min(PANELS, len(robot.joints))
-    rows = -(-len(robot.joints) // columns)
-    titles = [
-        f"{name} ({'mm' if slides else '°'})" for name, slides in zip(robot.joint_names, robot.prismatic, strict=True)
-    ]
-    figure = make_subplots(
-        rows=rows, cols=columns, shared_yaxes=True, horizontal_spacing=0.05, vertical_spacing=0.32 / rows, subplot_titles=titles,
-    )  # fmt: skip
     length = np.linalg.norm(errors.after[..., :3], axis=2) * 1e3
     position = errors.q * np.where(robot.prismatic, 1e3, 180.0 / np.pi)
     several = len(targets) > 1
-    for k in range(len(robot.joints)):
-        for t, target in enumerate(targets):
-            seen = np.isfinite(length[:, t])
-            add_series(
-                figure, target, position[seen, k], length[seen, t], SERIES[(t + 1) % len(SERIES)],
-                hover="%{x:.1f}: %{y:.3f} mm", legendgroup=target, showlegend=k == 0 and several,
-                marker={"symbol": SHAPES[t % len(SHAPES)], "size": 5}, row=k // columns + 1, col=k % columns + 1,
-            )  # fmt: skip
-    styled(figure, height=230 * rows + 90, zero=True, legend=several, top=100 if several else 60)
-    figure.update_layout(legend={"y": 1.0 + 0.14 / rows})
-    return figure.update_yaxes(title_text="residual (mm)", col=1)
+    panels = tuple(
+        Panel(
+            x=Axis(title=name, unit="mm" if slides else "°"),
+            y=Axis(title="residual", unit="mm", zero=True),
+            height=170.0,
+            series=tuple(
+                Series(
+                    name=target if several else "",
+                    x=position[:, k],
+                    y=length[:, t],
+                    colour=SERIES[(t + 1) % len(SERIES)],
+                    shape=SHAPES[t % len(SHAPES)],
+                    labels=[f"id {name}" for name in calibration.ids],
+                    rows=range(len(length)),
+                )
+                for t, target in enumerate(targets)
+            ),
+        )
+        for k, (name, slides) in enumerate(zip(robot.joint_names, robot.prismatic, strict=True))
+    )
+    return Figure(panels=panels, columns=3, shared="y")
 
 
-def draw_by_axis(calibration: Calibration, errors: MeasuredErrors) -> go.Figure:
-    """Draw the spread of the residuals along the axes of the robot's base, a panel for each target."""
+def draw_by_axis(calibration: Calibration, errors: MeasuredErrors) -> Figure:
+    """Draw the spread of the residuals along the axes of the robot's base, a box for each target."""
     targets = [t for t in range(len(calibration.targets)) if np.isfinite(errors.after[:, t, 0]).any()]
-    titles = [calibration.targets[t] for t in targets]
-    figure = make_subplots(rows=1, cols=len(targets), shared_yaxes=True, horizontal_spacing=0.04, subplot_titles=titles)
-    for col, t in enumerate(targets, start=1):
-        own = errors.after[np.isfinite(errors.after[:, t, 0]), t, :3] * 1e3
-        for axis, (letter, colour) in enumerate(AXIS_COLOURS.items()):
-            figure.add_box(
-                y=own[:, axis], x=[letter] * len(own), name=letter, showlegend=False, marker={"color": colour, "size": 4},
-                line={"width": 1.6}, boxpoints="outliers", hoverinfo="y", row=1, col=col,
-            )  # fmt: skip
-    styled(figure, height=360, legend=False)
-    return figure.update_yaxes(title_text="measured less predicted (mm)", col=1)
+    series = tuple(
+        Series(
+            kind="boxes",
+            name=calibration.targets[t],
+            x=errors.after[:, t, :3].ravel() * 1e3,
+            y=np.tile(np.arange(3), len(errors.q)),
+            colour=SERIES[(t + 1) % len(SERIES)],
+        )
+        for t in targets
+    )
+    x = Axis(title="measured less predicted", unit="mm")
+    zero = Level(at=0.0, name="", along="x")
+    return Figure(panels=(Panel(x=x, y=Axis(categories=("X", "Y", "Z")), series=series, levels=(zero,)),))
 
 
 # Tables of parameters and outliers, for the terminal and for the page.
@@ -978,41 +973,84 @@ def _axis(direction: Float[np.ndarray, " 3"]) -> str:
 # Summary: the verdict, four numbers, and what needs attention.
 
 
-def summary_section(calibration: Calibration, errors: MeasuredErrors | None, over: Uncertainty | None) -> Section:
+QUANTILE_ERROR = 2.1
+"""Standard error of a 95th percentile over that of the mean, of normal errors: √(0.05 · 0.95) / φ(1.645), for a quantile's variance
+is p (1 − p) / (n f²)."""
+
+
+def summary_section(
+    calibration: Calibration,
+    errors: MeasuredErrors | None,
+    over: Uncertainty | None,
+    judged: Verdict | None = None,
+    space: Workspace | None = None,
+) -> Section:
     """Make the first section.
 
     Args:
         calibration: the calibration.
         errors: at the fitted rows; None where they are not known.
         over: uncertainty over a task, if one was named.
+        judged: the verdict, which has the tolerances.
+        space: the task's workspace.
     """
     before, after = _before_after(calibration, errors)
     held_out = calibration.held_out
     sample = "held-out rows" if held_out is not None else "fitted rows"
     what = "mean 3D prediction error" if after.in_space else "mean prediction error"
     robot, said, nominal = calibration.model.robot, None, None
+    doubt = _standard_error(after, held_out)
+    worth, tail = (decimals_of(factor * doubt * 1e3) for factor in (1.0, QUANTILE_ERROR))
     if before is not None:
+        worth_before = decimals_of(_standard_error(before, None) * 1e3)
         name, means = robot.title or robot.name, (before.mean * 1e3, after.mean * 1e3)
         told = [one.summary() for one in (before, after)]
         alone = any(kind.width == kind.angles for kind in calibration.layout.observed)
         angles = (float(told[0]["mean_mrad"]), float(told[1]["mean_mrad"])) if alone else None
         count = None if held_out is None else int(told[1]["n"])
-        said = verdict(name, *means, count, in_space=after.in_space, angles=angles)
-        nominal = (f"{before.mean * 1e3:.3f}", "mm", f"{what} of the nominal model (registered), {sample}")
+        said = verdict(name, *means, count, in_space=after.in_space, angles=angles, digits=(worth_before, worth))
+        nominal = (f"{before.mean * 1e3:.{worth_before}f}", "mm", f"{what} of the nominal model (registered), {sample}")
     return Section(
         "Summary",
         said,
         Numbers(
             nominal,
-            (f"{after.mean * 1e3:.3f}", "mm", f"{what} of the calibrated model, {sample}"),
-            (f"{after.p95 * 1e3:.3f}", "mm", f"95th percentile of the error, {sample}"),
-            (f"{after.maximum * 1e3:.3f}", "mm", f"largest error, {sample}")
+            (f"{after.mean * 1e3:.{worth}f}", "mm", f"{what} of the calibrated model, {sample}"),
+            (f"{after.p95 * 1e3:.{tail}f}", "mm", f"95th percentile of the error, {sample}"),
+            (f"{after.maximum * 1e3:.{tail}f}", "mm", f"largest error, {sample}")
             if over is None
-            else (f"{over.target * 1e3:.3f}", "mm", f"standard uncertainty of the target over {over.task} (3D, rms)"),
+            else (
+                f"{over.target * 1e3:.{decimals_of(over.target * 1e3)}f}",
+                "mm",
+                f"standard uncertainty of the target over {over.task} (3D, rms)",
+            ),
+        ),
+        None if errors is None else robot_scene(calibration, errors, space),
+        Chart(
+            f"Error of the {sample}, nominal and calibrated",
+            draw_histogram(before, after, _tolerances(judged)),
+            "The farther left, the better. Points beyond a tolerance miss it by themselves; the verdict judges the rms over the "
+            "task.",
         ),
         Points(*_remarks(calibration)),
         tabulate_stations(calibration) if calibration.stations else None,
     )
+
+
+def _standard_error(errors: Validation, held_out: HeldOut | None) -> float:
+    """Of the mean error, metres: from the scatter of the parts that were held out, or of the points."""
+    by_part = held_out.standard_error if held_out is not None else np.nan
+    return by_part if np.isfinite(by_part) else float(np.nanstd(errors.errors)) / np.sqrt(max(len(errors), 1))
+
+
+def _tolerances(judged: Verdict | None) -> dict[str, float]:
+    """Tolerances by their names, metres."""
+    found = (
+        {} if judged is None else {one.subject: one.tolerance for one in judged.judgements if one.tolerance is not None}
+    )
+    if len(set(found.values())) == 1:
+        return {"tolerance": next(iter(found.values()))}
+    return {f"tolerance of the {subject}": tolerance for subject, tolerance in found.items()}
 
 
 def outliers_section(calibration: Calibration) -> Section:
@@ -1129,13 +1167,12 @@ def _task_section(over: Uncertainty) -> Section:
             draw_maps(over.slices, over.maps),
             "Bright is worse: measure more poses there. In the tool orientation of the task's middle. White: out of the "
             "robot's reach. Each view has its own scale of colours.",
-            least_width=700,
         )
     else:
         chart = Chart(
             "95 % intervals pose by pose",
             draw_bands(over.deviations),
-            "The wider the band, the larger the uncertainty. Along the robot's base axes, about the prediction.",
+            "The higher the line, the wider the interval about the prediction. Along the robot's base axes.",
         )
     return Section("TCP uncertainty over the task", text, difference, chart)
 
@@ -1162,9 +1199,7 @@ def calibration_page(
     model, source = calibration.model, calibration.provenance
     errors = measured_errors(calibration)
     sections = [] if judged is None else [verdict_section(judged)]
-    sections.append(summary_section(calibration, errors, over))
-    if errors is not None:
-        sections.append(Section("The robot", robot_scene(calibration, errors, space)))
+    sections.append(summary_section(calibration, errors, over, judged, space))
     sections += [held_out_section(calibration), range_section(calibration), residuals_section(calibration, errors)]
     if remainder is not None:
         sections.append(residual_analysis_section(remainder, f"{len(remainder.residual)} poses"))
@@ -1176,10 +1211,12 @@ def calibration_page(
     if rungs:
         sections.append(ladder_section(rungs))
     sections += [outliers_section(calibration), provenance_section(calibration)]
+    count = len(calibration.kept)
+    fitted = f"{count} parameters" if count == len(model) else f"{count} of {len(model)} parameters"
     return Page(
         title=f"Calibration of the {model.robot.title or model.robot.name}",
         sections=sections,
-        lead=f"{len(calibration.kept)} of {len(model)} parameters from {source.rows} rows of {source.campaign or 'a campaign'}"
+        lead=f"{fitted} from {source.rows} rows of {source.campaign or 'a campaign'}"
         f"{describe_effective(calibration.effective_parameters, calibration.parameter_groups)}. All lengths are in millimetres.",
         source=f"calibration by Taskcal {source.version}, {source.created}",
         header=(edited_entry(calibration.edit_warning),) if calibration.edited else (),

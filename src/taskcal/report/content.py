@@ -6,9 +6,9 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
+from taskcal.report.chart import Figure
 
+if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
 
 
@@ -168,10 +168,9 @@ class Chart:
 
     kind: ClassVar[str] = "chart"
     title: str
-    figure: "go.Figure"
+    figure: Figure | Mapping[str, Figure]
+    """Or views of it by their labels, of which a page shows the first, and the others on demand."""
     note: str = ""
-    least_width: int = 0
-    """CSS pixels under which a page scrolls it sideways, where it has many panels or labels."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

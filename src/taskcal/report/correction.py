@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 
 from robot_programs.core.program import Program
 from robot_programs.core.source import Place
@@ -17,10 +16,10 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.measured_range import describe_outside
 from taskcal.identification.uncertainty_budget import evaluation_of_model_error
 from taskcal.report.calibration import corrected_uncertainty_section
+from taskcal.report.chart import BLUE, GREY, ORANGE, VERMILION, Axis, Figure, Panel, Series
 from taskcal.report.content import Block, Chart, Column, Numbers, Points, Scene, Section, Table
 from taskcal.report.page import Page, edited_entry
 from taskcal.report.scene import coloured_points, spread_rows, strokes
-from taskcal.report.theme import BLUE, GREY, ORANGE, VERMILION, add_series, styled, with_decades
 from taskcal.report.verdict import verdict_section
 
 # Errors of a corrected program along its path, and in space.
@@ -28,39 +27,37 @@ from taskcal.report.verdict import verdict_section
 MIN_DRAWN_MM = 1e-5
 """Smaller errors are drawn as this: below it there is only the rounding of the program's numbers."""
 
-MAX_POINTS = 20_000
-"""Points of a curve; more are thinned out."""
-
 MAX_POINTS_IN_SPACE = 4000
 """Points in space; more would only hide each other."""
 
 
-def draw_errors(program: Program, lines: Mapping[str, Deviations], title: str) -> go.Figure:
+def draw_errors(program: Program, lines: Mapping[str, Deviations], title: str) -> Figure:
     """Draw the 3D error along a program, in two or three lines by their labels, on a logarithmic scale."""
-    figure = go.Figure()
     colours = (VERMILION, ORANGE, BLUE) if len(lines) > 2 else (VERMILION, BLUE)
-    for (label, deviations), colour in zip(lines.items(), colours, strict=True):
-        rows = spread_rows(len(deviations.error), MAX_POINTS)
-        add_series(
-            figure, label, deviations.move[rows] + deviations.share[rows], np.maximum(deviations.length[rows] * 1e3, MIN_DRAWN_MM),
-            colour, mode="lines", width=1.2, hover="line %{customdata}: %{y:.3f} mm",
-            customdata=[program.moves[i].place.line for i in deviations.move[rows]],
-        )  # fmt: skip
-    return with_decades(styled(figure, height=420, x="motion, in the order of the program"), title)
+    series = tuple(
+        Series(
+            kind="line",
+            name=label,
+            x=deviations.move + deviations.share,
+            y=np.maximum(deviations.length * 1e3, MIN_DRAWN_MM),
+            colour=colour,
+            labels=[f"line {program.moves[i].place.line}" for i in deviations.move],
+        )
+        for (label, deviations), colour in zip(lines.items(), colours, strict=True)
+    )
+    x, y = Axis(title="motion, in the order of the program"), Axis(title=title, unit="mm", log=True)
+    return Figure(panels=(Panel(x=x, y=y, series=series, height=320.0),))
 
 
-def draw_errors_per_axis(correction: Correction) -> go.Figure:
+def draw_errors_per_axis(correction: Correction) -> Figure:
     """Draw the distribution of the errors along the part's axes at targets, before and after correction."""
-    figure = go.Figure()
+    series: list[Series] = []
     for label, deviations, colour in (("before", correction.before, VERMILION), ("after", correction.after, BLUE)):
         errors = deviations.error[np.flatnonzero(deviations.at_target)] * 1e3
-        for axis, name in enumerate("XYZ"):
-            figure.add_box(
-                x=[name] * len(errors), y=errors[:, axis], name=label, legendgroup=label, showlegend=axis == 0, offsetgroup=label,
-                marker={"color": colour, "size": 3}, line={"width": 1.2}, boxpoints=False,
-            )  # fmt: skip
-    figure.update_layout(boxmode="group")
-    return styled(figure, height=380, x="axis of the part", y="true less programmed (mm)")
+        axes = np.tile(np.arange(3), len(errors))
+        series.append(Series(kind="boxes", name=label, x=errors[:, :3].ravel(), y=axes, colour=colour))
+    axes = Axis(title="axis of the part", categories=("X", "Y", "Z"))
+    return Figure(panels=(Panel(x=Axis(title="true less programmed", unit="mm"), y=axes, series=tuple(series)),))
 
 
 def draw_program(correction: Correction) -> Scene:
@@ -339,7 +336,7 @@ def _errors(correction: Correction) -> Section:
         blocks += [
             Chart(
                 "Predicted error along the program",
-                draw_errors(correction.program, lines, "predicted 3D error (mm)"),
+                draw_errors(correction.program, lines, "predicted 3D error"),
                 "The lower line should lie well below the upper one along the whole program; where it does not, see the "
                 "motions left unchanged. At targets: distance of the true tool from the programmed position; else from the path.",
             ),

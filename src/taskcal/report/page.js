@@ -1,44 +1,36 @@
-// Draws the charts of a page, and makes it ready for paper: charts as wide as the sheet, every fold open.
+// Makes a page ready for paper, every fold open but those of other views, and puts its figures out as files.
 "use strict";
 (() => {
-  const PAPER = 680;  // CSS pixels between the margins of an A4 sheet
-  const charts = [...document.querySelectorAll("script[data-for]")].map((holder) => document.getElementById(holder.dataset.for));
-  const drawn = charts.map((chart) => {
-    const figure = JSON.parse(document.querySelector(`script[data-for=${chart.id}]`).textContent);
-    return Plotly.newPlot(chart, figure.data, figure.layout, { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d"] });
-  });
   const root = document.documentElement;
-  Promise.all(drawn).then(() => root.dataset.export && putOut(root.dataset.export)).then(() => { root.dataset.drawn = "yes"; });
+  if (root.dataset.export) putOut(root.dataset.export);
 
   // Every figure as an address that holds its data, for files of their own.
   async function putOut(format) {
     const figures = [];
-    for (const place of document.querySelectorAll(".chart, .scene")) {
-      if (place.classList.contains("scene")) figures.push(place.picture(format));
-      else figures.push(await Plotly.toImage(place, { format, width: 1000, height: place.layout.height || 420, scale: format === "png" ? 2 : 1 }));
+    for (const place of document.querySelectorAll("figure")) {
+      const scene = place.querySelector(".scene");
+      figures.push(scene ? scene.picture(format) : await picture(place.querySelector("svg"), format));
     }
     const list = document.createElement("pre");
     list.id = "figure-files"; list.textContent = JSON.stringify(figures);
     document.body.append(list);
   }
+  async function picture(svg, format) {
+    const address = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(new XMLSerializer().serializeToString(svg))}`;
+    if (format === "svg") return address;
+    const image = new Image(), canvas = document.createElement("canvas"), pen = canvas.getContext("2d");
+    image.src = address;
+    await image.decode();
+    canvas.width = 2 * image.width; canvas.height = 2 * image.height;
+    pen.fillStyle = "white"; pen.fillRect(0, 0, canvas.width, canvas.height);
+    pen.drawImage(image, 0, 0, canvas.width, canvas.height);
+    return canvas.toDataURL("image/png");
+  }
 
-  function nameChoice(chart) {
-    const menu = (chart.layout.updatemenus || [])[0], place = document.querySelector(`[data-choice=${chart.id}]`);
-    if (menu && place) place.textContent = `Shown: ${menu.buttons[menu.active || 0].label}.`;
-  }
   let opened = [];
-  function toPaper() {
-    opened = [...document.querySelectorAll("details:not([open])")];
+  window.addEventListener("beforeprint", () => {
+    opened = [...document.querySelectorAll("details:not([open]):not(.view)")];
     for (const fold of opened) fold.open = true;
-    for (const chart of charts) {
-      nameChoice(chart);
-      Plotly.relayout(chart, { width: PAPER });
-    }
-  }
-  function toScreen() {
-    for (const fold of opened) fold.open = false;
-    for (const chart of charts) Plotly.relayout(chart, { width: null, autosize: true });
-  }
-  window.addEventListener("beforeprint", toPaper);
-  window.addEventListener("afterprint", toScreen);
+  });
+  window.addEventListener("afterprint", () => { for (const fold of opened) fold.open = false; });
 })();

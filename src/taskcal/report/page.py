@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from markupsafe import Markup
 from pydantic import Field
@@ -25,10 +25,8 @@ from taskcal.identification.calibration import package_version
 from taskcal.io.files import to_bytes
 from taskcal.io.toml_file import Finite, read_toml
 from taskcal.io.toml_file import Section as FileSection
+from taskcal.report import chart
 from taskcal.report.content import Chart, Scene, Section
-
-if TYPE_CHECKING:
-    from jinja2 import Template
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,15 +49,14 @@ class Page:
         return f"Taskcal {package_version()}{'; ' if self.source else ''}{self.source}."
 
     def html(self) -> str:
-        """The page, with its figures and, once, the library that draws them (about 5 MB)."""
-        from plotly.offline import get_plotlyjs
-
+        """The page, with its figures."""
         kinds = {block.kind for section in self.sections for block in section.blocks}
         return _template("report.html.j2").render(
             page=self,
-            chart_json=_chart_json,
+            chart=lambda block: Markup(chart.html(block.figure, block.title)),  # noqa: S704 - escaped there
+            chart_style=Markup(chart.STYLE),  # noqa: S704 - ours
+            chart_dark=Markup(chart.dark_style()),  # noqa: S704 - ours
             scene_json=_scene_json,
-            plotly=Markup(get_plotlyjs()) if Chart.kind in kinds else "",  # noqa: S704 - a library's own text
             scenes=Markup(_script("scene.js")) if Scene.kind in kinds else "",  # noqa: S704 - ours
             behaviour=Markup(_script("page.js")),  # noqa: S704 - ours
         )
@@ -70,18 +67,9 @@ def edited_entry(warning: str) -> tuple[str, str]:
     return "warning", warning
 
 
-def _chart_json(chart: Chart) -> Markup:
-    from taskcal.report.theme import figure_json
-
-    return _for_script(figure_json(chart.figure))
-
-
 def _scene_json(scene: Scene) -> Markup:
-    return _for_script(json.dumps(scene.content(), ensure_ascii=False, allow_nan=False, separators=(",", ":")))
-
-
-def _for_script(text: str) -> Markup:
     """Data for a script element, which only a closing tag could end."""
+    text = json.dumps(scene.content(), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return Markup(text.replace("<", "\\u003c"))  # noqa: S704 - escaped here
 
 
@@ -91,7 +79,7 @@ def _script(name: str) -> str:
 
 
 @cache
-def _template(name: str) -> "Template":
+def _template(name: str) -> Any:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(

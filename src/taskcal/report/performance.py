@@ -4,12 +4,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 
 from taskcal.campaigns.performance import CyclePerformance, PathPerformance
+from taskcal.report.chart import BLUE, SERIES, SHAPES, VERMILION, Axis, Figure, Panel, Series
 from taskcal.report.content import Chart, Column, Numbers, Section, Table
 from taskcal.report.page import Page
-from taskcal.report.theme import BLUE, SERIES, SHAPES, VERMILION, add_series, styled
 
 
 def pose_performance_page(performance: CyclePerformance, source: str) -> Page:
@@ -47,18 +46,17 @@ def path_performance_page(performance: PathPerformance, source: str) -> Page:
         None if again is None else (f"{again * 1e3:.3f}", "mm", "path repeatability RT_p, at the worst point"),
         (str(performance.cycles), "", "passes"),
     )
-    figure = go.Figure()
-    at = np.arange(len(performance.accuracy_along))
-    for label, values, colour, dash in (
-        ("accuracy", performance.accuracy_along, VERMILION, "solid"),
-        ("repeatability", performance.repeatability_along, BLUE, "dash"),
-    ):
-        if values is not None:
-            hover = "section %{x}: %{y:.3f} mm"
-            add_series(figure, label, at, values * 1e3, colour, mode="lines", dash=dash, hover=hover)
+    series = tuple(
+        Series(kind="line", name=label, x=np.arange(len(values)), y=values * 1e3, colour=colour, dash=dash)
+        for label, values, colour, dash in (
+            ("accuracy", performance.accuracy_along, VERMILION, False),
+            ("repeatability", performance.repeatability_along, BLUE, True),
+        )
+        if values is not None
+    )
     along = Chart(
         "Accuracy and repeatability along the path",
-        styled(figure, height=400, x="section of the path", y="mm", zero=True),
+        Figure(panels=(Panel(x=Axis(title="section of the path"), y=Axis(unit="mm", zero=True), series=series),)),
         "A peak of accuracy: the path is missed the same way each time, mostly at a corner; this can be corrected. A peak of "
         "repeatability is random, and cannot.",
     )
@@ -98,33 +96,43 @@ def _worst_of_poses(performance: CyclePerformance) -> list[tuple[str, str, str]]
 def _pose_charts(performance: CyclePerformance) -> list[Chart]:
     names = [f"{pose} {direction}".strip() for pose, direction in performance.poses]
     poses = list(performance.poses.values())
-    bars, cycles = go.Figure(), go.Figure()
-    for label, values, colour, pattern in (
-        ("accuracy AP_p", [one.accuracy for one in poses], VERMILION, ""),
-        ("repeatability RP_l", [one.repeatability for one in poses], BLUE, "/"),
-    ):
-        if any(value is not None for value in values):
-            bars.add_bar(
-                x=names, y=[None if value is None else value * 1e3 for value in values], name=label,
-                marker={"color": colour, "pattern": {"shape": pattern}},
-                hovertemplate=f"%{{x}}: %{{y:.3f}} mm<extra>{label}</extra>",
-            )  # fmt: skip
-    for k, (name, one) in enumerate(zip(names, poses, strict=True)):
-        add_series(
-            cycles, name, np.arange(1, one.cycles + 1), one.distances * 1e3, SERIES[k % len(SERIES)], mode="lines+markers", width=1,
-            hover="cycle %{x}: %{y:.3f} mm", marker={"symbol": SHAPES[k % len(SHAPES)], "size": 7},
-        )  # fmt: skip
-    styled(bars, height=380, x="pose", y="mm", zero=True).update_xaxes(type="category")
+    bars = tuple(
+        Series(kind="bars", name=label, x=1e3 * values, y=range(len(poses)), colour=colour, hollow=hollow)
+        for label, values, colour, hollow in (
+            ("accuracy AP_p", np.array([one.accuracy for one in poses], dtype=float), VERMILION, False),
+            ("repeatability RP_l", np.array([one.repeatability for one in poses], dtype=float), BLUE, True),
+        )
+        if np.isfinite(values).any()
+    )
+    cycles = tuple(
+        Series(
+            kind="line",
+            name=name,
+            x=np.arange(1, one.cycles + 1),
+            y=one.distances * 1e3,
+            colour=SERIES[k % len(SERIES)],
+            shape=SHAPES[k % len(SHAPES)],
+        )
+        for k, (name, one) in enumerate(zip(names, poses, strict=True))
+    )
     return [
         Chart(
             "Accuracy and repeatability of every pose",
-            bars,
-            "Plain bars much higher than hatched ones: the errors are reproducible, and a calibration helps. Hatched ones as "
-            "high: it does not.",
+            Figure(panels=(Panel(x=Axis(unit="mm", zero=True), y=Axis(categories=tuple(names)), series=bars),)),
+            "Full bars much longer than empty ones: the errors are reproducible, and a calibration helps. Empty ones as "
+            "long: it does not.",
         ),
         Chart(
             "Distance of every cycle from the mean of all",
-            styled(cycles, height=380, x="cycle", y="from the mean of all cycles (mm)", zero=True, top=80),
+            Figure(
+                panels=(
+                    Panel(
+                        x=Axis(title="cycle"),
+                        y=Axis(title="from the mean of all cycles", unit="mm", zero=True),
+                        series=cycles,
+                    ),
+                )
+            ),
             "Scatter without a trend: random. A line that falls and rises again: drift, such as warm-up.",
         ),
     ]

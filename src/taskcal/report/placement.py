@@ -3,21 +3,18 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
-from jaxtyping import Float
-from plotly.subplots import make_subplots
 
 from taskcal.correction.part_placement import PartPlacements, PlacedPart
+from taskcal.report.chart import BLUE, GREEN, INK, ORANGE, VERMILION, Axis, Cells, Figure, Panel, Series
 from taskcal.report.content import Chart, Column, Numbers, Section, Table
 from taskcal.report.page import Page
-from taskcal.report.theme import BLUE, GREEN, INK, ORANGE, VERMILION, add_series, draw_slices, styled
+from taskcal.report.task import span_of
 
 # Expected error in planes through a placement, or along one axis.
 
-AXES = ("along X (mm)", "along Y (mm)", "along Z (mm)", "turn (°)")
+AXES = (*(Axis(title=f"along {name}", unit="mm") for name in "XYZ"), Axis(title="turn", unit="°"))
 
 VIEWS: Mapping[str, tuple[str, str]] = {
     "expected": ("expected_mm", "mm"),
@@ -38,7 +35,7 @@ def varied_axes(found: PartPlacements) -> list[int]:
     return [k for k in range(4) if np.ptp(at[:, k]) > 0.0]
 
 
-def draw_placements(found: PartPlacements, through: PlacedPart) -> go.Figure:
+def draw_placements(found: PartPlacements, through: PlacedPart) -> Figure | Mapping[str, Figure]:
     """Draw the expected error about a placement: maps where the part was moved along several axes, else curves.
 
     Args:
@@ -72,50 +69,58 @@ def _known_views(placements: Sequence[PlacedPart]) -> dict[str, tuple[str, str]]
     return out
 
 
-def _maps(found: PartPlacements, through: PlacedPart, axes: Sequence[int]) -> go.Figure:
+def _maps(found: PartPlacements, through: PlacedPart, axes: Sequence[int]) -> Mapping[str, Figure]:
     """Planes of two axes, a scale of colours for each view, the same in all planes."""
     planes, middle = list(combinations(axes, 2))[:3], _at(through)
-    figure = make_subplots(rows=1, cols=len(planes), horizontal_spacing=0.17)
-    styled(figure, height=460, legend=False, top=100)
     views = _known_views(found.all)
-    drawn: dict[str, list[Float[np.ndarray, "v u"]]] = {label: [] for label in views}
-    for col, plane in enumerate(planes, start=1):
+    drawn: dict[str, list[Panel]] = {label: [] for label in views}
+    for plane in planes:
         within = [p for p in found.all if all(_at(p)[k] == middle[k] for k in range(4) if k not in plane)]
         u, v = (sorted({_at(placed)[k] for placed in within}) for k in plane)
         by_place = {tuple(_at(placed)[k] for k in plane): placed for placed in within}
-        for label, (key, _) in views.items():
-            drawn[label].append(np.array([[_value(by_place[a, b], key) for a in u] for b in v], dtype=float))
-        place: dict[str, Any] = {"row": 1, "col": col}
-        hover = "%{x:.0f}, %{y:.0f}: %{z:.3g}<extra></extra>"
-        first = drawn[next(iter(views))][-1]
-        figure.add_heatmap(x=u, y=v, z=first, coloraxis="coloraxis", hovertemplate=hover, **place)
         impossible = [at for at, placed in by_place.items() if not placed.possible]
-        for places, symbol in ((impossible, "x-thin"), ([(middle[plane[0]], middle[plane[1]])], "circle-open")):
-            marker = {"symbol": symbol, "size": 14, "line": {"color": INK, "width": 2}}
-            add_series(figure, "", [at[0] for at in places], [at[1] for at in places], INK, marker=marker, **place)
-        figure.update_xaxes(title_text=AXES[plane[0]], **place)
-        figure.update_yaxes(title_text=AXES[plane[1]], title_standoff=4, **place)
-    return draw_slices(figure, drawn, {label: _span(drawn[label], unit) for label, (_, unit) in views.items()}, y=1.08)
+        marks = tuple(
+            Series(
+                name=name, x=[at[0] for at in places], y=[at[1] for at in places], colour=INK, shape=shape, hollow=True
+            )
+            for name, places, shape in (
+                ("not possible", impossible, "x"),
+                ("this placement", [(middle[plane[0]], middle[plane[1]])], "ring"),
+            )
+            if places
+        )
+        for label, (key, _) in views.items():
+            values = np.array([[_value(by_place[a, b], key) for a in u] for b in v], dtype=float)
+            cells = Cells(x=np.array(u), y=np.array(v), z=values)
+            drawn[label].append(Panel(x=AXES[plane[0]], y=AXES[plane[1]], cells=cells, series=marks))
+    return {
+        label: Figure(
+            panels=tuple(panels),
+            columns=3,
+            scale=span_of([panel.cells.z for panel in panels if panel.cells is not None], views[label][1]),
+        )
+        for label, panels in drawn.items()
+    }
 
 
-def _span(maps: Sequence[Float[np.ndarray, "v u"]], unit: str) -> tuple[float, float, str]:
-    every = np.concatenate([values[np.isfinite(values)] for values in maps])
-    low, high = (float(every.min()), float(every.max())) if len(every) else (0.0, 1.0)
-    return low, high if high > low else low + max(abs(low), 1.0) * 1e-3, unit
-
-
-def _curves(found: PartPlacements, axis: int) -> go.Figure:
+def _curves(found: PartPlacements, axis: int) -> Figure:
     """Errors along one axis; nothing is drawn where the program cannot be executed whole."""
     placements = sorted(found.all, key=lambda placed: _at(placed)[axis])
     errors = {label: key for label, (key, unit) in _known_views(placements).items() if unit == "mm"}
-    figure = go.Figure()
-    for (label, key), colour in zip(errors.items(), COLOURS, strict=False):
-        values = [_value(placed, key) for placed in placements]
-        at = [_at(placed)[axis] for placed in placements]
-        add_series(
-            figure, label, at, values, colour, mode="lines+markers", hover="%{x:.0f}: %{y:.3f} mm", marker={"size": 9}
+    at = [_at(placed)[axis] for placed in placements]
+    series = tuple(
+        Series(
+            kind="line",
+            name=label,
+            x=at,
+            y=np.array([_value(placed, key) for placed in placements], dtype=float),
+            colour=colour,
+            shape="circle",
         )
-    return styled(figure, height=420, x=AXES[axis], y="3D error (mm, rms)", zero=True)
+        for (label, key), colour in zip(errors.items(), COLOURS, strict=False)
+    )
+    y = Axis(title="3D error, rms", unit="mm", zero=True)
+    return Figure(panels=(Panel(x=AXES[axis], y=y, series=series),))
 
 
 # Placements of a part as tables and sentences, for the terminal and for pages.
@@ -209,7 +214,6 @@ def placement_page(found: PartPlacements, robot: str, *, calibrated: bool) -> Pa
             "Expected error over the region",
             draw_placements(found, through),
             _MAPS if len(axes) > 1 else "A gap: the program is not feasible as a whole there, or near a singularity.",
-            least_width=700 if len(axes) > 2 else 0,
         )
         sections.append(Section("Region", chart, tabulate_obstacles(found)))
     source = "calibrated" if calibrated else "by its tolerances, in its own base"

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 
 from taskcal.planning.plan import Plan
+from taskcal.report.chart import BLUE, GREEN, GREY, INK, ORANGE, VERMILION, Axis, Figure, Level, Panel, Series
 from taskcal.report.content import (
     NOMINAL,
     Chart,
@@ -28,7 +28,6 @@ from taskcal.report.scene import (
     strokes,
     workspace_layer,
 )
-from taskcal.report.theme import BLUE, GREEN, GREY, INK, ORANGE, VERMILION, add_series, styled, with_decades
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
 from taskcal.task.workspace import Workspace
@@ -49,34 +48,28 @@ def _start(plan: Plan) -> str:
     return f"nominal, {plan.instrument.label}s found" if plan.of is not None and plan.instrument.label else NOMINAL
 
 
-def draw_by_count(plan: Plan) -> go.Figure:
+def draw_by_count(plan: Plan) -> Figure:
     """Draw the expected error over the number of poses, with random and space-filling plans of the same size beside it."""
-    figure = go.Figure()
     count, error = len(plan.q), plan.by_count * 1e3
     shown = error <= MAX_OVER_BEFORE * plan.before * 1e3
     numbers = np.arange(1, len(error) + 1)
-    add_series(
-        figure, "greedy selection", numbers[shown], error[shown], BLUE, mode="lines+markers", width=2.5,
-        hover="%{x} poses: %{y:.3f} mm", marker={"size": 5},
-    )  # fmt: skip
     low, mean, high = (1e3 * value for value in (plan.random.min(), plan.random.mean(), plan.random.max()))
-    spread = {"symmetric": False, "array": [high - mean], "arrayminus": [mean - low], "width": 6, "thickness": 1.8}
-    for name, value, colour, symbol, size, bar in (
-        (f"random poses: mean and range of {len(plan.random)} plans", mean, ORANGE, "square", 10, spread),
-        ("space-filling poses", 1e3 * plan.grid, GREEN, "triangle-up", 12, None),
-        ("this plan, after exchange and refinement", 1e3 * plan.expected, VERMILION, "diamond", 12, None),
-    ):
-        marker = {"symbol": symbol, "size": size}
-        add_series(figure, name, [count], [value], colour, hover="%{y:.3f} mm", marker=marker, error_y=bar)
-    levels = [(plan.before, _start(plan), GREY, "dot")]
+    random = f"random poses: mean and range of {len(plan.random)} plans"
+    filling, this = "space-filling poses", "this plan, after exchange and refinement"
+    series = (
+        Series(kind="line", name="greedy selection", x=numbers[shown], y=error[shown]),
+        Series(name=random, x=[count], y=[mean], low=[low], high=[high], colour=ORANGE, shape="square"),
+        Series(name=filling, x=[count], y=[1e3 * plan.grid], colour=GREEN, shape="triangle"),
+        Series(name=this, x=[count], y=[1e3 * plan.expected], colour=VERMILION, shape="diamond"),
+    )
+    levels = [Level(at=plan.before * 1e3, name=_start(plan))]
     if plan.geometry_allowance:
         less = ", less the model error" if plan.model_error else ""
-        levels.append((plan.geometry_allowance, f"accuracy that the task needs{less}", INK, "dash"))
-    ends = [0, count * 1.03]
-    for value, name, colour, dash in levels:
-        add_series(figure, name, ends, [value * 1e3] * 2, colour, mode="lines", dash=dash, width=1.5)
-    styled(figure, height=480, x="measured poses", top=110)
-    return with_decades(figure.update_xaxes(range=ends), "expected error (mm, rms)")
+        level = Level(at=plan.geometry_allowance * 1e3, name=f"accuracy that the task needs{less}", colour=INK)
+        levels.append(level)
+    x = Axis(title="measured poses", span=(0.0, count * 1.03))
+    y = Axis(title="expected error, rms", unit="mm", log=True)
+    return Figure(panels=(Panel(x=x, y=y, series=series, levels=tuple(levels), height=320.0),))
 
 
 def tabulate_expected_errors(plan: Plan, task: str, *, measured_before: int = 0) -> Table:

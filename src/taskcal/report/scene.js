@@ -77,6 +77,18 @@
     return { low, high, centre, radius: Math.max(points.reduce((m, p) => Math.max(m, length(sub(p, centre))), 0), 1) };
   }
 
+  // Colours of a dark screen: those that the page's charts have, its ink for all others. Paper is always white.
+  const night = window.matchMedia("screen and (prefers-color-scheme: dark)"), probe = document.createElement("i");
+  probe.hidden = true; document.body.append(probe);
+  let paper = document.documentElement.dataset.export;
+  const isDark = () => night.matches && !paper;
+  function tone(colour, dark) {
+    if (!isDark()) return colour;
+    if (dark) return dark;
+    probe.className = `c-${colour.slice(1)}`;
+    return getComputedStyle(probe).color;
+  }
+
   function drawScene(holder) {
     const scene = JSON.parse(holder.textContent), box = document.getElementById(holder.dataset.scene);
     const canvas = box.querySelector("canvas"), tip = box.querySelector(".tip"), label = box.querySelector(".legend");
@@ -87,12 +99,12 @@
       const decade = 10 ** Math.floor(Math.log10(room.radius)), step = decade * (room.radius / decade < 3 ? 0.5 : 1);
       const z = scene.floor ? 0 : room.low[2];
       const first = [0, 1].map((i) => Math.floor(room.low[i] / step) * step), last = [0, 1].map((i) => Math.ceil(room.high[i] / step) * step);
-      for (let x = first[0]; x <= last[0] + 1e-6; x += step) out.push({ line: [[x, first[1], z], [x, last[1], z]], colour: "#dde2e7", width: 1, far: true });
-      for (let y = first[1]; y <= last[1] + 1e-6; y += step) out.push({ line: [[first[0], y, z], [last[0], y, z]], colour: "#dde2e7", width: 1, far: true });
+      for (let x = first[0]; x <= last[0] + 1e-6; x += step) out.push({ line: [[x, first[1], z], [x, last[1], z]], colour: tone("#dde2e7", "#333e48"), width: 1, far: true });
+      for (let y = first[1]; y <= last[1] + 1e-6; y += step) out.push({ line: [[first[0], y, z], [last[0], y, z]], colour: tone("#dde2e7", "#333e48"), width: 1, far: true });
       return step;
     }
     function layer(out, one) {
-      const style = { colour: one.colour, width: one.width || 2, dash: one.dash };
+      const style = { colour: tone(one.colour || "#1f2933"), width: one.width || 2, dash: one.dash };
       if (one.kind === "strokes") {
         for (const stroke of one.at) for (let k = 0; k + 1 < stroke.length; k++) out.push({ line: [stroke[k], stroke[k + 1]], ...style });
       } else if (one.kind === "arrows") {
@@ -101,12 +113,12 @@
           out.push({ line: [at, to], head: true, ...style });
         });
       } else if (one.kind === "marker") {
-        out.push({ dot: one.at[0], size: 6, colour: one.colour, square: true });
+        out.push({ dot: one.at[0], size: 6, colour: style.colour, square: true });
         out.push({ dot: one.at[0], size: 0, beside: 9, text: one.label, top: true });  // what stands before it would cut it
       } else {
         one.at.forEach((at, k) => out.push({
           dot: at, size: one.size || 3, square: one.square, tip: one.tips ? one.tips[k] : "",
-          colour: one.values ? shade((one.values[k] - one.least) / (one.most - one.least || 1)) : one.colour,
+          colour: one.values ? shade((one.values[k] - one.least) / (one.most - one.least || 1)) : style.colour,
         }));
       }
     }
@@ -125,15 +137,15 @@
       };
       const parts = [];
       const step = grid(parts);
-      if (scene.poses.length && !hidden.has("robot")) robot(parts, scene.poses[number], scene.radius, { link: [205, 211, 218], joint: [96, 110, 124], loop: [222, 165, 60], tool: [20, 26, 32] });
+      if (scene.poses.length && !hidden.has("robot")) robot(parts, scene.poses[number], scene.radius, { link: [205, 211, 218], joint: [96, 110, 124], loop: [222, 165, 60], tool: isDark() ? [240, 244, 248] : [20, 26, 32] });
       for (const one of scene.layers) if (!hidden.has(one.label)) layer(parts, one);
       const size = 0.12 * room.radius;
       if (scene.floor) [["x", [1, 0, 0]], ["y", [0, 1, 0]], ["z", [0, 0, 1]]].forEach(([name, axis]) => {
         const end = axis.map((a) => a * size * 1.6);
-        parts.push({ line: [[0, 0, 0], end], colour: "#1f2933", width: 1.5, head: true, near: true }, { dot: axis.map((a) => a * size * 1.85), size: 0, text: name, colour: "#1f2933", near: true });
+        parts.push({ line: [[0, 0, 0], end], colour: tone("#1f2933"), width: 1.5, head: true, near: true }, { dot: axis.map((a) => a * size * 1.85), size: 0, text: name, colour: tone("#1f2933"), near: true });
       });
       pen.setTransform(fine, 0, 0, fine, 0, 0);
-      pen.fillStyle = "white"; pen.fillRect(0, 0, wide, high);
+      pen.fillStyle = tone("#ffffff", "#12181e"); pen.fillRect(0, 0, wide, high);
       pen.lineJoin = "round"; pen.lineCap = "round";
       seen = [];
       for (const part of parts) {
@@ -166,13 +178,13 @@
             pen.closePath(); pen.fill();
           }
         } else {
-          pen.fillStyle = part.colour; pen.strokeStyle = "white"; pen.lineWidth = 0.8;
+          pen.fillStyle = part.colour; pen.strokeStyle = tone("#ffffff", "#12181e"); pen.lineWidth = 0.8;
           pen.beginPath();
           if (part.square) pen.rect(first[0] - part.size, first[1] - part.size, 2 * part.size, 2 * part.size);
           else pen.arc(first[0], first[1], part.size, 0, 2 * Math.PI);
           if (part.size) { pen.fill(); pen.stroke(); }
           if (part.text) {
-            pen.fillStyle = "#1f2933"; pen.font = "13px system-ui, sans-serif";
+            pen.fillStyle = tone("#1f2933"); pen.font = "13px system-ui, sans-serif";
             const space = pen.measureText(part.text).width;
             const left = first[0] + 9 + space > wide ? first[0] - 9 - space : first[0] + (part.beside || -4);
             pen.lineWidth = 3; pen.strokeText(part.text, left, first[1] + 4);
@@ -181,18 +193,21 @@
           if (part.tip) seen.push([first[0], first[1], part.tip]);
         }
       }
-      pen.setLineDash([]); pen.fillStyle = "#52606d"; pen.font = "12px system-ui, sans-serif";
+      pen.setLineDash([]); pen.fillStyle = tone("#52606d"); pen.font = "12px system-ui, sans-serif";
       pen.fillText(`grid: ${step >= 1000 ? `${step / 1000} m` : `${step} mm`}`, 8, high - 8);
     }
 
     // legend: a mark and a box to tick for each layer
     const entries = [...(scene.poses.length ? [{ label: "robot", colour: "#606e7c", kind: "robot" }] : []), ...scene.layers];
+    const marks = [];
     for (const entry of entries) {
       const item = document.createElement("label"), tick = document.createElement("input"), mark = document.createElement("i");
-      tick.type = "checkbox"; tick.checked = true;
+      tick.type = "checkbox"; tick.checked = !entry.off;
+      if (entry.off) { hidden.add(entry.label); item.classList.add("off"); }
       tick.addEventListener("change", () => { hidden[tick.checked ? "delete" : "add"](entry.label); item.classList.toggle("off", !tick.checked); draw(); });
-      mark.style.borderTop = `3px ${entry.dash ? "dashed" : "solid"} ${entry.colour || "#21918c"}`;
-      if (entry.kind === "points" || entry.kind === "marker") { mark.className = entry.square || entry.kind === "marker" ? "square" : "round"; mark.style.background = entry.values ? "linear-gradient(90deg,#440154,#21918c,#fde725)" : entry.colour; mark.style.border = "0"; }
+      marks.push(() => { mark.style.color = tone(entry.colour || "#21918c"); });
+      mark.style.borderTop = `3px ${entry.dash ? "dashed" : "solid"} currentColor`;
+      if (entry.kind === "points" || entry.kind === "marker") { mark.className = entry.square || entry.kind === "marker" ? "square" : "round"; mark.style.background = entry.values ? "linear-gradient(90deg,#440154,#21918c,#fde725)" : "currentColor"; mark.style.border = "0"; }
       item.append(tick, mark, ` ${entry.label}`);
       label.append(item);
     }
@@ -238,7 +253,10 @@
       return `data:image/svg+xml,${encodeURIComponent(`<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 ${wide} ${high}"><image width="${wide}" height="${high}" href="${png}"/></svg>`)}`;
     };
     new ResizeObserver(draw).observe(box);
-    draw();
+    const repaint = () => { for (const mark of marks) mark(); draw(); };
+    night.addEventListener("change", repaint);
+    for (const [event, is] of [["beforeprint", true], ["afterprint", false]]) window.addEventListener(event, () => { paper = is; repaint(); });
+    repaint();
   }
   for (const holder of document.querySelectorAll("script[data-scene]")) drawScene(holder);
 })();

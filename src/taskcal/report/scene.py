@@ -9,11 +9,13 @@ from jaxtyping import Float
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.validation import MeasuredErrors
+from taskcal.report.chart import BLUE, PURPLE, VERMILION
 from taskcal.report.content import Scene
-from taskcal.report.theme import BLUE, INK, PURPLE, VERMILION
 from taskcal.robot.mechanism import trace_skeleton
 from taskcal.robot.robot import Robot
 from taskcal.task.workspace import Workspace
+
+INK = "#1f2933"
 
 
 def to_mm(points: Float[np.ndarray, "k 3"]) -> list[list[float]]:

@@ -2,16 +2,16 @@
 
 from itertools import groupby
 
-import plotly.graph_objects as go
+import numpy as np
 
 from taskcal.analysis.sensitivity import Sensitivity
 from taskcal.planning.selection import NestedModel, Selection
 from taskcal.planning.task_map import TaskCurves, TaskMaps
+from taskcal.report.chart import GREEN, INK, PURPLE, VERMILION, Axis, Figure, Level, Panel, Series
 from taskcal.report.content import Chart, Column, Numbers, Points, Section, Table, millimetres, state_model_error
 from taskcal.report.page import Page
 from taskcal.report.sensitivity import draw_effects, tabulate_effects
 from taskcal.report.task import task_section
-from taskcal.report.theme import BLUE, GREEN, GREY, INK, PURPLE, VERMILION, add_series, styled, with_decades
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
 
@@ -20,48 +20,49 @@ from taskcal.task.task import Task
 REFERENCES = {"identifiable": ("identifiable set", GREEN, "square"), "published": ("published set", PURPLE, "diamond")}
 
 
-def draw_ladder(selection: Selection, accuracy: float | None = None) -> go.Figure:
+def draw_ladder(selection: Selection, accuracy: float | None = None) -> Figure:
     """Draw expected and cross-validated error against the number of parameters, and the size that was chosen.
 
     Args:
         selection: the choice.
         accuracy: that was asked for, metres.
     """
-    figure = go.Figure()
-    sizes = [nested.size for nested in selection.ladder]
-    ends = [min(sizes) - 1, max(sizes) + 1]
-    errors = [1e3 * nested.expected for nested in selection.ladder]
-    gone = [f"; next to go: {nested.dropped_next}" if nested.dropped_next else "" for nested in selection.ladder]
-    add_series(
-        figure, "expected over the task (rms)", sizes, errors, BLUE, mode="lines+markers", customdata=gone,
-        hover="%{x} parameters: %{y:.3f} mm%{customdata}", extra="expected", marker={"size": 6},
-    )  # fmt: skip
-    crossed = [
-        (nested.size, 1e3 * nested.cross_validated, 1e3 * (nested.standard_error or 0.0))
-        for nested in selection.ladder
-        if nested.cross_validated is not None
+    ladder, chosen = selection.ladder, _chosen(selection)
+    gone = [f"{n.size} parameters{f', next to go: {n.dropped_next}' if n.dropped_next else ''}" for n in ladder]
+    series = [
+        Series(
+            kind="line",
+            name="expected over the task (rms)",
+            x=[nested.size for nested in ladder],
+            y=[1e3 * nested.expected for nested in ladder],
+            shape="circle",
+            labels=gone,
+        )
     ]
+    crossed = [nested for nested in ladder if nested.cross_validated is not None]
     if crossed:
-        size, mean, error = zip(*crossed, strict=True)
-        add_series(
-            figure, "cross-validated on the campaign (mean, standard error)", size, mean, VERMILION,
-            hover="%{x} parameters: %{y:.3f} mm", extra="cross-validated", error_y={"array": error, "thickness": 1.4, "width": 3},
-            marker={"size": 7, "symbol": "circle-open", "line": {"width": 2}},
-        )  # fmt: skip
+        mean = np.array([1e3 * (nested.cross_validated or 0.0) for nested in crossed])
+        error = np.array([1e3 * (nested.standard_error or 0.0) for nested in crossed])
+        series.append(
+            Series(
+                name="cross-validated on the campaign (mean, standard error)",
+                x=[nested.size for nested in crossed],
+                y=mean,
+                low=mean - error,
+                high=mean + error,
+                colour=VERMILION,
+                hollow=True,
+            )
+        )
     for name, (count, error) in selection.references.items():
-        label, colour, symbol = REFERENCES[name]
-        marker = {"symbol": symbol, "size": 13, "line": {"color": "white", "width": 1.5}}
-        hover = f"{label}, {count} parameters: %{{y:.3f}} mm"
-        add_series(figure, f"{label} ({count})", [count], [1e3 * error], colour, hover=hover, extra=" ", marker=marker)
-    chosen = _chosen(selection)
-    ring = {"symbol": "circle", "size": 17, "line": {"color": INK, "width": 2.5}}
-    hover = f"chosen: {chosen.size} parameters, %{{y:.3f}} mm"
-    at = [chosen.size], [1e3 * chosen.expected]
-    add_series(figure, f"chosen ({chosen.size})", *at, "rgba(0,0,0,0)", hover=hover, extra=" ", marker=ring)
-    if accuracy is not None:
-        add_series(figure, "accuracy asked for", ends, [accuracy * 1e3] * 2, GREY, mode="lines", dash="dash", width=1.5)
-    styled(figure, height=520, x="parameters in the model", top=110)
-    return with_decades(figure.update_xaxes(range=ends), "3D error (mm)")
+        label, colour, shape = REFERENCES[name]
+        series.append(Series(name=f"{label} ({count})", x=[count], y=[1e3 * error], colour=colour, shape=shape))
+    name, x, y = f"chosen ({chosen.size})", [chosen.size], [1e3 * chosen.expected]
+    series.append(Series(name=name, x=x, y=y, colour=INK, shape="ring", hollow=True))
+    levels = () if accuracy is None else (Level(at=accuracy * 1e3, name="accuracy asked for"),)
+    y = Axis(title="3D error", unit="mm", log=True)
+    panel = Panel(x=Axis(title="parameters in the model"), y=y, series=tuple(series), levels=levels, height=340.0)
+    return Figure(panels=(panel,))
 
 
 def _chosen(selection: Selection) -> NestedModel:
@@ -183,7 +184,6 @@ def _which(model: ErrorModel, selection: Selection, effects: Sensitivity) -> Sec
             draw_effects(effects),
             "Over the task's poses, along the robot's base axes and in space. A large effect does not make a parameter "
             "necessary: it may depend linearly on others, or move the task as tracker frame and targets do.",
-            least_width=700,
         ),
         tabulate_effects(effects),
     )

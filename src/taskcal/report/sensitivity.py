@@ -4,9 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import plotly.graph_objects as go
 from jaxtyping import Float
-from plotly.subplots import make_subplots
 
 from taskcal.analysis.identifiability import (
     NEGLIGIBLE,
@@ -19,22 +17,19 @@ from taskcal.analysis.identifiability import (
 )
 from taskcal.analysis.sensitivity import MeasuringNoise, Sensitivity
 from taskcal.planning.task_map import TaskCurves, TaskMaps
+from taskcal.report.chart import AXIS_COLOURS, INK, SERIES, SHAPES, Axis, Figure, Level, Panel, Series
 from taskcal.report.content import Chart, Column, Numbers, Section, Table
 from taskcal.report.page import Page
 from taskcal.report.task import task_section
-from taskcal.report.theme import AXIS_COLOURS, GREY, INK, SERIES, SHAPES, add_series, styled, switch
 from taskcal.robot.parameter import Parameter
 
 # Figures of a model over some poses: how much each parameter moves the tool, and how many are independent.
-
-MAX_TICKED = 70
-"""Parameters whose names are all written on an axis; more would lie over each other."""
 
 SMALLEST_DRAWN = 1e-18
 """Singular values are drawn no lower; exact zeros have no logarithm."""
 
 
-def draw_effects(found: Sensitivity) -> go.Figure:
+def draw_effects(found: Sensitivity) -> Mapping[str, Figure]:
     """Largest and root mean square effect of every parameter on X, Y, Z and in space, for its tolerance or per unit."""
     kinds = {
         "largest over the poses": (found.maximum, found.maximum_in_space),
@@ -47,94 +42,94 @@ def draw_effects(found: Sensitivity) -> go.Figure:
         )
         for title, (per_axis, in_space) in kinds.items()
     }
-    titles = {"for its tolerance": "effect of its tolerance (mm)", "per unit": "effect per unit (mm/mm, mm/mrad …)"}
-    return _draw_bars(found.model.parameters, panels, titles, height=780)
+    axes = {
+        "for its tolerance": Axis(title="effect of its tolerance", unit="mm", zero=True),
+        "per unit": Axis(title="effect per unit", unit="mm/mm, mm/mrad …", zero=True),
+    }
+    return _by_parameter(found.model.parameters, panels, axes)
 
 
-def draw_sensitivities(found: Mapping[str, Sensitivity], eliminations: Mapping[str, Identifiability]) -> go.Figure:
+def draw_sensitivities(
+    found: Mapping[str, Sensitivity], eliminations: Mapping[str, Identifiability]
+) -> Mapping[str, Figure]:
     """Largest effect of each parameter on X, Y and Z, for its tolerance or per unit.
 
     Args:
         found: a panel for each set of poses.
-        eliminations: of the same sets; parameters that they do not keep are drawn pale.
+        eliminations: of the same sets; marks of parameters that they do not keep are empty.
     """
     parameters = next(iter(found.values())).model.parameters
     panels = {f"poses in {label}": (1e6 * one.maximum(scaled=True), one.maximum()) for label, one in found.items()}
-    titles = {"scaled by tolerance": "largest influence (µm)", "per unit": "influence (mm/mm, mm/mrad)"}
-    pale = [[1.0 if p.name in eliminations[label].kept else 0.35 for p in parameters] for label in found]
-    return _draw_bars(parameters, panels, titles, height=350 * len(found) + 80, opacity=pale)
+    axes = {
+        "scaled by tolerance": Axis(title="largest influence", unit="µm", zero=True),
+        "per unit": Axis(title="influence", unit="mm/mm, mm/mrad", zero=True),
+    }
+    return _by_parameter(
+        parameters, panels, axes, [[p.name not in eliminations[label].kept for p in parameters] for label in found]
+    )
 
 
-def _draw_bars(
+def _by_parameter(
     parameters: Sequence[Parameter],
     panels: Mapping[str, tuple[Float[np.ndarray, "axes p"], Float[np.ndarray, "axes p"]]],
-    titles: Mapping[str, str],
-    *,
-    height: int,
-    opacity: Sequence[Sequence[float]] = (),
-) -> go.Figure:
-    """Bars of every parameter along each axis, and a line in space where there is a fourth row.
+    axes: Mapping[str, Axis],
+    hollow: Sequence[Sequence[bool]] = (),
+) -> Mapping[str, Figure]:
+    """Marks of every parameter along each axis, and in space where there is a fourth row.
 
     Args:
         parameters: of the model.
         panels: values for the tolerance and per unit, by the panel's title.
-        titles: of the vertical axis for either, by the button's label.
-        height: of the figure, CSS pixels.
-        opacity: of the bars in each panel.
+        axes: for either, by the label of the view.
+        hollow: marks that are empty, in each panel.
     """
-    names = [p.symbol or p.name for p in parameters]
-    hover = [p.name + (f" ({p.symbol})" if p.symbol else "") for p in parameters]
-    figure = make_subplots(
-        rows=len(panels), cols=1, shared_xaxes=True, vertical_spacing=0.16, subplot_titles=list(panels)
-    )
-    for row, (scaled, _) in enumerate(panels.values(), start=1):
-        for values, letter in zip(scaled, (*AXIS_COLOURS, "in space"), strict=False):
-            shared = {"name": letter, "legendgroup": letter, "showlegend": row == 1, "customdata": hover}
-            shown = f"%{{customdata}}: %{{y:.4g}}<extra>{letter}</extra>"
-            place = {"row": row, "col": 1}
-            if letter in AXIS_COLOURS:
-                marker = {"color": AXIS_COLOURS[letter], "opacity": opacity[row - 1] if opacity else 1.0}
-                figure.add_bar(x=names, y=values, marker=marker, hovertemplate=shown, **shared, **place)
-            else:
-                marker = {"symbol": "line-ew-open", "size": 14, "color": INK, "line": {"width": 2}}
-                figure.add_scatter(
-                    x=names, y=values, mode="markers", marker=marker, hovertemplate=shown, **shared, **place
+    styles = [*zip(AXIS_COLOURS, AXIS_COLOURS.values(), SHAPES, strict=False), ("in space", INK, "tick")]
+    names = Axis(categories=tuple(p.symbol or p.name for p in parameters))
+    return {
+        label: Figure(
+            panels=tuple(
+                Panel(
+                    title=title,
+                    x=axis,
+                    y=names,
+                    series=tuple(
+                        Series(
+                            name=name,
+                            x=line,
+                            y=range(len(parameters)),
+                            colour=colour,
+                            shape=shape,
+                            hollow=hollow[number] if hollow else False,
+                            labels=[p.label for p in parameters],
+                        )
+                        for line, (name, colour, shape) in zip(values[view], styles, strict=False)
+                    ),
                 )
-    axes = [f"yaxis{'' if row == 0 else row + 1}.title.text" for row in range(len(panels))]
-    choices = {
-        label: ({"y": [line.tolist() for panel in panels.values() for line in panel[k]]}, dict.fromkeys(axes, title))
-        for k, (label, title) in enumerate(titles.items())
+                for number, (title, values) in enumerate(panels.items())
+            ),
+            columns=2,
+        )
+        for view, (label, axis) in enumerate(axes.items())
     }
-    styled(figure, height=height, y=next(iter(titles.values())), top=100)
-    figure.update_layout(barmode="group", bargap=0.2, legend={"y": 1.05})
-    figure.update_xaxes(
-        tickangle=-60, tickfont={"size": 12 if len(names) < 40 else 10}, showticklabels=True, showgrid=False,
-        dtick=1 if len(names) < MAX_TICKED else None,
-    )  # fmt: skip
-    return switch(figure, choices, y=1.05)
 
 
-def draw_singular_values(eliminations: Mapping[str, Identifiability]) -> go.Figure:
+def draw_singular_values(eliminations: Mapping[str, Identifiability]) -> Figure:
     """Singular values of the stacked sensitivities, columns of unit length: the gap that decides the rank."""
-    figure = go.Figure()
-    for k, (label, found) in enumerate(eliminations.items()):
-        values = np.maximum(found.singular_values, SMALLEST_DRAWN)
-        colour = SERIES[k % len(SERIES)]
-        filled = np.where(np.arange(len(values)) < found.rank, colour, "white").tolist()
-        add_series(
-            figure, f"{label}: {found.rank} of {len(values)} count", np.arange(1, len(values) + 1), values, filled,
-            hover="%{x}: %{y:.2e}", extra=label,
-            marker={"line": {"color": colour, "width": 1.6}, "symbol": SHAPES[k % len(SHAPES)], "size": 9},
-        )  # fmt: skip
-    largest = max(found.singular_values.max(initial=0.0) for found in eliminations.values())
-    count = max(len(found.names) for found in eliminations.values())
-    limit = [NEGLIGIBLE * largest] * 2
-    add_series(
-        figure, "limit: 10⁻⁹ of the largest", [0.5, count + 0.5], limit, GREY, mode="lines", dash="dash", width=1.5
+    series = tuple(
+        Series(
+            name=f"{label}: {found.rank} of {len(found.singular_values)} count",
+            x=np.arange(1, len(found.singular_values) + 1),
+            y=np.maximum(found.singular_values, SMALLEST_DRAWN),
+            colour=SERIES[k % len(SERIES)],
+            shape=SHAPES[k % len(SHAPES)],
+            hollow=[number >= found.rank for number in range(len(found.singular_values))],
+        )
+        for k, (label, found) in enumerate(eliminations.items())
     )
-    styled(figure, height=420, x="number of the singular value", y="singular value (columns of unit length)")
-    figure.update_xaxes(range=[0, count + 1])
-    return figure.update_yaxes(type="log", exponentformat="power", dtick=3, range=[-18.7, 1.3])
+    largest = max(float(found.singular_values.max(initial=0.0)) for found in eliminations.values())
+    limit = Level(at=NEGLIGIBLE * largest, name="limit: 10⁻⁹ of the largest")
+    x, y = Axis(title="number of the singular value"), Axis(title="singular value (columns of unit length)", log=True)
+    return Figure(panels=(Panel(x=x, y=y, series=series, levels=(limit,), height=320.0),))
 
 
 # What a measurement with noise determines, for the terminal and for pages.
@@ -280,9 +275,8 @@ def _effects(found: Sensitivity, table: EliminationTable, told_apart: Distinguis
         Chart(
             "Effect of every parameter on the TCP",
             draw_effects(found),
-            "A high bar: an ordinary geometric error moves the tool far. No bar: the parameter has no effect at these poses. Along "
-            "the base axes and in space, nominal model. A tolerance is one standard deviation.",
-            least_width=700,
+            "Far to the right: an ordinary geometric error moves the tool far. At zero: it has no effect at these poses. "
+            "Along the base axes and in space, nominal model. A tolerance is one standard deviation.",
         ),
         tabulate_effects(found),
     )

@@ -3,13 +3,12 @@
 from collections import Counter
 
 import numpy as np
-import plotly.graph_objects as go
 
 from taskcal.errors import shown
 from taskcal.planning.study import Study
+from taskcal.report.chart import SERIES, Axis, Figure, Level, Panel, Series
 from taskcal.report.content import NOMINAL, Chart, Column, Section, Table, state_model_error
 from taskcal.report.page import Page
-from taskcal.report.theme import GREY, SERIES, styled, with_decades
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
 
@@ -17,34 +16,29 @@ MAX_REASONS, MAX_ROBOTS = 3, 10
 """Reasons why campaigns were not fitted, and robots of each, that are named."""
 
 
-def draw_study(study: Study) -> go.Figure:
+def draw_study(study: Study) -> Figure:
     """Draw a box of rms errors of the geometry over all robots for every plan, number of poses and model.
 
     A line shows what the accuracy that the task needs leaves to the geometry, beside the model error of a single pose.
     """
-    figure = go.Figure()
-    models = list(dict.fromkeys(row["model"] for row in study.rows))
-    for k, model in enumerate(models):
-        rows = [row for row in study.rows if row["model"] == model and not row["failed"]]
-        names = [f"{row['observe']}, {row['plan']}" if study.aligned else row["plan"] for row in rows]
-        figure.add_box(
-            x=[[f"{row['count']} poses" for row in rows], names], y=[row["rms_mm"] for row in rows], name=model,
-            marker={"color": SERIES[(k + 1) % len(SERIES)], "size": 4}, line={"width": 1.5}, jitter=0.4,
-            boxpoints="all" if study.robots <= 40 else "outliers", hovertemplate="%{y:.3f} mm<extra>" + model + "</extra>",
-        )  # fmt: skip
-    styled(figure, height=500, legend=len(models) > 1, top=90)
-    figure.update_layout(boxmode="group")
-    figure.update_xaxes(showgrid=False)
-    with_decades(figure, "true task error (mm, rms)")
+    rows = [row for row in study.rows if not row["failed"]]
+    kinds = [f"{row['observe']}, " if study.aligned else "" for row in rows]
+    names = [f"{kind}{row['plan']}, {row['count']} poses" for kind, row in zip(kinds, rows, strict=True)]
+    places = list(dict.fromkeys(names))
+    series: list[Series] = []
+    for k, model in enumerate(dict.fromkeys(row["model"] for row in study.rows)):
+        own = [
+            (row["rms_mm"], places.index(name)) for row, name in zip(rows, names, strict=True) if row["model"] == model
+        ]
+        colour = SERIES[(k + 1) % len(SERIES)]
+        x, y = ([one[end] for one in own] for end in (0, 1))
+        series.append(Series(kind="boxes", name=model, x=x, y=y, colour=colour))
+    levels: tuple[Level, ...] = ()
     if study.geometry_allowance:
-        allowed = study.geometry_allowance * 1e3
-        figure.add_hline(y=allowed, line={"color": GREY, "dash": "dash", "width": 1.5})
-        figure.add_annotation(
-            text=f"accuracy that the task needs{', less the model error' if study.model_error else ''}",
-            xref="paper", x=1.0, xanchor="right", yanchor="bottom", showarrow=False, font={"size": 13, "color": GREY},
-            y=float(np.log10(allowed)),  # annotations of a logarithmic axis are placed by the logarithm
-        )  # fmt: skip
-    return figure
+        needed = f"accuracy that the task needs{', less the model error' if study.model_error else ''}"
+        levels = (Level(at=study.geometry_allowance * 1e3, name=needed, along="x"),)
+    x = Axis(title="true task error, rms", unit="mm", log=True)
+    return Figure(panels=(Panel(x=x, y=Axis(categories=tuple(places)), series=tuple(series), levels=levels),))
 
 
 def tabulate_study(study: Study, task: str) -> Table:

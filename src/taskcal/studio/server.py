@@ -24,6 +24,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 
 from taskcal.errors import TaskcalError, printable
+from taskcal.report import chart
 from taskcal.studio.controls import button, text
 from taskcal.studio.files import giver, mesh_giver, receiver
 from taskcal.studio.pages import (
@@ -267,6 +268,7 @@ def _surroundings(
 ) -> Generator[None, None, None]:
     here = Path(__file__).parent
     ui.add_css(here / "studio.css")
+    ui.add_css(chart.STYLE + chart.dark_style("body.body--dark"))
     ui.add_head_html(f"<script>document.documentElement.lang = '{texts.language}';</script>")
     ui.add_head_html(f"<script>{(here / 'drop.js').read_text(encoding='utf-8')}</script>")
     text("a", texts("frame.skip")).props("href=#content").classes("skip")

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
+from taskcal.report.chart import plain
+
 LANGUAGES = {"en": "English", "de": "Deutsch"}
 """By the code that browsers use."""
 
@@ -30,6 +32,11 @@ class Texts:
     def __call__(self, key: str, **values: object) -> str:
         """The text of a key, with values in its places."""
         return catalogue()[key][self.language].format(**values)
+
+    def number(self, value: float, form: str) -> str:
+        """A number by its format, with the comma of the language."""
+        said = plain(value, form)
+        return said.replace(".", ",") if self.language == "de" else said
 
     def named(self, group: str, name: str, **values: object) -> str:
         """The text of what the library names, such as a finding of the doctor; its own name where the catalogue has none."""

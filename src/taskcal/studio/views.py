@@ -1,9 +1,8 @@
 """A robot in three dimensions: its chain as bars, its joints as drums about their axes, its loop, its base and its tool."""
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 from urllib.parse import quote
 
 import numpy as np
@@ -16,7 +15,7 @@ from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import place_links
 from taskcal.observations.point import Station
-from taskcal.report.theme import figure_json
+from taskcal.report import chart
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.mechanism import Skeleton, trace_skeleton
 from taskcal.robot.robot import Robot
@@ -24,10 +23,6 @@ from taskcal.studio.controls import ValueInput, button, message, set_attribute, 
 from taskcal.studio.robot_meshes import RobotMeshes
 from taskcal.studio.texts import Texts
 from taskcal.task.workspace import Orientation
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
-
 
 LINK, JOINT, LOOP, BOX = "#6b7e91", "#8f4e00", "#007a58", "#0072B2"
 """Colours that stand out from the ground in grey, too; links and joints differ in luminance, not in hue alone."""
@@ -529,20 +524,18 @@ class PosePlayer:
 # A figure of a report on a page.
 
 
-def figure(caption: str, drawn: "go.Figure", note: str = "") -> Element:
+def figure(caption: str, drawn: chart.Figure, texts: Texts, note: str = "") -> Element:
     """Show a figure.
 
     Args:
         caption: what it shows.
         drawn: the figure.
+        texts: in whose language its numbers are.
         note: how to read it.
     """
-    content = json.loads(figure_json(drawn))
-    with ui.element("figure").classes("chart") as whole:
+    with ui.element("figure") as whole:
         text("figcaption", caption)
-        shown = ui.plotly({**content, "config": {"displayModeBar": False, "responsive": True}})
-        shown.props("role=img")
-        set_attribute(shown, "aria-label", caption)
+        ui.html(chart.html(drawn, caption, texts.number), sanitize=False)
         if note:
             text("p", note).classes("quiet")
     return whole

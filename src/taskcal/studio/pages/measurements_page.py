@@ -7,7 +7,6 @@ from contextlib import suppress
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 from nicegui import ui
 
 from taskcal.campaigns.campaign import Campaign
@@ -16,8 +15,8 @@ from taskcal.campaigns.performance import RepeatedPoses, pose_repeatability
 from taskcal.errors import CampaignError, TaskcalError
 from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import campaign_text
+from taskcal.report.chart import SERIES, SHAPES, Axis, Figure, Panel, Series
 from taskcal.report.content import Column, Table
-from taskcal.report.theme import BLUE, SERIES, add_series, styled
 from taskcal.robot.robot import Robot
 from taskcal.studio.column_editor import ColumnEditor, begin_rewriting
 from taskcal.studio.controls import button, drop_zone, facts, message, tabulated, text
@@ -40,7 +39,7 @@ def show_course(campaign: Campaign, texts: Texts) -> None:
     if campaign.reference_points:
         for remark in compensate_drift(campaign).remarks:
             message(remark, fine=True)
-        figure(texts("course.drift"), draw_drift(campaign, texts), texts("course.drift_note"))
+        figure(texts("course.drift"), draw_drift(campaign, texts), texts, texts("course.drift_note"))
     if repeated is not None:
         said = repeated.summary()
         facts(
@@ -49,30 +48,34 @@ def show_course(campaign: Campaign, texts: Texts) -> None:
                 (texts("course.rp"), f"{said['RP_l_mean_mm']:.3f}, {said['RP_l_max_mm']:.3f} mm"),
             ]
         )
-        figure(texts("course.scatter"), draw_repeatability(repeated, texts), texts("course.scatter_note"))
+        figure(texts("course.scatter"), draw_repeatability(repeated, texts), texts, texts("course.scatter_note"))
     if repeated is None and not campaign.reference_points:
         text("p", texts("course.no_references")).classes("quiet")
 
 
-def draw_drift(campaign: Campaign, texts: Texts) -> go.Figure:
+def draw_drift(campaign: Campaign, texts: Texts) -> Figure:
     """Draw the distance of every reference point from its median place, row by row."""
-    drawn = go.Figure()
-    for k, (name, points) in enumerate(campaign.reference_points.items()):
-        away = np.linalg.norm(points - np.nanmedian(points, axis=0), axis=1) * 1e3
-        marker = {"size": 6, "symbol": k}
-        rows, colour = np.arange(len(points)), SERIES[k % len(SERIES)]
-        add_series(drawn, name, rows, away, colour, hover="%{x}: %{y:.3f} mm", marker=marker)
-    return styled(drawn, height=360, x=texts("course.row"), y=texts("course.away"), zero=True)
-
-
-def draw_repeatability(repeated: RepeatedPoses, texts: Texts) -> go.Figure:
-    """The repeatability of every pose that recurs."""
-    drawn = go.Figure()
-    drawn.add_bar(
-        x=[str(rows[0]) for rows in repeated.rows], y=repeated.repeatability * 1e3, marker={"color": BLUE}, name="RP"
+    series = tuple(
+        Series(
+            name=name,
+            x=np.arange(len(points)),
+            y=np.linalg.norm(points - np.nanmedian(points, axis=0), axis=1) * 1e3,
+            colour=SERIES[k % len(SERIES)],
+            shape=SHAPES[k % len(SHAPES)],
+            rows=range(len(points)),
+        )
+        for k, (name, points) in enumerate(campaign.reference_points.items())
     )
-    styled(drawn, height=320, x=texts("course.row"), y="RP (mm)", zero=True, legend=False, top=20)
-    return drawn.update_xaxes(type="category")
+    y = Axis(title=texts("course.away"), zero=True)
+    return Figure(panels=(Panel(x=Axis(title=texts("course.row")), y=y, series=series),))
+
+
+def draw_repeatability(repeated: RepeatedPoses, texts: Texts) -> Figure:
+    """The repeatability of every pose that recurs."""
+    first = tuple(str(rows[0]) for rows in repeated.rows)
+    bars = Series(kind="bars", x=repeated.repeatability * 1e3, y=range(len(first)), rows=first)
+    y = Axis(title=texts("course.row"), categories=first)
+    return Figure(panels=(Panel(x=Axis(title="RP", unit="mm", zero=True), y=y, series=(bars,)),))
 
 
 MAX_FIRST_ROWS = 12

@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 from jaxtyping import Float
 from nicegui import ui
 
 from taskcal.observations.point import Station
+from taskcal.report.chart import GREEN, ORANGE, Axis, Figure, Panel, Series
 from taskcal.report.content import Column, Table
 from taskcal.report.plan import MAX_OVER_BEFORE
-from taskcal.report.theme import BLUE, GREEN, ORANGE, add_series, styled, with_decades
 from taskcal.robot.robot import Robot
 from taskcal.studio.controls import button, facts, message, number, tabulated, text
 from taskcal.studio.editors import StationEditor
@@ -91,7 +90,7 @@ def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> None:
     lost = ", ".join(f"{number} {texts.named('lost', reason)}" for reason, number in result["lost"].items() if number)
     kept = result["candidates"]
     text("p", texts("plan.fell_away", kept=kept, lost=lost or texts("plan.none_fell"))).classes("quiet")
-    figure(texts("plan.by_count"), _draw_by_count(result, texts), texts("plan.flat"))
+    figure(texts("plan.by_count"), _draw_by_count(result, texts), texts, texts("plan.flat"))
     plan = str(result["plan"])
     beside = plan.removesuffix(".csv")
     with ui.element("div").classes("row"):
@@ -100,17 +99,17 @@ def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> None:
                 download(texts, path)
 
 
-def _draw_by_count(result: Mapping[str, Any], texts: Texts) -> go.Figure:
+def _draw_by_count(result: Mapping[str, Any], texts: Texts) -> Figure:
     """The expected error after so many poses."""
     errors, count = np.array(result["by_count_mm"], dtype=float), result["count"]
     shown = errors <= MAX_OVER_BEFORE * result["before_mm"]
-    drawn = go.Figure()
     numbers = np.arange(1, len(errors) + 1)[shown]
-    add_series(drawn, texts("plan.planned"), numbers, errors[shown], BLUE, mode="lines", hover="%{x}: %{y:.3f} mm")
-    for key, colour, symbol in (("random", ORANGE, "square"), ("grid", GREEN, "triangle-up")):
-        marker, value = {"symbol": symbol, "size": 11}, [result[f"{key}_expected_error_mm"]]
-        add_series(drawn, texts(f"plan.{key}"), [count], value, colour, hover="%{y:.3f} mm", marker=marker)
-    return with_decades(styled(drawn, height=380, x=texts("plan.poses_axis"), top=90), "mm")
+    others = (
+        Series(name=texts(f"plan.{key}"), x=[count], y=[result[f"{key}_expected_error_mm"]], colour=colour, shape=shape)
+        for key, colour, shape in (("random", ORANGE, "square"), ("grid", GREEN, "triangle"))
+    )
+    series = (Series(kind="line", name=texts("plan.planned"), x=numbers, y=errors[shown]), *others)
+    return Figure(panels=(Panel(x=Axis(title=texts("plan.poses_axis")), y=Axis(unit="mm", log=True), series=series),))
 
 
 async def _poses(

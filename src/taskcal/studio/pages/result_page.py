@@ -75,7 +75,7 @@ async def build(studio: Studio, texts: Texts) -> None:
         _in_space(placed, calibration, texts)
     errors = await asyncio.to_thread(measured_errors, calibration)
     if errors is not None:
-        figure(texts("result.by_joint"), draw_over_joints(calibration, errors), texts("result.by_joint_note"))
+        figure(texts("result.by_joint"), draw_over_joints(calibration, errors), texts, texts("result.by_joint_note"))
     with ui.element("details"):
         text("summary", texts("result.range"))
         tabulated(tabulate_range(calibration))
