@@ -7,6 +7,7 @@ import json
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 from taskcal import ErrorModel, load_robot
 from taskcal.demo import (
@@ -21,15 +22,13 @@ from taskcal.demo import (
     summarise_runs,
     tabulate_closed_loop,
 )
-from taskcal.report.chart import Figure
-from taskcal.report.content import Chart, Section
-from taskcal.report.page import Page, draw_figures
 
 ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))
 STATIC = ROOT / "docs" / "_static"
 
 
-def error_over_angle() -> Figure:
+def error_over_angle() -> Any:
     """Errors as the tool turns away from the orientation that was measured."""
     predictions = run_procedure(ErrorModel(load_robot(ROBOT))).predictions
     shown = [p for p in predictions if p.model.startswith("all")]
@@ -37,7 +36,7 @@ def error_over_angle() -> Figure:
     return draw_error_over_angle(shown)
 
 
-def closed_loop() -> Figure:
+def closed_loop() -> Any:
     """Errors of the true cutter as programmed, touched off and corrected, on 20 virtual robots; a quarter of an hour.
 
     What is identified of each robot is kept in the folder that TASKCAL_FITS names, if it does, and taken from there.
@@ -53,18 +52,16 @@ def closed_loop() -> Figure:
     return draw_closed_loop(largest_errors(runs))
 
 
-def peers() -> Figure:
+def peers() -> Any:
     """Cost of Taskcal and of its peers against poses and parameters, as `python -m benchmarks.peers` measured it last."""
-    sys.path.insert(0, str(ROOT))
     from benchmarks.peers.figure import draw
     from benchmarks.peers.page import RESULT
 
     return draw(json.loads(RESULT.read_text(encoding="utf-8")))
 
 
-def scaling() -> Figure:
+def scaling() -> Any:
     """Cost of Taskcal's passes against poses and parameters, and of its studies against robots, as measured last."""
-    sys.path.insert(0, str(ROOT))
     from benchmarks.peers.figure import draw_scaling
     from benchmarks.peers.page import RESULT
 
@@ -74,10 +71,11 @@ def scaling() -> Figure:
 PICTURES = {"error-over-angle": error_over_angle, "closed-loop": closed_loop, "peers": peers, "scaling": scaling}
 
 
-def photograph(figure: Figure, picture: Path) -> None:
-    """Write a figure as a PNG."""
-    title = picture.stem
-    picture.write_bytes(draw_figures(Page(title=title, sections=[Section(title, Chart(title, figure))]), "png")[title])
+def photograph(figure: Any, picture: Path) -> None:
+    """Write a chart as a PNG."""
+    from benchmarks.peers.figure import as_png
+
+    picture.write_bytes(as_png(figure, picture.stem))
     print(f"{picture}: {picture.stat().st_size / 1000:.0f} kB")
 
 

@@ -8,12 +8,12 @@ which needs Chromium; each robot takes some ten seconds on an idle core.
 import argparse
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from draw_picture import STATIC, photograph
 
 import taskcal as tc
-from taskcal.report.chart import BLUE, VERMILION, Axis, Figure, Panel, Series
 
 ERRORS = 0.5e-3
 """Of the robots' lengths, metres, and of their angles, radians (1σ)."""
@@ -83,22 +83,16 @@ def table(studies: dict[str, tc.Study]) -> str:
     return "\n".join(out)
 
 
-def figure(studies: dict[str, tc.Study]) -> Figure:
+def figure(studies: dict[str, tc.Study]) -> Any:
     """Of medians and of what nine robots in ten have, with the most postures."""
-    series: list[Series] = []
-    names: tuple[str, ...] = ()
-    for k, (name, study) in enumerate(studies.items()):
+    from benchmarks.peers.figure import draw_spreads
+
+    found: dict[str, dict[str, Any]] = {}
+    for name, study in studies.items():
         before = {f"{key}_mm": 1e3 * value for key, value in study.spread_before().items()}
         lines = [line for line in study.summary() if line["count"] == COUNTS[-1]]
-        found = {"not calibrated": before, **{line["observe"]: line for line in lines}}
-        names = tuple(found)
-        x, low, high = ([line[key] for line in found.values()] for key in ("median_mm", "p05_mm", "p95_mm"))
-        colour, shape = ((VERMILION, "circle"), (BLUE, "diamond"))[k % 2]
-        series.append(
-            Series(name=f"model error {name}", x=x, y=range(len(x)), low=low, high=high, colour=colour, shape=shape)
-        )
-    x = Axis(title=f"task error after {COUNTS[-1]} postures, rms", unit="mm", log=True)
-    return Figure(panels=(Panel(x=x, y=Axis(categories=names), series=tuple(series)),))
+        found[f"model error {name}"] = {"not calibrated": before, **{line["observe"]: line for line in lines}}
+    return draw_spreads(found, f"task error after {COUNTS[-1]} postures, rms")
 
 
 def _span(median: float, low: float, high: float) -> str:

@@ -1,10 +1,12 @@
-"""Cost of a calibration by each peer, and of Taskcal's passes alone, on logarithmic axes."""
+"""Pictures of the documentation: the cost of a calibration by each peer and of Taskcal alone, and spreads of errors."""
 
 from typing import Any
 
 from benchmarks.peers.measure import slope
 from benchmarks.peers.scaling import CHAIN_POSES
 from taskcal.report.chart import SERIES, SHAPES, Axis, Figure, Panel, Series
+from taskcal.report.content import Chart, Section
+from taskcal.report.page import Page, draw_figures
 
 
 def draw(result: dict[str, Any]) -> Figure:
@@ -72,3 +74,20 @@ def _line(number: int, name: str, rows: list[dict[str, Any]], size: str, key: st
         shape=SHAPES[number % len(SHAPES)],
         dash=number >= len(SERIES),
     )
+
+
+def draw_spreads(found: dict[str, dict[str, Any]], title: str) -> Figure:
+    """Median, and what nine in ten have, of each name in several series, millimetres."""
+    series: list[Series] = []
+    for k, (name, rows) in enumerate(found.items()):
+        x, low, high = ([row[key] for row in rows.values()] for key in ("median_mm", "p05_mm", "p95_mm"))
+        style = SERIES[k], SHAPES[2 * k]
+        series.append(Series(name=name, x=x, y=range(len(x)), low=low, high=high, colour=style[0], shape=style[1]))
+    names = tuple(next(iter(found.values())))
+    panel = Panel(x=Axis(title=title, unit="mm", log=True), y=Axis(categories=names), series=tuple(series))
+    return Figure(panels=(panel,))
+
+
+def as_png(figure: Figure, title: str) -> bytes:
+    """The picture of a chart; a browser makes the pixels."""
+    return draw_figures(Page(title=title, sections=[Section(title, Chart(title, figure))]), "png")[title]
