@@ -180,7 +180,7 @@ def _even(low: float, high: float, most: int) -> tuple[list[float], float]:
 def _decades(low: float, high: float) -> Iterator[tuple[list[float], float]]:
     """Ticks of a logarithmic axis, from many to few; even steps where no two of them lie on it."""
     first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
-    choices = [((1, 2, 5), 1), *(((1,), every) for every in (1, 2, 3, 6, 12))]
+    choices = [((1, 2, 5), 1), *(((1,), every) for every in (1, 2, 3, 6, 12, 24, 48, 96))]
     for digits, every in choices:
         ticks = [float(f"{m}e{k}") for k in range(first, last + 1) if k % every == 0 for m in digits]
         ticks = [tick for tick in ticks if low * (1 - 1e-9) <= tick <= high * (1 + 1e-9)]
@@ -366,9 +366,8 @@ class _Canvas:
     def said(self, one: Series, k: int, x: float, y: float) -> str:
         """What a mark says under the pointer: what it is, its value, the name of its series."""
         axes = self.panel.x, self.panel.y
-        (over, value), (at, other) = (
-            ((axes[0], x), (axes[1], y)) if axes[1].categories else ((axes[1], y), (axes[0], x))
-        )
+        across = bool(axes[1].categories)
+        over, value, at, other = (axes[0], x, axes[1], y) if across else (axes[1], y, axes[0], x)
         where = f"{at.title} {_value(other, self.say)} {at.unit}".strip()
         label = one.labels[k] if len(one.labels) else at.categories[round(other)] if at.categories else where
         interval = ""
@@ -383,67 +382,59 @@ class _Canvas:
         x, y = (np.asarray(v, dtype=float).ravel() for v in (one.x, one.y))
         at = self.x.at(x), self.y.at(y) + (shift if self.panel.y.categories else 0.0)
         yield f'<g class="c-{one.colour[1:]}" color="{one.colour}" fill="currentColor" stroke="currentColor" stroke-width="1.4">'
-        if one.kind == "bars":
-            yield from self._bars(one, x, y, at, shift)
-        elif one.kind == "boxes":
+        if one.kind == "boxes":
             yield from self._boxes(one, x, y, shift)
         elif one.kind == "steps":
             yield from self._steps(one, x, y)
+        elif one.kind == "bars":
+            zero = float(self.x.at(min(max(0.0, self.x.low), self.x.high)))
+            bars = [f"M{zero:.1f} {b - 4.5:.1f}H{a:.1f}v9H{zero:.1f}z" for a, b in zip(*at, strict=True)]
+            yield from self._marks(one, x, y, bars, named=True)
         else:
             if one.kind == "line":
                 dash = ' stroke-dasharray="6 4"' if one.dash else ""
-                path = _line(*at)
-                yield self.mark(path, one.name, more=f' fill="none" stroke-width="2" stroke-linejoin="round"{dash}')
+                more = f' fill="none" stroke-width="2" stroke-linejoin="round"{dash}'
+                yield self.mark(_line(*at), one.name, more=more)
             yield from self._points(one, x, y, at)
         yield "</g>"
 
     def _points(self, one: Series, x: np.ndarray, y: np.ndarray, at: tuple[np.ndarray, np.ndarray]) -> Iterator[str]:
-        seen = np.flatnonzero(np.isfinite(at[0]) & np.isfinite(at[1]))
-        unseen = one.kind != "points" and not one.shape
-        many = len(seen) > (MAX_ON_LINE if unseen else MAX_NAMED)
+        unseen = one.kind == "line" and not one.shape
+        many = int(np.isfinite(at[0] + at[1]).sum()) > (MAX_ON_LINE if unseen else MAX_NAMED)
         if unseen and (many or not self.named):
             return
         shape = one.shape or "circle"
         path = SMALL.get(shape, PATHS[shape]) if many else PATHS[shape]
-        hollow = np.broadcast_to(np.asarray(one.hollow, dtype=bool), x.shape)
-        ends = [np.full(x.shape, np.nan)] * 2
+        paths = [f"M{a:.1f} {b:.1f}{path}" for a, b in zip(*at, strict=True)]
         if one.low is not None and one.high is not None and one.kind == "points":
-            scale = self.x if self.panel.y.categories else self.y
-            ends = [scale.at(v) for v in (one.low, one.high)]
+            beside = bool(self.panel.y.categories)
+            ends = zip(*((self.x if beside else self.y).at(v) for v in (one.low, one.high)), strict=True)
+            bars = (
+                f"M{low:.1f} {b:.1f}H{high:.1f}" if beside else f"M{a:.1f} {low:.1f}V{high:.1f}"
+                for (low, high), a, b in zip(ends, *at, strict=True)
+            )
+            paths = [(bar if "nan" not in bar else "") + path for bar, path in zip(bars, paths, strict=True)]
         yield '<g opacity="0">' if unseen else '<g fill-opacity=".7">'
-        alike = one.low is None and (hollow[seen] == hollow[:1]).all()
-        if alike and ((many and not len(one.rows)) or not self.named):
-            more = ' fill="none"' if hollow[:1].any() else ""
-            yield f'<path d="{"".join(f"M{at[0][k]:.1f} {at[1][k]:.1f}{path}" for k in seen)}"{more}/>'
-        else:
-            for k in seen.tolist():
-                a, b, low, high = (float(v[k]) for v in (*at, *ends))
-                bar = ""
-                if math.isfinite(low + high):
-                    bar = (
-                        f"M{low:.1f} {b:.1f}H{high:.1f}"
-                        if self.panel.y.categories
-                        else f"M{a:.1f} {low:.1f}V{high:.1f}"
-                    )
-                row = one.rows[k] if len(one.rows) else None
-                more = ' fill="none"' if hollow[k] else ""
-                said = "" if many else self.said(one, k, float(x[k]), float(y[k]))
-                yield self.mark(f"{bar}M{a:.1f} {b:.1f}{path}", said, row, more)
+        yield from self._marks(one, x, y, paths, named=not many)
         yield "</g>"
 
-    def _bars(
-        self, one: Series, x: np.ndarray, y: np.ndarray, at: tuple[np.ndarray, np.ndarray], shift: float
-    ) -> Iterator[str]:
-        zero = float(self.x.at(min(max(0.0, self.x.low), self.x.high)))
-        hollow = np.broadcast_to(np.asarray(one.hollow, dtype=bool), x.shape)
-        for k in np.flatnonzero(np.isfinite(at[0]) & np.isfinite(at[1])).tolist():
-            row = one.rows[k] if len(one.rows) else None
-            path = f"M{zero:.1f} {at[1][k] - 4.5:.1f}H{at[0][k]:.1f}v9H{zero:.1f}z"
-            yield self.mark(path, self.said(one, k, float(x[k]), float(y[k])), row, ' fill="none"' if hollow[k] else "")
+    def _marks(self, one: Series, x: np.ndarray, y: np.ndarray, paths: list[str], *, named: bool) -> Iterator[str]:
+        """Marks that are drawn; as one path where none of them stands for anything by itself."""
+        hollow = np.broadcast_to(np.asarray(one.hollow, dtype=bool), x.shape).tolist()
+        fills = {True: ' fill="none"', False: ""}
+        seen = [k for k, path in enumerate(paths) if "nan" not in path]
+        if not self.named or not (named or len(one.rows)):
+            for empty, fill in fills.items():
+                whole = "".join(paths[k] for k in seen if hollow[k] is empty)
+                yield self.mark(whole, "", more=fill) if whole else ""
+            return
+        for k in seen:
+            said = self.said(one, k, float(x[k]), float(y[k])) if named else ""
+            yield self.mark(paths[k], said, one.rows[k] if len(one.rows) else None, fills[hollow[k]])
 
     def _boxes(self, one: Series, x: np.ndarray, y: np.ndarray, shift: float) -> Iterator[str]:
         for place in np.unique(y):
-            own = x[(y == place) & np.isfinite(x)]
+            own = x[(y == place) & np.isfinite(self.x.at(x))]
             if not len(own):
                 continue
             numbers = boxed(own)
@@ -606,13 +597,9 @@ def _level(level: Level, canvas: _Canvas, upright: tuple[float, float], end: flo
     at = float((canvas.y if level.along == "y" else canvas.x).at(level.at))
     if not math.isfinite(at):
         return ""
-    path = (
-        f"M{canvas.x.start:.1f} {at:.1f}H{end:.1f}"
-        if level.along == "y"
-        else f"M{at:.1f} {upright[0]:.1f}V{upright[1]:.1f}"
-    )
-    axis = canvas.panel.y if level.along == "y" else canvas.panel.x
-    said = f"{level.name}: {_value(level.at, canvas.say)} {axis.unit}".rstrip()
+    across, up = f"M{canvas.x.start:.1f} {at:.1f}H{end:.1f}", f"M{at:.1f} {upright[0]:.1f}V{upright[1]:.1f}"
+    path, axis = (across, canvas.panel.y) if level.along == "y" else (up, canvas.panel.x)
+    said = f"{level.name}: {_value(level.at, canvas.say)} {axis.unit}".rstrip() if level.name else ""
     dash = ' stroke-dasharray="7 4" stroke-width="1.8" fill="none"'
     return f'<g class="c-{level.colour[1:]}" color="{level.colour}" stroke="currentColor">{canvas.mark(path, said, more=dash)}</g>'
 
@@ -647,11 +634,8 @@ def _legend(figure: Figure, width: float, say: Say) -> tuple[list[str], float]:
             f'<path d="M{scale.start + k * cell:.1f} {y + 4:.1f}{across}" fill="{_shade(k / (count - 1))}"/>'
             for k in range(count)
         )
-        out += [
-            *strips,
-            *(_word(at, y + 31, text, ' text-anchor="middle"') for at, text in scale.ticks(say, across=True)),
-        ]
-        out.append(_word(scale.end + 14, y + 15, unit))
+        out += [*strips, _word(scale.end + 14, y + 15, unit)]
+        out += [_word(at, y + 31, text, ' text-anchor="middle"') for at, text in scale.ticks(say, across=True)]
         y += 40.0
     return out, y
 
