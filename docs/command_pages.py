@@ -51,9 +51,8 @@ def _described(path: str, command: Any, line: str) -> Iterable[str]:
         if some:
             yield f".. rubric:: {title}\n"
         for spelled, names, text in some:
-            yield from (
-                f".. index:: ! {name}\n" for name in spelled if name.startswith("--")
-            )  # found first by its name
+            if long := next((name for name in spelled if name.startswith("--")), ""):
+                yield f".. index:: ! {long}\n"  # search lists it first
             named = f".. option:: {names}\n" if kind == "option" else f"``{names.partition(' <')[0]}``"
             yield f"{named}\n   {_plain(text)}\n"
     if any("--effects" in parameter.opts for parameter, _ in records):
