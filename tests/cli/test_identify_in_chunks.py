@@ -30,6 +30,9 @@ def test_large_parquet_file_is_fitted_in_chunks_and_reported(run: Run, large: Pa
     assert (ended.json["rows"], ended.json["fitted"]["n"], ended.json["held_out_from_sample"]["n"]) == (120, 120, 60)
     assert ended.json["fitted"]["mean_mm"] < 0.1 < ended.json["nominal_of_sample"]["mean_mm"]
     assert tc.load_calibration(tmp_path / "cal.json").provenance.rows == 120
+    judged = run("validate", tmp_path / "cal.json", large, "--json").json
+    for error in ("mean_mm", "rms_mm", "max_mm"):
+        assert ended.json["fitted"][error] == pytest.approx(judged[error], rel=1e-6)
     shown = run(*ask, "--parameters")
     assert f"{ended.json['fitted']['mean_mm']:.3f} mm calibrated (120 fitted points)" in " ".join(shown.out.split())
 

@@ -99,6 +99,7 @@ def test_json_keys(run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch, name
 SHOWN = {
     name: COMMANDS[name] for name in COMMANDS if name not in ("study", "robots import", "convert", "warm", "plan")
 } | {
+    "simulate --truth": "simulate --robot ROBOT --task TASK --count 20 -o known.csv --truth known.json",
     "identify --folds": "identify --robot ROBOT three.csv -o folds.json --folds 2 --parameters",
     "identify poses": "identify --robot ROBOT poses.csv -o poses.json",
     "identify --keep none": "identify --robot ROBOT one.csv -o none.json --keep none",
@@ -144,7 +145,7 @@ def numbers_of(value: Any, keys: str = "") -> Iterator[tuple[str, float]]:
 def test_what_people_are_shown_are_the_numbers_of_the_json(
     run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    """To the digits that are shown, and under no key of another unit than stands behind it."""
+    """To the digits that are shown, and under no key of another unit than stands behind it; and every file that was written."""
     monkeypatch.chdir(folder)
     given: list[Any] = []
 
@@ -154,8 +155,12 @@ def test_what_people_are_shown_are_the_numbers_of_the_json(
 
     monkeypatch.setattr(OutputOptions, "give", note)
     line = SHOWN[name].replace("ROBOT", IRB6660).replace("TASK", TASK).split()
+    before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}
     ended = run(*line)
     assert ended.out, ended.err
+    written = [path for path in folder.iterdir() if path.is_file() and path.stat().st_mtime_ns != before.get(path)]
+    said = "".join((ended.out + ended.err).split())
+    assert [path.name for path in written if path.name not in said] == []
     known = list(numbers_of(given[0] if given else run(*line, "--json").json))
     text = " ".join(ended.out.split())
     for found in _NUMBER.finditer(text):

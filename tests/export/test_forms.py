@@ -86,7 +86,9 @@ def test_a_table_with_its_base_and_tool_predicts_the_same(name, convention, cali
     path = tmp_path / "table.csv"
     path.write_text(made.text, encoding="utf-8")
     q = spread_poses(calibration, 20)
-    T = made.frames["base"] @ ErrorModel(read_dh_table(path, convention)).poses(q) @ made.frames["tool"]
+    robot = read_dh_table(path, convention)
+    np.testing.assert_allclose(robot.limits, calibration.model.robot.limits, rtol=1e-8)
+    T = made.frames["base"] @ ErrorModel(robot).poses(q) @ made.frames["tool"]
     # a thousandth of a nanometre in millimetres with twelve digits, at 500 m from the axes
     np.testing.assert_allclose(T[:, :3, 3], calibration.tool_in_base(q)[:, :3, 3], atol=1e-9)
     assert np.linalg.norm(made.frames["base"][:3, 3]) < 0.01
@@ -172,6 +174,18 @@ def test_export_rejects_nearly_parallel_axes_for_dh_table(calibrations):
     ):
         export_dh(nearly, "dh")
     assert export_dh(nearly, "dh", accept_loss=True).loss.maximum < 1e-6
+
+
+def test_rows_of_nearly_parallel_axes_are_remarked():
+    """One defect turns one of a UR's parallel axes from the one before: one row, a row later where a twist is counted before it."""
+    calibration, rows = calibrated("ur5"), []
+    turned = calibration.all_names.index("J3.ry")
+    nearly, plainly = (replace(calibration, z=np.eye(len(calibration.z))[turned] * radians) for radians in (1e-3, 2e-2))
+    for convention in ("dh", "mdh"):
+        (remark,) = export_dh(nearly, convention).remarks
+        rows.append(int(remark.split("row ")[1].split()[0]))
+        assert not export_dh(plainly, convention).remarks
+    assert rows[1] == rows[0] + 1
 
 
 def test_effects_at_a_single_pose_are_held_whole():
