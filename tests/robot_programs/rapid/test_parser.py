@@ -24,7 +24,7 @@ def test_words_are_parts_of_the_text_in_order(text):
     assert at == len(text)
 
 
-def test_what_is_outside_of_modules_is_said_once_at_its_first_word():
+def test_text_outside_of_modules_is_said_once():
     modules, problems = parse("stray words;\nMODULE m\nENDMODULE\nmore\nMODULE n\nENDMODULE\n")
     assert [found.name.text for found in modules] == ["m", "n"]
     ((position, text),) = [(problem.position, problem.text) for problem in problems]
