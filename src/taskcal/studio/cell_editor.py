@@ -116,9 +116,11 @@ def save_section(project: Project, kind: Kind, section: Mapping[str, Any]) -> No
         written = with_section(before, kind, section)
         CellFile.model_validate(tomllib.loads(written))
         if chosen:
-            write_whole(path, written)
+            with project.change(chosen, joins=True):
+                write_whole(path, written)
         else:
-            project.choose(cell=project.put(LAYOUT.cells, "cell.toml", written.encode(), CELL_ENDINGS))
+            with project.change():
+                project.choose(cell=project.put(LAYOUT.cells, "cell.toml", written.encode(), CELL_ENDINGS))
     except ValidationError as error:
         raise TaskcalError(explain(error, CellFile)) from error
     except (OSError, ValueError) as error:  # a disk; a file that was made no TOML since the page was shown

@@ -243,8 +243,10 @@ class StationEditor:
 
     def _begin(self, robot: Robot) -> None:
         """Begin with a tracker before the robot, and one reflector at the TCP."""
-        path = self._project.put(LAYOUT.stations, "station.toml", first_station(robot).encode(), STATION_ENDINGS)
-        self._project.choose(station=path)
+        project = self._project
+        with project.change():
+            begun = first_station(robot).encode()
+            project.choose(station=project.put(LAYOUT.stations, "station.toml", begun, STATION_ENDINGS))
         ui.navigate.reload()
 
     def _place(self, path: str, station: Station) -> None:
@@ -253,7 +255,8 @@ class StationEditor:
 
         def put(axis: int, value: float) -> None:
             place[axis] = value
-            move_tracker(self._project.path(path), place)
+            with self._project.change(path, joins=True):
+                move_tracker(self._project.path(path), place)
 
         with ui.element("div").classes("row"):
             for k, letter in enumerate("xyz"):

@@ -133,13 +133,20 @@ def receiver(studio: Studio) -> Callable[[str, Request], Awaitable[Response]]:
         given, beside = (unquote(request.headers.get(name, "")) for name in ("x-file-name", "x-beside"))
         content = await request.body()
         try:
-            path = await run_in_threadpool(_keep, studio.project, kind, given, content, beside)
-            await run_in_threadpool(lambda: studio.project.choose(**{KINDS[kind].choice: path}))
+            path = await run_in_threadpool(take_file, studio.project, kind, given, content, beside)
         except TaskcalError as error:
             return JSONResponse({"message": str(error)}, status_code=422)
         return JSONResponse({"path": path})
 
     return receive
+
+
+def take_file(project: Project, kind: str, given: str, content: bytes, beside: str) -> str:
+    """Keep a file, and choose it; arguments as of `_keep`."""
+    with project.change():
+        path = _keep(project, kind, given, content, beside)
+        project.choose(**{KINDS[kind].choice: path})
+    return path
 
 
 def _keep(project: Project, kind: str, given: str, content: bytes, beside: str) -> str:

@@ -4,20 +4,24 @@ import json
 import os
 import re
 import sys
+import time
 import unicodedata
-from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
 from importlib import resources
 from pathlib import Path
-from typing import IO, Annotated
+from threading import RLock
+from typing import IO, Annotated, Literal
 
 import tomli_w
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, TypeAdapter
 
 from robot_programs.core.files import elsewhere_on_windows
 from robot_programs.languages import languages
 from taskcal.errors import FileError, TaskcalError, shown
-from taskcal.io.files import write_whole
+from taskcal.io.files import write_all, write_whole
 from taskcal.io.toml_file import Section, read_toml
 from taskcal.tables.forms import table_suffixes
 
@@ -69,6 +73,8 @@ class Layout:
     """Who measured what, where and with what."""
     made: str = "made.json"
     """From what each result was made."""
+    history: str = "history"
+    """What was changed, with the former contents."""
     robots: str = "robots"
     campaigns: str = "campaigns"
     tasks: str = "tasks"
@@ -155,6 +161,37 @@ class Choices(Section):
     """On calibrations, by their paths."""
 
 
+CHANGES = "changes.json"
+
+MAX_UNDO = 100
+"""Changes that are kept. A convention: more than anybody goes back one by one."""
+
+JOINED_S = 5.0
+"""Between two moves of a slider that are undone together. A convention: a pause to look is longer."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """A change of a project."""
+
+    what: Literal["added", "changed", "chosen", "undone"]
+    """Its text."""
+    named: tuple[str, str]
+    """What was changed, and its value where it is a choice."""
+    at: float
+    """Seconds since 1970."""
+    before: Mapping[str, str | None]
+    """Digests of the former contents, by path; None where there was no file."""
+    after: Mapping[str, str | None]
+
+
+_CHANGES = TypeAdapter(list[Change])
+
+
+def _digest(content: bytes | None) -> str | None:
+    return None if content is None else sha256(content).hexdigest()
+
+
 class Project:
     """A folder that is open."""
 
@@ -168,6 +205,12 @@ class Project:
             raise FileError(folder, "cannot be opened: it is not a folder; name one that exists, or one to be made")
         self.folder = folder.resolve()
         self._file = self.folder / LAYOUT.choices
+        self.author: Callable[[], str] = str
+        """Names whoever changes something now; empty where nobody is known."""
+        self.log: list[tuple[str, Change]] = []
+        """Changes since the project was opened, those that were taken back, too, with their authors."""
+        self._open: dict[str, bytes | None] | None = None
+        self._lock = RLock()
         if not self._file.exists():
             write_whole(self._file, tomli_w.dumps(Choices(name=self.folder.name or "project").model_dump()))
 
@@ -187,7 +230,9 @@ class Project:
             FileError: the file cannot be read or written, or a choice is not one that it may hold.
         """
         choices = Choices.model_validate({**self.choices.model_dump(), **changed})
-        write_whole(self._file, tomli_w.dumps(choices.model_dump()))
+        named = ", ".join(changed), ", ".join(map(str, changed.values()))
+        with self.change(LAYOUT.choices, chosen=named):
+            write_whole(self._file, tomli_w.dumps(choices.model_dump()))
         return choices
 
     def path(self, relative: str) -> Path:
@@ -243,8 +288,120 @@ class Project:
         present = place / name
         if not (present.is_file() and present.read_bytes() == content):
             name = free_name(name, [path.name for path in place.iterdir()])
-            write_whole(self.path(f"{folder}/{name}"), content)
+            with self.change(f"{folder}/{name}"):
+                write_whole(self.path(f"{folder}/{name}"), content)
         return f"{folder}/{name}"
+
+    @contextmanager
+    def change(
+        self,
+        *paths: str,
+        chosen: tuple[str, str] | None = None,
+        joins: bool = False,
+        before: Mapping[str, bytes | None] | None = None,
+    ) -> Generator[None, None, None]:
+        """Keep the contents that files had before a change, so that it can be undone; a change within another is part of that.
+
+        Args:
+            paths: files that may change, from the project's folder.
+            chosen: a choice and its value, if that is what it is; by default it is of files, named by the first.
+            joins: whether it is one with the last change of the same files, if that was a moment ago.
+            before: contents of other files, before a command wrote them.
+        """
+        with self._lock:
+            outer = self._open
+            if outer is not None:
+                for path in paths:
+                    outer.setdefault(path, self._content(path))
+                yield
+                return
+            self._open = {**(before or {}), **self.contents(paths)}
+            try:
+                yield
+            finally:
+                kept, self._open = self._open, None
+                self._record(kept, chosen, joins=joins)
+
+    def contents(self, paths: Iterable[str]) -> dict[str, bytes | None]:
+        """Contents of files; None where there is none."""
+        return {path: self._content(path) for path in paths}
+
+    def _content(self, path: str) -> bytes | None:
+        file = self.path(path)
+        return file.read_bytes() if file.is_file() else None
+
+    def _record(self, before: Mapping[str, bytes | None], chosen: tuple[str, str] | None, *, joins: bool) -> None:
+        after = self.contents(before)
+        changed = [path for path in before if before[path] != after[path]]
+        if not changed:
+            return
+        what = "chosen" if chosen else "added" if before[changed[0]] is None else "changed"
+        digests = ({path: _digest(contents[path]) for path in changed} for contents in (before, after))
+        made = Change(
+            what=what, named=chosen or (changed[0], ""), at=time.time(), before=next(digests), after=next(digests)
+        )
+        history = self.history()
+        last = history[-1] if history else None
+        if joins and last is not None and last.before.keys() == made.before.keys() and made.at - last.at < JOINED_S:
+            made = replace(made, what=last.what, before=last.before)
+            history = history[:-1]
+        kept = [content for path in changed if (content := before[path]) is not None]
+        self.path(LAYOUT.history).mkdir(exist_ok=True)
+        self._write_history([*history, made][-MAX_UNDO:], {self._kept(str(_digest(one))): one for one in kept})
+        self.log.append((self.author(), made))
+
+    def history(self) -> list[Change]:
+        """Changes that can be undone, the last one last; none where the record of them was spoilt."""
+        try:
+            return _CHANGES.validate_json((self.folder / LAYOUT.history / CHANGES).read_bytes())
+        except (OSError, ValueError):
+            return []
+
+    def undo(self) -> None:
+        """Put back the contents that files had before the last change.
+
+        Raises:
+            TaskcalError: there is none, another program has changed one of the files since, or one cannot be written.
+        """
+        with self._lock:
+            *others, last = self.history() or [None]
+            if last is None:
+                raise TaskcalError("there is nothing to undo")
+            for path, digest in last.after.items():
+                if _digest(self._content(path)) != digest:
+                    raise TaskcalError(
+                        f"'{shown(path)}' was changed outside the studio since; undoing would lose that. What was done before "
+                        f"can be put back by hand from the folder {LAYOUT.history}"
+                    )
+            back = {self.path(path): self._former(digest) for path, digest in last.before.items() if digest is not None}
+            self._write_history([one for one in others if one is not None], back)
+            for path, digest in last.before.items():
+                if digest is None:
+                    self.path(path).unlink(missing_ok=True)
+            self.log.append((self.author(), replace(last, what="undone")))
+
+    def forget(self) -> None:
+        """Undo nothing of what was done so far."""
+        self._write_history([], {})
+
+    def _kept(self, digest: str) -> Path:
+        """The file that keeps a former content."""
+        return self.folder / LAYOUT.history / f"{digest}.old"
+
+    def _former(self, digest: str) -> bytes:
+        if not re.fullmatch("[0-9a-f]{64}", digest) or not self._kept(digest).is_file():
+            raise TaskcalError(f"the former content is missing from the folder {LAYOUT.history}")
+        return self._kept(digest).read_bytes()
+
+    def _write_history(self, history: Sequence[Change], beside: Mapping[Path, bytes]) -> None:
+        """Write what can be undone, with other files, all or none; then drop what no change needs."""
+        folder = self.folder / LAYOUT.history
+        listed = json.dumps([asdict(one) for one in history], indent=1)
+        write_all({**beside, folder / CHANGES: listed.encode()})
+        needed = {digest for one in history for digest in one.before.values()}
+        for old in folder.glob("*.old"):
+            if old.stem not in needed:
+                old.unlink(missing_ok=True)
 
 
 # A folder that one process at a time may write in.
@@ -341,6 +498,7 @@ def begin_example(folder: Path) -> Project:
     contents = _contents()
     chosen = {kind: project.put(place, name, content, (Path(name).suffix,)) for kind, place, name, content in contents}
     project.choose(name="Virtual IRB 6660", robot=ROBOT, **chosen)
+    project.forget()
     return project
 
 

@@ -100,7 +100,9 @@ def put_mesh(project: Project, robot: str, given: str, content: bytes) -> str:
         raise TaskcalError(f"'{shown(name)}' has more than {MAX_MESH_BYTES // 1_000_000} MB; simplify it")
     place = project.path(folder_of(robot))
     place.mkdir(parents=True, exist_ok=True)
-    write_whole(project.path(f"{folder_of(robot)}/{name}"), content)
+    path = f"{folder_of(robot)}/{name}"
+    with project.change(path):
+        write_whole(project.path(path), content)
     return robot
 
 

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from taskcal.errors import TaskcalError
-from taskcal.studio.project import Project
+from taskcal.io.files import write_whole
+from taskcal.studio.project import LAYOUT, Project
 
 GRACE_S = 0.5
 """Time that a cancelled command has to end by itself."""
@@ -157,6 +158,24 @@ class Studio:
         self.project = project
         self._runs: dict[str, CommandRun] = {}
         self._tasks: set[asyncio.Task[None]] = set()
+        self._closing = False
+
+    def _record_of(self, kind: str) -> Path:
+        return self.project.path(f"{LAYOUT.history}/run-{kind}.txt")
+
+    def interrupted(self) -> dict[str, str]:
+        """Command lines of runs that a studio before this one began and did not live to end, by their kinds."""
+        found: dict[str, str] = {}
+        for path in sorted((self.project.folder / LAYOUT.history).glob("run-*.txt")):
+            kind = path.stem.removeprefix("run-")
+            with suppress(OSError, ValueError):
+                if kind not in self._runs:
+                    found[kind] = path.read_text(encoding="utf-8")
+        return found
+
+    def forget(self, kind: str) -> None:
+        """Keep a run that was interrupted no longer."""
+        self._record_of(kind).unlink(missing_ok=True)
 
     def run_of(self, kind: str) -> CommandRun | None:
         """The last run of a kind, whether it is still going on or not."""
@@ -181,22 +200,26 @@ class Studio:
         before = self._runs.get(kind)
         if before is not None and before.status is Status.running:
             raise TaskcalError("this is being computed already, perhaps for another tab; wait for it or cancel it")
+        self.project.path(LAYOUT.history).mkdir(exist_ok=True)
         run = CommandRun(arguments, self.project.folder, kind)
+        write_whole(self._record_of(kind), run.line)
         self._runs[kind] = run
-        task = asyncio.get_running_loop().create_task(_kept(run, then))
+        task = asyncio.get_running_loop().create_task(self._kept(run, then))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         return run
 
     async def close(self) -> None:
-        """End everything that is being computed."""
+        """End everything that is being computed; it is named as the project is opened again."""
+        self._closing = True
         await asyncio.gather(*(run.cancel() for run in self._runs.values() if run.status is Status.running))
 
-
-async def _kept(run: CommandRun, then: Callable[[CommandRun], Awaitable[None]] | None) -> None:
-    """Run a command; what goes wrong around it is its end, not the server's."""
-    try:
-        await run.run(then)
-    except (OSError, TaskcalError) as error:
-        run.messages.append(f"error: {error}")
-        run.status = Status.refused
+    async def _kept(self, run: CommandRun, then: Callable[[CommandRun], Awaitable[None]] | None) -> None:
+        """Run a command; what goes wrong around it is its end, not the server's."""
+        try:
+            await run.run(then)
+        except (OSError, TaskcalError) as error:
+            run.messages.append(f"error: {error}")
+            run.status = Status.refused
+        if not self._closing:
+            self.forget(run.kind)

@@ -39,6 +39,7 @@ from taskcal.studio.pages import (
     weight_page,
 )
 from taskcal.studio.pages.robot_page import warm_up
+from taskcal.studio.project import Change
 from taskcal.studio.results import State, Step, next_step, steps_of
 from taskcal.studio.runs import CommandRun, Studio
 from taskcal.studio.steps import is_running, link, show_error
@@ -243,9 +244,9 @@ def add_page(page: Page, road: tuple[Page, ...], studio: Studio) -> None:
         texts = Texts(language)
         ui.page_title(f"{texts(f'{page.key}.title')} – {studio.project.choices.name} – Taskcal")
         ui.dark_mode(THEMES.get(theme))
-        steps = await asyncio.to_thread(steps_of, studio.project)
-        steps = {one.key: _as_it_runs(steps[one.key], studio.run_of(one.kind)) for one in road}
-        with _surroundings(page, road, steps, studio, texts, theme if theme in THEMES else "auto"):
+        steps = await _steps(road, studio)
+        with _surroundings(page, road, studio, texts, theme if theme in THEMES else "auto") as stands:
+            _fill(stands, page, road, steps, studio, texts)
             place = ui.element("div").classes("page")
             with place:
                 waiting = text("p", texts("frame.loading")).props("role=status").classes("quiet")
@@ -258,14 +259,16 @@ def add_page(page: Page, road: tuple[Page, ...], studio: Studio) -> None:
                 show_error(studio.project, error)
             waiting.delete()
             place.props("data-ready=1")
+        with stands[0]:
+            _watch(stands, page, road, studio, texts)
 
     ui.page(f"/{page.key}", response_timeout=30)(show)
 
 
 @contextmanager
 def _surroundings(
-    page: Page, road: tuple[Page, ...], steps: Mapping[str, Step], studio: Studio, texts: Texts, theme: str
-) -> Generator[None, None, None]:
+    page: Page, road: tuple[Page, ...], studio: Studio, texts: Texts, theme: str
+) -> Generator[tuple[Element, Element], None, None]:
     here = Path(__file__).parent
     ui.add_css(here / "studio.css")
     ui.add_css(chart.STYLE + chart.dark_style("body.body--dark"))
@@ -281,18 +284,12 @@ def _surroundings(
             for name in THEMES:
                 _setting(page, "theme", name, texts(f"frame.{name}"), on=name == theme)
     with ui.element("div").classes("body"):
-        with ui.element("nav").classes("road").props(f'aria-label="{texts("frame.road")}"'), ui.element("ol"):
-            for step in road:
-                with ui.element("li"):
-                    to = text("a", texts(f"{step.key}.title")).props(f"href=/{step.key} aria-describedby=at-{step.key}")
-                    if step is page:
-                        to.props("aria-current=page")
-                    _stand(steps[step.key], texts).props(f"id=at-{step.key}")
+        with ui.element("nav").classes("road").props(f'aria-label="{texts("frame.road")}"'):
+            listed = ui.element("ol")
         with ui.element("main").props("id=content tabindex=-1"):
             text("h1", texts(f"{page.key}.title"))
             text("p", texts(f"{page.key}.purpose")).classes("quiet")
-            _next(page, road, steps, studio, texts)
-            yield
+            yield listed, ui.element("div").classes("next").props("role=status")
             if texts.language != LIBRARY_LANGUAGE:
                 text("p", texts("frame.library_language")).classes("quiet")
 
@@ -307,6 +304,12 @@ ROLES: Mapping[str, str] = {
 """Texts of choices whose page has another name."""
 
 COLOURS: Mapping[State, str] = {State.done: "good", State.needed: "bad", State.outdated: "bad"}
+
+
+async def _steps(road: tuple[Page, ...], studio: Studio) -> Mapping[str, Step]:
+    """Every step as the files are, and as it runs."""
+    steps = await asyncio.to_thread(steps_of, studio.project)
+    return {one.key: _as_it_runs(steps[one.key], studio.run_of(one.kind)) for one in road}
 
 
 def _as_it_runs(step: Step, run: CommandRun | None) -> Step:
@@ -327,20 +330,104 @@ def _stand(step: Step, texts: Texts) -> Element:
 def _next(page: Page, road: tuple[Page, ...], steps: Mapping[str, Step], studio: Studio, texts: Texts) -> None:
     """Where this page's step stands, and the step to do next."""
     key = next_step(steps, page.key)
-    with ui.element("div").classes("next").props("role=status"):
-        _stand(steps[page.key], texts)
-        if not key:
+    _stand(steps[page.key], texts)
+    if not key:
+        return
+    to, step = next(one for one in road if one.key == key), steps[key]
+    again = to.again if step.state is State.outdated else None
+    todo = {State.needed: f"next.{key}", State.outdated: f"next.{key}_again"}
+    what = texts(todo[step.state] if step.open and step.state in todo else f"{key}.title")
+    if again is not None:
+        button(texts("next.next", what=what), lambda: again(studio))
+    elif to is not page:
+        link(texts("next.next", what=what), f"/{key}").classes("act")
+    elif step.state is State.needed:
+        text("span", texts("next.here", what=what))
+
+
+def _fill(
+    stands: tuple[Element, Element],
+    page: Page,
+    road: tuple[Page, ...],
+    steps: Mapping[str, Step],
+    studio: Studio,
+    texts: Texts,
+) -> None:
+    """Show where the steps stand, what is next, and what can be undone."""
+    listed, bar = stands
+    listed.clear()
+    with listed:
+        for step in road:
+            with ui.element("li"):
+                to = text("a", texts(f"{step.key}.title")).props(f"href=/{step.key} aria-describedby=at-{step.key}")
+                if step is page:
+                    to.props("aria-current=page")
+                _stand(steps[step.key], texts).props(f"id=at-{step.key}")
+    bar.clear()
+    with bar:
+        _next(page, road, steps, studio, texts)
+        history = studio.project.history()
+        if history:
+            button(texts("history.undo", what=_change(history[-1], texts)), lambda: _undo(studio), plain=True)
+        for kind, line in studio.interrupted().items():
+            again = next((one.again for one in road if one.kind == kind), None)
+            with ui.element("div").classes("message"):
+                text("p", texts("run.interrupted", line=line))
+                if again is not None:
+                    button(texts("run.go_on"), lambda again=again: again(studio), plain=True)
+                button(texts("run.drop"), lambda kind=kind: _drop(studio, kind), plain=True)
+
+
+def _change(change: Change, texts: Texts) -> str:
+    """A change in words."""
+    name, value = change.named
+    return texts(f"history.{change.what}", name=texts.named("choose", name), value=value)
+
+
+def _undo(studio: Studio) -> None:
+    try:
+        studio.project.undo()
+    except TaskcalError as error:
+        show_error(studio.project, error)
+    else:
+        ui.navigate.reload()
+
+
+def _drop(studio: Studio, kind: str) -> None:
+    studio.forget(kind)
+    ui.navigate.reload()
+
+
+WATCH_S = 1.0
+"""Between two looks for changes of the project by others."""
+
+
+def _watch(stands: tuple[Element, Element], page: Page, road: tuple[Page, ...], studio: Studio, texts: Texts) -> None:
+    """Follow the project: what this window changed is shown beside the steps; of what others changed a line tells."""
+    log, own = studio.project.log, ui.context.client.id
+    seen = len(log)
+
+    async def look() -> None:
+        nonlocal seen
+        if seen == len(log):
             return
-        to, step = next(one for one in road if one.key == key), steps[key]
-        again = to.again if step.state is State.outdated else None
-        todo = {State.needed: f"next.{key}", State.outdated: f"next.{key}_again"}
-        what = texts(todo[step.state] if step.open and step.state in todo else f"{key}.title")
-        if again is not None:
-            button(texts("next.next", what=what), lambda: again(studio))
-        elif to is not page:
-            link(texts("next.next", what=what), f"/{key}").classes("act")
-        elif step.state is State.needed:
-            text("span", texts("next.here", what=what))
+        others = [change for author, change in log[seen:] if author != own]
+        seen = len(log)
+        _fill(stands, page, road, await _steps(road, studio), studio, texts)
+        if others:
+            with stands[1], ui.element("div").classes("message").props("role=alert"):
+                text("p", texts("history.elsewhere", what=", ".join(_change(change, texts) for change in others)))
+                button(texts("history.reload"), ui.navigate.reload, plain=True)
+
+    ui.timer(WATCH_S, look)
+
+
+def _author() -> str:
+    """The window whose event is being handled; empty behind a run or a request."""
+    try:
+        return ui.context.client.id
+    except RuntimeError:
+        return ""
 
 
 def _setting(page: Page, name: str, value: str, shown: str, *, on: bool) -> TextElement:
@@ -435,6 +522,7 @@ def application(studio: Studio, address: Address, port: int) -> Gate:
         add_page(page, ROAD, studio)
     pages.on_page_exception(_broken)
     pages.on_exception(lambda error: log.error("a page failed", exc_info=error))
+    studio.project.author = _author
     pages.on_startup(lambda: asyncio.get_running_loop().run_in_executor(None, warm_up, studio.project))
     pages.on_shutdown(studio.close)
     ui.run_with(

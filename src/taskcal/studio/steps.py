@@ -88,14 +88,18 @@ def begin(
     product = next((path for path in outputs[:1] if Path(path).parts[0] in MADE_FROM), "")
 
     async def keep(run: CommandRun) -> None:
-        if product:
-            record = json.dumps(made(project, product, made_from), indent=1)
-            write_all({project.path(result_of(product)): run.output, project.path(LAYOUT.made): record})
-        now = project.choices
-        present = {name: path for name, path in (chosen or {}).items() if project.path(path).is_file()}
-        project.choose(**{name: path for name, path in present.items() if getattr(now, name) == getattr(before, name)})
+        kept = [result_of(product), LAYOUT.made] if product else []
+        with project.change(*kept, before=former):
+            if product:
+                record = json.dumps(made(project, product, made_from), indent=1)
+                write_all({project.path(result_of(product)): run.output, project.path(LAYOUT.made): record})
+            now = project.choices
+            present = {name: path for name, path in (chosen or {}).items() if project.path(path).is_file()}
+            still = {name: path for name, path in present.items() if getattr(now, name) == getattr(before, name)}
+            project.choose(**still)
 
     try:
+        former = project.contents(outputs)
         made_from = contents(project) if product else {}
         for path in outputs:
             project.path(path).parent.mkdir(exist_ok=True)

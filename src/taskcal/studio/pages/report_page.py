@@ -91,7 +91,8 @@ def save_head(project: Project, field: str, value: str) -> None:
         head = ReportHeader.model_validate_strings({key: one for key, one in given.items() if one})
     except ValidationError as error:
         raise TaskcalError(explain(error, ReportHeader)) from error
-    write_whole(project.path(LAYOUT.header), tomli_w.dumps(head.model_dump(exclude_none=True)))
+    with project.change(LAYOUT.header, joins=True):
+        write_whole(project.path(LAYOUT.header), tomli_w.dumps(head.model_dump(exclude_none=True)))
 
 
 def begin_report(studio: Studio) -> None:

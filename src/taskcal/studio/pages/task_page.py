@@ -56,9 +56,14 @@ async def build(studio: Studio, texts: Texts) -> None:
         return
     task = await asyncio.to_thread(load_task, project.path(choices.task))
     path = project.path(choices.task)
-    line_of_text(texts("task.name"), task.name, lambda name: save_head(path, name=name) if name else None)
+
+    def head(*, name: str | None = None, accuracy_mm: float | None = None) -> None:
+        with project.change(choices.task, joins=True):
+            save_head(path, name=name, accuracy_mm=accuracy_mm)
+
+    line_of_text(texts("task.name"), task.name, lambda name: head(name=name) if name else None)
     tolerance = 0.0 if task.accuracy is None else task.accuracy * 1e3
-    number(texts("task.tolerance"), tolerance, lambda value: save_head(path, accuracy_mm=value), 0.0, MAX_TOLERANCE_MM)
+    number(texts("task.tolerance"), tolerance, lambda value: head(accuracy_mm=value), 0.0, MAX_TOLERANCE_MM)
     box = box_of(task)
     if box is None:
         text("p", texts("task.no_box")).classes("quiet")
@@ -66,7 +71,8 @@ async def build(studio: Studio, texts: Texts) -> None:
     if box is not None:
 
         def save(moved: TaskBox) -> TaskBox:
-            saved = save_box(project.path(choices.task), moved)
+            with project.change(choices.task, joins=True):
+                saved = save_box(path, moved)
             reached.look(saved.task)
             return saved
 
@@ -111,8 +117,9 @@ def _take_program(project: Project, model: ErrorModel, path: str, said: ui.eleme
         taken = [Path(file).with_suffix(".toml").name for file in project.files(LAYOUT.tasks)]
         name = Path(free_name(f"{Path(path).stem}-targets.toml", taken)).stem
         task, listed = task_files(poses, name)
-        project.put(LAYOUT.tasks, f"{name}.csv", listed.encode(), (".csv",))
-        project.choose(task=project.put(LAYOUT.tasks, f"{name}.toml", task.encode(), TASK_ENDINGS))
+        with project.change():
+            project.put(LAYOUT.tasks, f"{name}.csv", listed.encode(), (".csv",))
+            project.choose(task=project.put(LAYOUT.tasks, f"{name}.toml", task.encode(), TASK_ENDINGS))
     except TaskcalError as error:
         with said:
             show_error(project, error)
@@ -129,8 +136,8 @@ async def _begin(project: Project, model: ErrorModel) -> None:
     """Begin with a box around the tool."""
     q = await asyncio.to_thread(handy_posture, model, slider_ranges(model.robot))
     content = first_task(model, q).encode()
-    path = project.put(LAYOUT.tasks, "task.toml", content, TASK_ENDINGS)
-    project.choose(task=path)
+    with project.change():
+        project.choose(task=project.put(LAYOUT.tasks, "task.toml", content, TASK_ENDINGS))
     ui.navigate.reload()
 
 

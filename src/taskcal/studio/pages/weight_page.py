@@ -74,7 +74,8 @@ async def build(studio: Studio, texts: Texts) -> None:
     if box is not None:
 
         def release(moved: TaskBox) -> TaskBox:
-            saved = save_box(project.path(choices.task), moved)
+            with project.change(choices.task, joins=True):
+                saved = save_box(project.path(choices.task), moved)
             shown.want(saved.task)
             return saved
 
