@@ -66,12 +66,9 @@ def test_the_whole_road_on_the_fanuc(chromium: Any, tmp_path: Path, data_folder:
         page.get_by_text("Joints of FANUC R-2000iC/165F").wait_for()
         page = tab.open("measurements")
         page.locator("input[type=file]").set_input_files({"name": "wrong.csv", "mimeType": "", "buffer": wrong})
-        page.get_by_role("button", name="Check data").click()
         page.get_by_role("cell", name="Joint sign reversed (joint-sign)").wait_for(timeout=300_000)
-        page.get_by_role("button", name="Apply the fixes").click()
-        page.get_by_label("File", exact=True).locator("option[selected]", has_text="wrong-mended").wait_for(
-            state="attached", timeout=300_000
-        )
+        page.get_by_role("button", name="Reverse the sign of").click()
+        page.get_by_text("Joint sign reversed").wait_for(state="detached", timeout=300_000)
         tab.ready()
         assert "smr1, smr2, smr3" in page.inner_text("main")
         assert serious(page) == []
@@ -97,7 +94,7 @@ def test_the_whole_road_on_the_fanuc(chromium: Any, tmp_path: Path, data_folder:
         shown = page.locator("table").nth(1).inner_text().split()  # behind the verdict
         assert [cell for row in printed.rows for cell in row[1:] if cell not in shown] == []
         again = command_line(
-            *(tmp_path, "identify", "campaigns/wrong-mended.csv", "--robot", ROBOT, "--effects", "none"),
+            *(tmp_path, "identify", "campaigns/wrong.csv", "--robot", ROBOT, "--effects", "none"),
             *("--holdout", "0.3", "--seed", "0", "--output", "again.json"),
         )
         assert again["held_out"] == said["held_out"]
@@ -128,5 +125,5 @@ def test_the_whole_road_on_the_fanuc(chromium: Any, tmp_path: Path, data_folder:
         tab.picture("fanuc-program")
         page = tab.open("report")
         page.get_by_role("button", name="Make the report").click()
-        page.get_by_role("link", name="wrong-mended-geometry.html", exact=True).wait_for(timeout=300_000)
+        page.get_by_role("link", name="wrong-geometry.html", exact=True).wait_for(timeout=300_000)
         assert tab.complaints == []

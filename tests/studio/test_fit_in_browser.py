@@ -66,20 +66,22 @@ def test_mistakes_are_found_and_mended_with_a_click(chromium: Any, example: tupl
     with served(tmp_path) as address, open_tab(chromium, address) as tab:
         page = tab.open("measurements")
         page.locator("input[type=file]").set_input_files({"name": "wrong.csv", "mimeType": "", "buffer": wrong})
-        page.get_by_role("button", name="Check data").click()
         page.get_by_role("cell", name="Joint sign reversed (joint-sign)", exact=True).wait_for(timeout=300_000)
         said = command_line(tmp_path, "doctor", "campaigns/wrong.csv", "--robot", ROBOT)["findings"][0]
         assert f"{said['error_before_mm']:.2f}" in text_of(page)
         assert said["fix"] in text_of(page)
         tab.picture("mistakes")
-        page.get_by_role("button", name="Apply the fixes").click()
-        page.get_by_label("File", exact=True).locator("option[selected]", has_text="wrong-mended").wait_for(
-            state="attached", timeout=300_000
-        )
+        file = tmp_path / "campaigns" / "wrong.csv"
+        page.get_by_role("button", name="Reverse the sign of J3").click()
+        page.get_by_text("No mistake found.").wait_for(timeout=300_000)
+        assert float(file.read_text().splitlines()[1].split(",")[3]) == pytest.approx(float(lines[1].split(",")[3]))
+        assert serious(page) == []
+        page.get_by_role("button", name="Undo: campaigns/wrong.csv changed").click()
+        page.get_by_role("cell", name="Joint sign reversed (joint-sign)", exact=True).wait_for(timeout=300_000)
+        assert file.read_bytes() == wrong
+        page.get_by_role("button", name="Leave the data as they are").click()
+        page.get_by_role("link", name="Next: Define the task").wait_for()
         assert tab.complaints == []
-    mended = (tmp_path / "campaigns" / "wrong-mended.csv").read_text().splitlines()
-    assert float(mended[1].split(",")[3]) == pytest.approx(float(lines[1].split(",")[3]))
-    assert (tmp_path / "campaigns" / "wrong.csv").read_bytes() == wrong
 
 
 def test_rows_of_a_finding_are_listed(chromium: Any, example: tuple[str, Path], tmp_path: Path) -> None:
@@ -91,7 +93,6 @@ def test_rows_of_a_finding_are_listed(chromium: Any, example: tuple[str, Path], 
     (tmp_path / "project.toml").write_text(f'name = "slip"\nrobot = "{ROBOT}"\ncampaign = "campaigns/slip.csv"\n')
     with served(tmp_path) as address, open_tab(chromium, address) as tab:
         page = tab.open("measurements")
-        page.get_by_role("button", name="Check data").click()
         page.get_by_role("cell", name="row 7 (id 7, line 9)", exact=True).wait_for(timeout=300_000)
         page.get_by_text("Dark red: rows with a finding.").wait_for()
         assert serious(page) == []

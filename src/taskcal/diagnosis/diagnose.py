@@ -597,7 +597,8 @@ def _alternatives(found: list[Explanation], best: Explanation, given: Explanatio
         if other.rank > min(best.rank + ALTERNATIVE_MARGIN, given.rank):
             continue
         for finding in _written(found, other, given, before):
-            finding = replace(finding, confidence=min(_share(found, best, (finding.id, finding.subject)), 0.49))
+            share = min(_share(found, best, (finding.id, finding.subject)), 0.49)
+            finding = replace(finding, confidence=share, alternative=True)
             if (finding.id, finding.subject) not in known and len(out) < MAX_ALTERNATIVES:
                 known.add((finding.id, finding.subject))
                 out.append(finding)

@@ -167,6 +167,8 @@ class Finding:
     """0 to 1; see `diagnose`."""
     fix: str
     """One line that mends it."""
+    alternative: bool = False
+    """Whether it explains the campaign in place of those before it, nearly as well; the mended campaign still has it."""
 
     def as_json(self) -> dict[str, Any]:
         """The entry that ``taskcal doctor --json`` prints."""
@@ -177,4 +179,5 @@ class Finding:
             "error_after_mm": None if self.error_after is None else self.error_after * 1e3,
             "confidence": self.confidence,
             "fix": self.fix,
+            "alternative": self.alternative,
         }

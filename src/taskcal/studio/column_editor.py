@@ -26,14 +26,14 @@ ANGLES = ("abc", "wpr", "rpy-deg", "rpy-rad", "rotation-vector-rad", "rotation-v
 """What three angles of a pose may be, as ``taskcal convert`` names it."""
 
 
-def begin_rewriting(studio: Studio, command: str, ending: str, options: list[str]) -> None:
-    """Run a command that writes the campaign anew, beside the old file, and use what it writes from then on."""
+def begin_rewriting(studio: Studio, ending: str, options: list[str]) -> None:
+    """Write the campaign anew, beside the old file, and use that from then on."""
     project = studio.project
     before = project.choices.campaign
     taken = [Path(path).name for path in project.files(LAYOUT.campaigns)]
     after = f"{LAYOUT.campaigns}/{free_name(f'{Path(before).stem}-{ending}.csv', taken)}"
-    option, kind = ("--fix", "mend") if command == "doctor" else ("--output", command)
-    begin(studio, kind, [command, before, *options, option, after], outputs=[after], chosen={"campaign": after})
+    arguments = ["convert", before, *options, "--output", after]
+    begin(studio, "convert", arguments, outputs=[after], chosen={"campaign": after})
 
 
 def offered_names(robot: Robot) -> list[str]:
@@ -130,7 +130,7 @@ class ColumnEditor:
 
     def _convert(self, ending: str, options: list[str]) -> None:
         robot = self._studio.project.choices.robot
-        begin_rewriting(self._studio, "convert", ending, [*options, f"--robot={robot}", "--json"])
+        begin_rewriting(self._studio, ending, [*options, f"--robot={robot}", "--json"])
 
     def _second_file(self) -> None:
         """Joints in this file, points in another: both are written into one."""

@@ -146,6 +146,8 @@ class Choices(Section):
     """Of the cell file, for programs that name none."""
     part: str = Field(default="", max_length=200)
     """Likewise."""
+    accepted: str = Field(default="", max_length=200)
+    """Digest of robot and campaign whose findings are to stay as they are."""
     accept_uncertain: bool = False
     """Whether a program is written that is corrected by less than its uncertainty."""
     effects: str = "none"

@@ -91,6 +91,12 @@ def contents(project: Project) -> Mapping[str, str]:
     }
 
 
+def examined(project: Project) -> str:
+    """Digest of what the doctor examines: robot and campaign; empty where one is missing."""
+    now = contents(project)
+    return now["robot"] + now["campaign"] if now["robot"] and now["campaign"] else ""
+
+
 def _digest(project: Project, *paths: str) -> str:
     """Of the contents of files of a project, one behind the other; empty where the first is not there."""
     digest = hashlib.sha256()

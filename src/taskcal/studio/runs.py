@@ -6,7 +6,7 @@ import os
 import shlex
 import signal
 import sys
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
@@ -25,6 +25,10 @@ MAX_LINE_BYTES = 1 << 26
 
 MAX_MESSAGES = 200
 """Of one command that are kept; a page shows them all."""
+
+
+EXAMINES = "doctor"
+"""Kind of run that is begun without being asked for, and again where it was interrupted."""
 
 
 class Status(StrEnum):
@@ -159,6 +163,17 @@ class Studio:
         self._runs: dict[str, CommandRun] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._closing = False
+        self.examined = ""
+        """Digest of robot and campaign that the doctor saw last."""
+
+    def running(self) -> set[str]:
+        """Kinds of the runs that go on."""
+        return {kind for kind, run in self._runs.items() if run.status is Status.running}
+
+    def findings(self) -> Sequence[Mapping[str, Any]]:
+        """What the doctor found last."""
+        run = self._runs.get(EXAMINES)
+        return () if run is None or run.status is not Status.done or run.result is None else run.result["findings"]
 
     def _record_of(self, kind: str) -> Path:
         return self.project.path(f"{LAYOUT.history}/run-{kind}.txt")
@@ -202,7 +217,8 @@ class Studio:
             raise TaskcalError("this is being computed already, perhaps for another tab; wait for it or cancel it")
         self.project.path(LAYOUT.history).mkdir(exist_ok=True)
         run = CommandRun(arguments, self.project.folder, kind)
-        write_whole(self._record_of(kind), run.line)
+        if kind != EXAMINES:
+            write_whole(self._record_of(kind), run.line)
         self._runs[kind] = run
         task = asyncio.get_running_loop().create_task(self._kept(run, then))
         self._tasks.add(task)

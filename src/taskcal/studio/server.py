@@ -40,7 +40,7 @@ from taskcal.studio.pages import (
 )
 from taskcal.studio.pages.robot_page import warm_up
 from taskcal.studio.project import Change
-from taskcal.studio.results import State, Step, next_step, steps_of
+from taskcal.studio.results import State, Step, examined, next_step, steps_of
 from taskcal.studio.runs import CommandRun, Studio
 from taskcal.studio.steps import is_running, link, show_error
 from taskcal.studio.texts import LANGUAGES, LIBRARY_LANGUAGE, Texts, preferred
@@ -308,8 +308,16 @@ COLOURS: Mapping[State, str] = {State.done: "good", State.needed: "bad", State.o
 
 async def _steps(road: tuple[Page, ...], studio: Studio) -> Mapping[str, Step]:
     """Every step as the files are, and as it runs."""
-    steps = await asyncio.to_thread(steps_of, studio.project)
+    steps = dict(await asyncio.to_thread(steps_of, studio.project))
+    if await asyncio.to_thread(_has_findings, studio):
+        steps["measurements"] = replace(steps["measurements"], state=State.needed)
     return {one.key: _as_it_runs(steps[one.key], studio.run_of(one.kind)) for one in road}
+
+
+def _has_findings(studio: Studio) -> bool:
+    """Whether the doctor found something in what is chosen now that the user has not accepted."""
+    now = examined(studio.project)
+    return bool(now) and studio.examined == now != studio.project.choices.accepted and bool(studio.findings())
 
 
 def _as_it_runs(step: Step, run: CommandRun | None) -> Step:
@@ -337,6 +345,8 @@ def _next(page: Page, road: tuple[Page, ...], steps: Mapping[str, Step], studio:
     again = to.again if step.state is State.outdated else None
     todo = {State.needed: f"next.{key}", State.outdated: f"next.{key}_again"}
     what = texts(todo[step.state] if step.open and step.state in todo else f"{key}.title")
+    if key == "measurements" and step.state is State.needed and studio.project.choices.campaign:
+        what = texts("next.findings")
     if again is not None:
         button(texts("next.next", what=what), lambda: again(studio))
     elif to is not page:
@@ -405,14 +415,14 @@ WATCH_S = 1.0
 def _watch(stands: tuple[Element, Element], page: Page, road: tuple[Page, ...], studio: Studio, texts: Texts) -> None:
     """Follow the project: what this window changed is shown beside the steps; of what others changed a line tells."""
     log, own = studio.project.log, ui.context.client.id
-    seen = len(log)
+    seen, running = len(log), studio.running()
 
     async def look() -> None:
-        nonlocal seen
-        if seen == len(log):
+        nonlocal seen, running
+        if seen == len(log) and running == studio.running():
             return
         others = [change for author, change in log[seen:] if author != own]
-        seen = len(log)
+        seen, running = len(log), studio.running()
         _fill(stands, page, road, await _steps(road, studio), studio, texts)
         if others:
             with stands[1], ui.element("div").classes("message").props("role=alert"):
@@ -439,7 +449,7 @@ def _setting(page: Page, name: str, value: str, shown: str, *, on: bool) -> Text
 
 ROAD = (
     Page("robot", robot_page.build),
-    Page("measurements", measurements_page.build),
+    Page("measurements", measurements_page.build, "doctor"),
     Page("task", task_page.build),
     Page("weight", weight_page.build),
     Page("plan", plan_page.build, "plan", plan_page.begin_plan),

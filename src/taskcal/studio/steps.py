@@ -1,7 +1,7 @@
 """Parts that pages share: a file is chosen, a command runs, and what it printed is kept and read again."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from urllib.parse import quote
 
@@ -9,7 +9,7 @@ from nicegui import ui
 from nicegui.elements.mixins.text_element import TextElement
 
 from taskcal.errors import TaskcalError
-from taskcal.io.files import write_all
+from taskcal.io.files import write_all, write_whole
 from taskcal.studio.controls import button, choice, command_line, message, set_attribute, text
 from taskcal.studio.project import LAYOUT, Project
 from taskcal.studio.results import MADE_FROM, contents, made, result_of
@@ -71,6 +71,7 @@ def begin(
     outputs: Sequence[str] = (),
     chosen: Mapping[str, str] | None = None,
     page: str = "",
+    moves: Mapping[str, str] | None = None,
 ) -> None:
     """Run a command, and show its page.
 
@@ -82,6 +83,7 @@ def begin(
             beside it, and from what it was made.
         chosen: files that it makes, by the choice that each becomes, unless the user chooses another one meanwhile.
         page: that shows the run; the one that is shown by default.
+        moves: files that it writes, by the places where they are put in the end.
     """
     project = studio.project
     before = project.choices
@@ -89,7 +91,11 @@ def begin(
 
     async def keep(run: CommandRun) -> None:
         kept = [result_of(product), LAYOUT.made] if product else []
-        with project.change(*kept, before=former):
+        with project.change(*kept, *(moves or {}), before=former):
+            for place, written in (moves or {}).items():
+                if project.path(written).is_file():
+                    write_whole(project.path(place), project.path(written).read_bytes())
+                    project.path(written).unlink()
             if product:
                 record = json.dumps(made(project, product, made_from), indent=1)
                 write_all({project.path(result_of(product)): run.output, project.path(LAYOUT.made): record})
@@ -113,7 +119,9 @@ def begin(
         ui.navigate.reload()
 
 
-def show_run(studio: Studio, kind: str, texts: Texts, *, about: str = "") -> CommandRun | None:
+def show_run(
+    studio: Studio, kind: str, texts: Texts, *, about: str = "", ended: Callable[[], None] = ui.navigate.reload
+) -> CommandRun | None:
     """Show the last run of a kind: its progress, how to cancel it, its messages.
 
     A run that goes on is followed in every tab that shows it, whichever tab began it; the page is shown anew as it ends.
@@ -123,6 +131,7 @@ def show_run(studio: Studio, kind: str, texts: Texts, *, about: str = "") -> Com
         kind: of run.
         texts: of the page.
         about: a file that the run must have been about, one of its arguments; any where it is empty.
+        ended: called as a run that goes on ends.
 
     Returns:
         the run; None where there was none.
@@ -132,7 +141,7 @@ def show_run(studio: Studio, kind: str, texts: Texts, *, about: str = "") -> Com
         return None
     command_line(run.line)
     if run.status is Status.running:
-        _follow(run, texts)
+        _follow(run, texts, ended)
         return run
     if run.status is Status.cancelled:
         message(texts("run.cancelled"), fine=True)
@@ -146,7 +155,7 @@ def is_running(run: CommandRun | None) -> bool:
     return run is not None and run.status is Status.running
 
 
-def _follow(run: CommandRun, texts: Texts) -> None:
+def _follow(run: CommandRun, texts: Texts, ended: Callable[[], None]) -> None:
     with ui.element("div").classes("row"):
         bar = ui.element("progress")
         set_attribute(bar, "aria-label", texts("run.progress"))
@@ -163,6 +172,6 @@ def _follow(run: CommandRun, texts: Texts) -> None:
             set_attribute(bar, "value", progress.done)
         if run.status is not Status.running:
             timer.deactivate()
-            ui.navigate.reload()
+            ended()
 
     timer = ui.timer(POLL_S, look)

@@ -4,24 +4,27 @@ import asyncio
 import csv
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomli_w
 from nicegui import ui
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.campaigns.drift import compensate_drift
 from taskcal.campaigns.performance import RepeatedPoses, pose_repeatability
+from taskcal.diagnosis.mistakes import other_convention
 from taskcal.errors import CampaignError, TaskcalError
 from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import campaign_text
 from taskcal.report.chart import SERIES, SHAPES, Axis, Figure, Panel, Series
 from taskcal.report.content import Column, Table
 from taskcal.robot.robot import Robot
-from taskcal.studio.column_editor import ColumnEditor, begin_rewriting
+from taskcal.studio.column_editor import ColumnEditor
 from taskcal.studio.controls import button, drop_zone, facts, message, tabulated, text
-from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT
-from taskcal.studio.results import robot_of
+from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT, ROBOT_ENDINGS, free_name
+from taskcal.studio.results import examined, robot_of
 from taskcal.studio.runs import Status, Studio
 from taskcal.studio.steps import begin, choose_file, is_running, show_error, show_run
 from taskcal.studio.texts import LIBRARY_LANGUAGE, Texts
@@ -106,11 +109,11 @@ async def build(studio: Studio, texts: Texts) -> None:
     except TaskcalError as error:
         show_error(project, error)
         ColumnEditor(studio, robot, texts, is_open=True)
-        _mistakes(studio, texts)
+        await _mistakes(studio, texts)
         return
     _understood(campaign, robot, texts)
     ColumnEditor(studio, robot, texts)
-    concerned = concerned_rows(_mistakes(studio, texts), campaign)
+    concerned = concerned_rows(await _mistakes(studio, texts), campaign)
     _list_concerned(concerned, campaign, robot, texts)
     _in_space(campaign, concerned, texts)
     if not campaign.observations:
@@ -142,21 +145,40 @@ def _understood(campaign: Campaign, robot: Robot, texts: Texts) -> None:
     tabulated(Table.of_rows(texts("measurements.first_rows", count=len(rows)), tuple(header), map(tuple, rows)))
 
 
-def _mistakes(studio: Studio, texts: Texts) -> Sequence[Mapping[str, Any]]:
-    """Show the doctor's findings, and what mends them."""
-    choices = studio.project.choices
+async def _mistakes(studio: Studio, texts: Texts) -> Sequence[Mapping[str, Any]]:
+    """Examine the campaign if it or the robot is another than was examined last; show the findings, with what mends each."""
+    project = studio.project
+    choices = project.choices
     text("h2", texts("measurements.mistakes"))
-    asked = ["doctor", choices.campaign, f"--robot={choices.robot}", "--json"]
-    mending = show_run(studio, "mend", texts)
-    run = show_run(studio, "doctor", texts, about=choices.campaign)
-    if not is_running(run):
-        button(texts("measurements.look"), lambda: begin(studio, "doctor", asked))
-    if run is None or run.status is not Status.done or run.result is None:
-        return ()
-    findings: Sequence[Mapping[str, Any]] = run.result["findings"]
-    if not findings:
-        message(texts("measurements.sound"), fine=True)
-        return ()
+    now = await asyncio.to_thread(examined, project)
+    if now != studio.examined and not is_running(studio.run_of("doctor")):
+        studio.start("doctor", ["doctor", choices.campaign, f"--robot={choices.robot}", "--json"])
+        studio.examined = now
+    show_run(studio, "mend", texts)
+    around = ui.element("div")
+
+    def ended() -> None:
+        if studio.findings():
+            ui.navigate.reload()
+            return
+        around.clear()
+        with around:
+            tell()
+
+    def tell() -> None:
+        run = show_run(studio, "doctor", texts, about=choices.campaign, ended=ended)
+        if run is not None and run.status is Status.done and not studio.findings():
+            message(texts("measurements.sound"), fine=True)
+
+    with around:
+        tell()
+    findings = studio.findings()
+    if findings:
+        _list_findings(findings, studio, texts, now)
+    return findings
+
+
+def _list_findings(findings: Sequence[Mapping[str, Any]], studio: Studio, texts: Texts, now: str) -> None:
     columns = (
         Column(texts("measurements.finding"), lambda one: f"{texts.named('doctor', one['id'])} ({one['id']})"),
         Column(texts("measurements.of"), lambda one: ", ".join(one["subject"])),
@@ -166,10 +188,64 @@ def _mistakes(studio: Studio, texts: Texts) -> Sequence[Mapping[str, Any]]:
         Column(texts("measurements.mends"), lambda one: mend(one, texts)),
     )
     tabulated(Table.of(texts("measurements.found"), columns, findings))
-    if not is_running(mending):
-        options = [f"--robot={choices.robot}", "--json"]
-        button(texts("measurements.mend"), lambda: begin_rewriting(studio, "doctor", "mended", options))
-    return findings
+    if is_running(studio.run_of("mend")):
+        return
+    written = [one for one in findings if is_of_file(one)]
+    with ui.element("div").classes("row"):
+        for finding in findings:
+            if finding in written[1:]:
+                continue  # the file is written without all of them
+            together = written if finding in written else [finding]
+            if not is_of_file(finding) and finding["alternative"] and finding["id"] not in OF_ROBOT:
+                continue
+            said = [texts.named("mend", one["id"], subject=", ".join(one["subject"])) for one in together]
+            button("; ".join(said), lambda finding=finding: mend_finding(studio, finding))
+        if studio.project.choices.accepted != now:
+            button(texts("measurements.accept"), lambda: _accept(studio, now), plain=True)
+
+
+OF_ROBOT = ("dh-convention", "other-robot")
+"""Findings that another robot file mends."""
+
+OF_PLAN = ("too-few-rows", "small-workspace", "few-orientations", "drift")
+"""Findings that other measurements mend."""
+
+
+def is_of_file(finding: Mapping[str, Any]) -> bool:
+    """Whether the campaign's file is written anew without a finding."""
+    return finding["id"] not in (*OF_ROBOT, *OF_PLAN) and not finding["alternative"]
+
+
+def mend_finding(studio: Studio, finding: Mapping[str, Any]) -> None:
+    """Do what mends a finding: another robot, a new version of the same measurements, or a plan to measure by."""
+    project, choices = studio.project, studio.project.choices
+    if finding["id"] == "dh-convention":
+        exchanged = other_convention(robot_of(project))
+        if exchanged is not None:
+            robot, convention = exchanged
+            content = tomli_w.dumps(dict(robot.description)).encode()
+            with project.change():
+                put = project.put(LAYOUT.robots, f"{robot.name}-{convention}.toml", content, ROBOT_ENDINGS)
+                project.choose(robot=put)
+        ui.navigate.reload()
+    elif finding["id"] == "other-robot" and finding["subject"]:
+        project.choose(robot=finding["subject"][0])
+        ui.navigate.reload()
+    elif finding["id"] in (*OF_ROBOT, *OF_PLAN):
+        ui.navigate.to("/robot" if finding["id"] in OF_ROBOT else "/plan")
+    else:
+        taken = [Path(path).name for path in project.files(LAYOUT.campaigns)]
+        new = f"{LAYOUT.campaigns}/{free_name(f'{Path(choices.campaign).stem}.csv', taken)}"
+        place = choices.campaign if choices.campaign.lower().endswith(".csv") else new
+        mended = f"{LAYOUT.history}/mended.csv"
+        project.path(mended).unlink(missing_ok=True)
+        arguments = ["doctor", choices.campaign, f"--robot={choices.robot}", "--json", "--fix", mended]
+        begin(studio, "mend", arguments, chosen={"campaign": place}, moves={place: mended})
+
+
+def _accept(studio: Studio, now: str) -> None:
+    studio.project.choose(accepted=now)
+    ui.navigate.reload()
 
 
 def mend(finding: Mapping[str, Any], texts: Texts) -> str:
