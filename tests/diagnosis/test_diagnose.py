@@ -253,7 +253,7 @@ def test_findings_are_ranked_shares_with_one_line_that_mends():
         assert finding.fix
         assert "\n" not in finding.fix
         assert set(finding.as_json()) == {
-            "id", "subject", "error_before_mm", "error_after_mm", "confidence", "fix",
+            "id", "subject", "error_before_mm", "error_after_mm", "confidence", "fix", "alternative",
         }  # fmt: skip
 
 

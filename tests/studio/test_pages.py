@@ -23,6 +23,7 @@ from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.studio.pages.weight_page import POSES
 from taskcal.studio.project import Project
+from taskcal.studio.results import examined
 from taskcal.studio.runs import CommandRun, Status
 from taskcal.studio.server import ROAD
 from taskcal.studio.texts import LANGUAGES, Texts
@@ -241,7 +242,13 @@ def finished(studio, kind: str, arguments: list[str], result: dict, messages: tu
 def test_findings_are_listed_and_their_rows_stand_out(worked, language) -> None:
     texts = Texts(language)
     campaign = read_campaign(worked / "campaigns" / "one.csv", ROBOT)
-    finding = {"error_before_mm": 7.125, "error_after_mm": 0.5, "confidence": 0.98, "fix": "look at it"}
+    finding = {
+        "error_before_mm": 7.125,
+        "error_after_mm": 0.5,
+        "confidence": 0.98,
+        "fix": "look at it",
+        "alternative": False,
+    }
     rows = [21, 5, 33]
     findings = [
         {"id": "joint-sign", "subject": ["J3"], **finding},
@@ -251,6 +258,7 @@ def test_findings_are_listed_and_their_rows_stand_out(worked, language) -> None:
     async def look(user: Visitor) -> None:
         arguments = ["doctor", "campaigns/one.csv", "--robot=ur5", "--json"]
         finished(user.studio, "doctor", arguments, {"findings": findings}, ("error: a", "b"))
+        user.studio.examined = examined(user.studio.project)
         await user.open("measurements")
         assert "taskcal doctor campaigns/one.csv --robot=ur5" in user.said("code")
         assert [e.text for e in user.elements("div") if e.props.get("role") == "alert"] == ["a"]
