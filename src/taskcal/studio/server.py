@@ -317,7 +317,11 @@ async def _steps(road: tuple[Page, ...], studio: Studio) -> Mapping[str, Step]:
 def _has_findings(studio: Studio) -> bool:
     """Whether the doctor found something in what is chosen now that the user has not accepted."""
     now = examined(studio.project)
-    return bool(now) and studio.examined == now != studio.project.choices.accepted and bool(studio.findings())
+    return (
+        bool(now)
+        and studio.examined == now != studio.project.choices.accepted
+        and any(map(measurements_page.is_in_the_way, studio.findings()))
+    )
 
 
 def _as_it_runs(step: Step, run: CommandRun | None) -> Step:

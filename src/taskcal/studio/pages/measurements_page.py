@@ -102,6 +102,7 @@ async def build(studio: Studio, texts: Texts) -> None:
     if not choices.campaign:
         text("p", texts("measurements.none"))
         return
+    findings = await _mistakes(studio, texts)
     text("h2", texts("measurements.understood"))
     show_run(studio, "convert", texts, about=choices.campaign)
     try:
@@ -109,11 +110,10 @@ async def build(studio: Studio, texts: Texts) -> None:
     except TaskcalError as error:
         show_error(project, error)
         ColumnEditor(studio, robot, texts, is_open=True)
-        await _mistakes(studio, texts)
         return
     _understood(campaign, robot, texts)
     ColumnEditor(studio, robot, texts)
-    concerned = concerned_rows(await _mistakes(studio, texts), campaign)
+    concerned = concerned_rows(findings, campaign)
     _list_concerned(concerned, campaign, robot, texts)
     _in_space(campaign, concerned, texts)
     if not campaign.observations:
@@ -199,8 +199,9 @@ def _list_findings(findings: Sequence[Mapping[str, Any]], studio: Studio, texts:
             if not is_of_file(finding) and finding["alternative"] and finding["id"] not in OF_ROBOT:
                 continue
             said = [texts.named("mend", one["id"], subject=", ".join(one["subject"])) for one in together]
-            button("; ".join(said), lambda finding=finding: mend_finding(studio, finding))
-        if studio.project.choices.accepted != now:
+            label = "; ".join(said)
+            button(label, lambda finding=finding: mend_finding(studio, finding), plain=finding["id"] in OF_PLAN)
+        if studio.project.choices.accepted != now and any(map(is_in_the_way, findings)):
             button(texts("measurements.accept"), lambda: _accept(studio, now), plain=True)
 
 
@@ -211,9 +212,14 @@ OF_PLAN = ("too-few-rows", "small-workspace", "few-orientations", "drift")
 """Findings that other measurements mend."""
 
 
+def is_in_the_way(finding: Mapping[str, Any]) -> bool:
+    """Whether a finding is to be mended, or accepted, before one goes on."""
+    return finding["id"] not in OF_PLAN and not finding["alternative"]
+
+
 def is_of_file(finding: Mapping[str, Any]) -> bool:
     """Whether the campaign's file is written anew without a finding."""
-    return finding["id"] not in (*OF_ROBOT, *OF_PLAN) and not finding["alternative"]
+    return is_in_the_way(finding) and finding["id"] not in OF_ROBOT
 
 
 def mend_finding(studio: Studio, finding: Mapping[str, Any]) -> None:
