@@ -158,7 +158,7 @@ async def _mistakes(studio: Studio, texts: Texts) -> Sequence[Mapping[str, Any]]
     around = ui.element("div")
 
     def ended() -> None:
-        if studio.findings():
+        if studio.findings() or studio.examined != now:  # something was changed while the doctor looked
             ui.navigate.reload()
             return
         around.clear()
@@ -167,12 +167,12 @@ async def _mistakes(studio: Studio, texts: Texts) -> Sequence[Mapping[str, Any]]
 
     def tell() -> None:
         run = show_run(studio, "doctor", texts, about=choices.campaign, ended=ended)
-        if run is not None and run.status is Status.done and not studio.findings():
+        if run is not None and run.status is Status.done and studio.examined == now and not studio.findings():
             message(texts("measurements.sound"), fine=True)
 
     with around:
         tell()
-    findings = studio.findings()
+    findings = studio.findings() if studio.examined == now else ()
     if findings:
         _list_findings(findings, studio, texts, now)
     return findings
