@@ -244,6 +244,7 @@ def add_page(page: Page, road: tuple[Page, ...], studio: Studio) -> None:
         texts = Texts(language)
         ui.page_title(f"{texts(f'{page.key}.title')} – {studio.project.choices.name} – Taskcal")
         ui.dark_mode(THEMES.get(theme))
+        seen = len(studio.project.log), studio.running()
         steps = await _steps(road, studio)
         with _surroundings(page, road, studio, texts, theme if theme in THEMES else "auto") as stands:
             _fill(stands, page, road, steps, studio, texts)
@@ -260,7 +261,7 @@ def add_page(page: Page, road: tuple[Page, ...], studio: Studio) -> None:
             waiting.delete()
             place.props("data-ready=1")
         with stands[0]:
-            _watch(stands, page, road, studio, texts)
+            _watch(stands, page, road, studio, texts, seen)
 
     ui.page(f"/{page.key}", response_timeout=30)(show)
 
@@ -416,17 +417,34 @@ WATCH_S = 1.0
 """Between two looks for changes of the project by others."""
 
 
-def _watch(stands: tuple[Element, Element], page: Page, road: tuple[Page, ...], studio: Studio, texts: Texts) -> None:
-    """Follow the project: what this window changed is shown beside the steps; of what others changed a line tells."""
+def _watch(
+    stands: tuple[Element, Element],
+    page: Page,
+    road: tuple[Page, ...],
+    studio: Studio,
+    texts: Texts,
+    seen: tuple[int, set[str]],
+) -> None:
+    """Follow the project: what this window changed is shown beside the steps; of what others changed a line tells.
+
+    Args:
+        stands: places of the steps and of what is next.
+        page: that is shown.
+        road: all pages.
+        studio: whose project it is.
+        texts: of the page.
+        seen: number of changes and kinds of runs as the page was begun.
+    """
     log, own = studio.project.log, ui.context.client.id
-    seen, running = len(log), studio.running()
+    count, running = seen
+    others: list[Change] = []
 
     async def look() -> None:
-        nonlocal seen, running
-        if seen == len(log) and running == studio.running():
+        nonlocal count, running
+        if count == len(log) and running == studio.running():
             return
-        others = [change for author, change in log[seen:] if author != own]
-        seen, running = len(log), studio.running()
+        others.extend(change for author, change in log[count:] if author != own)
+        count, running = len(log), studio.running()
         _fill(stands, page, road, await _steps(road, studio), studio, texts)
         if others:
             with stands[1], ui.element("div").classes("message").props("role=alert"):
