@@ -52,6 +52,8 @@ def test_a_file_is_understood_and_its_points_are_picked(tab: Tab, example: tuple
     box = page.locator("canvas").bounding_box()
     page.locator("canvas").click(position={"x": box["width"] / 2 + 20, "y": box["height"] / 2 + 20})
     page.get_by_text("row ").filter(has_text="(id ").wait_for()
+    page.get_by_role("cell", name="Measurement volume too small").wait_for()
+    page.locator(".next").get_by_text("Done").wait_for(timeout=10_000)
     assert serious(page) == []
     tab.picture("measurements")
 

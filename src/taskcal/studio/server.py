@@ -260,7 +260,7 @@ def add_page(page: Page, road: tuple[Page, ...], studio: Studio) -> None:
                 show_error(studio.project, error)
             waiting.delete()
             place.props("data-ready=1")
-        with stands[0]:
+        with place:  # the places of the steps are filled again and again
             _watch(stands, page, road, studio, texts, seen)
 
     ui.page(f"/{page.key}", response_timeout=30)(show)
