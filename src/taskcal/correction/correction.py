@@ -118,7 +118,8 @@ _REMEDIES = {
     "geometry": "the geometry is known too badly where the program works: measure more poses there (taskcal plan --calibration)",
     "model error": "it is what the model cannot explain: accept it, or identify with effects where that was not done "
     "(--effects auto)",
-    "tool": "measure the tool against the reflectors, and state it in a cell file (--cell: reflectors_mm or flange)",
+    "tool": "measure the tool against the reflectors, or touch one point with its tip, and state it in a cell file (--cell: "
+    "reflectors_mm, flange or tip_deg)",
     "part": "measure the part with the tracker, or touch it with the robot, and state it in a cell file (--cell: tracker or "
     "touched_deg)",
     LEFT: "it is predicted, and not corrected: see which motions stay unchanged, and why",
