@@ -232,7 +232,8 @@ class Project:
             FileError: the file cannot be read or written, or a choice is not one that it may hold.
         """
         choices = Choices.model_validate({**self.choices.model_dump(), **changed})
-        named = ", ".join(changed), ", ".join(map(str, changed.values()))
+        values = [str(value) for value in changed.values() if not isinstance(value, Mapping)]
+        named = ", ".join(changed), ", ".join(values) or "…"
         with self.change(LAYOUT.choices, chosen=named):
             write_whole(self._file, tomli_w.dumps(choices.model_dump()))
         return choices

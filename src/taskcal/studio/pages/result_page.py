@@ -15,6 +15,7 @@ from taskcal.identification.calibration import Calibration, load_calibration
 from taskcal.identification.validation import measured_errors
 from taskcal.report.calibration import (
     describe_held_out,
+    draw_histogram,
     draw_over_joints,
     tabulate_errors,
     tabulate_left_out,
@@ -58,7 +59,14 @@ async def build(studio: Studio, texts: Texts) -> None:
     calibration = await asyncio.to_thread(load_calibration, project.path(choices.calibration))
     chosen, note = choices.calibration, choices.notes.get(choices.calibration, "")
     line_of_text(texts("result.note"), note, lambda given: project.annotate(chosen, given))
-    await _verdict(calibration, project, texts)
+    tolerance = await _verdict(calibration, project, texts)
+    held_out = calibration.held_out
+    if held_out is not None:
+        drawn = draw_histogram(held_out.nominal_validation, held_out.validation, tolerance)
+        figure(texts("result.histogram"), drawn, texts, texts("result.histogram_note"))
+    placed = await asyncio.to_thread(_place, calibration)
+    if placed is not None:
+        _in_space(placed, calibration, texts)
     result = result_of_fit(project, choices.calibration)
     if result is None:
         message(texts("result.no_errors"), fine=True)
@@ -69,13 +77,12 @@ async def build(studio: Studio, texts: Texts) -> None:
     for shown in (tabulate_left_out(calibration), tabulate_outliers(calibration)):
         if len(shown):
             tabulated(shown)
-    _by_row(calibration, texts)
-    placed = await asyncio.to_thread(_place, calibration)
-    if placed is not None:
-        _in_space(placed, calibration, texts)
     errors = await asyncio.to_thread(measured_errors, calibration)
     if errors is not None:
         figure(texts("result.by_joint"), draw_over_joints(calibration, errors), texts, texts("result.by_joint_note"))
+    with ui.element("details"):
+        text("summary", texts("result.left"))
+        _by_row(calibration, texts)
     with ui.element("details"):
         text("summary", texts("result.range"))
         tabulated(tabulate_range(calibration))
@@ -95,19 +102,21 @@ def _errors(result: Mapping[str, Any], calibration: Calibration, texts: Texts) -
         text("p", describe_held_out(calibration.held_out)).classes("quiet")
 
 
-async def _verdict(calibration: Calibration, project: Project, texts: Texts) -> None:
-    """Whether the expected error keeps the task's tolerance."""
+async def _verdict(calibration: Calibration, project: Project, texts: Texts) -> Mapping[str, float]:
+    """Show whether the expected error keeps the task's tolerance; the tolerance in metres, by its name, if one is stated."""
     chosen = project.choices.task
     if not chosen:
         with text("p", texts("verdict.needs_task") + " "):
             link(texts("task.title"), "/task")
-        return
+        return {}
     try:
-        verdict = await asyncio.to_thread(judge, calibration, load_task(project.path(chosen)))
+        task = load_task(project.path(chosen))
+        verdict = await asyncio.to_thread(judge, calibration, task)
     except TaskcalError as error:
         show_error(project, error)
-        return
+        return {}
     show_verdict(latest(verdict.summary(), project), texts)
+    return {} if task.accuracy is None else {texts("verdict.decision"): task.accuracy}
 
 
 def _by_row(calibration: Calibration, texts: Texts) -> None:
@@ -122,7 +131,6 @@ def _by_row(calibration: Calibration, texts: Texts) -> None:
         *(millimetres(f"{axis} mm", lambda at, k=k: residuals[at][k], "+.4f") for k, axis in enumerate("xyz")),
         millimetres(texts("result.size"), lambda at: sizes[at], ".4f"),
     )
-    text("h2", texts("result.left"))
     tabulated(Table.of(texts("result.worst", count=len(rows)), columns, rows))
 
 
