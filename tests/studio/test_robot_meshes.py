@@ -10,7 +10,7 @@ import trimesh
 
 from taskcal.errors import TaskcalError
 from taskcal.studio.files import unpack_robot
-from taskcal.studio.project import Project
+from taskcal.studio.project import LAYOUT, Project
 from taskcal.studio.robot_meshes import MESH_ENDINGS, meshes_of, put_mesh, triangles_of
 from tests.robot.test_urdf_visuals import ARM
 
@@ -82,7 +82,8 @@ def test_zip_keeps_only_meshes_of_urdf_under_own_names(tmp_path: Path) -> None:
     )
     robot = unpack_robot(project, "arm.zip", content)
     assert robot == "robots/arm.urdf"
-    kept = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file())
+    files = [path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file()]
+    kept = sorted(str(file) for file in files if file.parts[0] != LAYOUT.history)
     assert kept == ["project.toml", "robots/arm.meshes/lower.stl", "robots/arm.meshes/upper.stl", "robots/arm.urdf"]
     assert (tmp_path / "robots/arm.meshes/upper.stl").read_bytes() == exported(".stl")  # not that of the collision
     assert sorted(path.name for path in tmp_path.parent.iterdir() if path.suffix == ".stl") == []

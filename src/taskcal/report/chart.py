@@ -161,8 +161,15 @@ def _value(value: float, say: Say) -> str:
     return say(value, ".0f" if whole or abs(value) >= 1e3 else ".4g")
 
 
+SMALL_STEP, LARGE_TICK = 1e-6, 1e7
+"""Steps below, and ticks from there on, are written with a power of ten: millimetres are not worth more decimals."""
+
+
 def _tick_text(value: float, step: float, say: Say) -> str:
     if step > 0.0:
+        if step < SMALL_STEP or abs(value) >= LARGE_TICK:
+            digits = math.ceil(math.log10(max(abs(value), step) / step)) + 1
+            return say(value + 0.0, f".{digits}g")
         return say(value + 0.0, f".{max(0, -math.floor(math.log10(step) + 1e-9))}f")
     if 1e-4 <= value < 1e6:
         return say(value, ".7g")

@@ -6,10 +6,9 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from taskcal.report.chart import Figure
-
 if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
+    from taskcal.report.chart import Figure
 
 
 @dataclass(frozen=True)
@@ -168,7 +167,7 @@ class Chart:
 
     kind: ClassVar[str] = "chart"
     title: str
-    figure: Figure | Mapping[str, Figure]
+    figure: "Figure | Mapping[str, Figure]"
     """Or views of it by their labels, of which a page shows the first, and the others on demand."""
     note: str = ""
 

@@ -56,7 +56,7 @@ def test_convert_writes_plain_csv_and_reports_every_inference(run: Run, plain: P
 def test_two_raw_files_are_identified_in_one_command(run: Run, plain: Path, tmp_path: Path) -> None:
     joints, points = german(plain, tmp_path / "j.csv", slice(1, 7)), german(plain, tmp_path / "p.csv", slice(7, 10))
     apart = run("identify", "-r", "ur5", joints, "--points", points, "-o", tmp_path / "a.json", "--json")
-    assert "j.csv: rows of both files are paired by their order, 40 of each" in apart.err
+    assert "j.csv with p.csv: rows of both files are paired by their order, 40 of each" in apart.err
     together = run("identify", "-r", "ur5", plain, "-o", tmp_path / "b.json", "--json")
     assert apart.json["fitted"]["mean_mm"] == pytest.approx(together.json["fitted"]["mean_mm"], rel=1e-6)
 

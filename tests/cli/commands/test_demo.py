@@ -44,7 +44,8 @@ def test_it_leaves_a_page_and_data_that_read_back(whole: tuple[dict[str, Any], P
     assert (found["mechanism"]["mobility"], found["mechanism"]["overconstraint"]) == (6, 3)
     assert sorted(path.name for path in folder.iterdir()) == sorted(Path(file).name for file in found["files"].values())
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert 3e6 < len(page) < 8e6
+    assert page.count("<svg") > 5
+    assert len(page) < 2e6
     model = tc.ErrorModel(tc.load_robot("abb-irb6660-205-1.9"))
     for label, name in (("one orientation", "one-orientation"), ("±20°", "several-orientations")):
         campaign = tc.read_campaign(folder / f"campaign-{name}.csv", model.robot)
