@@ -53,29 +53,34 @@ def address(built: Path) -> Generator[str, None, None]:
         server.shutdown()
 
 
-def test_search_for_option_finds_page_of_command(address: str, tab: Any) -> None:
+@pytest.fixture
+def reader(tab: Any) -> Any:
+    """A tab without a network: formulas are set by a script from there; no page has an icon of its own."""
+    tab.route(re.compile(r"https://.*|.*/favicon\.ico"), lambda route: route.fulfill(status=200, body=""))
+    return tab
+
+
+def test_search_for_option_finds_page_of_command(address: str, reader: Any) -> None:
     for words in ("--target-within-mm", "target-within-mm"):
-        tab.goto(f"{address}/search.html?q={words}")
-        first = tab.locator("#search-results li a").first
+        reader.goto(f"{address}/search.html?q={words}")
+        first = reader.locator("#search-results li a").first
         first.wait_for(timeout=20_000)
         assert "reference/commands/" in (first.get_attribute("href") or "")
 
 
-def test_every_page_opens_without_complaint(built: Path, address: str, tab: Any) -> None:
+def test_every_page_opens_without_complaint(built: Path, address: str, reader: Any) -> None:
     pages = [page for page in sorted(built.rglob("*.html")) if not {"_static", "_modules"} & set(page.parts)]
     assert len(pages) >= FEWEST
     PICTURES.mkdir(parents=True, exist_ok=True)
     found: list[str] = []
-    # formulas are set by a script from the network, which tests do without; no page has an icon of its own
-    tab.route(re.compile(r"https://.*|.*/favicon\.ico"), lambda route: route.fulfill(status=200, body=""))
     for page in pages:
         name = page.relative_to(built).as_posix()
-        tab.goto(f"{address}/{name}")
+        reader.goto(f"{address}/{name}")
         for size, (width, height) in SIZES.items():
-            tab.set_viewport_size({"width": width, "height": height})
-            if tab.evaluate("document.documentElement.scrollWidth") > width:
+            reader.set_viewport_size({"width": width, "height": height})
+            if reader.evaluate("document.documentElement.scrollWidth") > width:
                 found.append(f"{name}: wider than {width}")
             if name in LOOKED_AT:
-                tab.screenshot(path=PICTURES / f"docs-{name.replace('/', '-')}-{size}.png", full_page=True)
-        found += [f"{name}: {one}" for one in serious(tab)]
+                reader.screenshot(path=PICTURES / f"docs-{name.replace('/', '-')}-{size}.png", full_page=True)
+        found += [f"{name}: {one}" for one in serious(reader)]
     assert found == []
