@@ -122,7 +122,10 @@ def test_correction_below_its_uncertainty_is_not_written(run: Run, cell: Path, p
     assert expected["before_mm"] == pytest.approx(np.hypot(expected["correction_mm"], expected["uncertainty_mm"]))
     assert sum(expected["shares"].values()) == pytest.approx(1.0)
     assert max(expected["shares"], key=expected["shares"].get) == "tool"
-    assert "is tool: measure the tool against the reflectors, and state it in a cell file (--cell" in ended.err
+    assert (
+        "is tool: measure the tool against the reflectors, or touch one point with its tip, and state it in a cell file (--cell"
+        in ended.err
+    )
     people = run("correct", "--accept-uncertain", "-c", cell / "cal.json", *around, part, "-o", out)
     assert (people.status, out.exists()) == (0, True)
     assert people.out.index("Verdict") < people.out.index("targets") < people.out.index("next")
