@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from taskcal.correction.cell import Measured
-from taskcal.correction.frames import calibrate_frames, fit_points, grasped_frame
+from taskcal.correction.frames import calibrate_frames, check_angles, fit_points, grasped_frame
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
+from taskcal.robot.catalogue import catalogue_names, load_robot
 from tests.correction.cells import CUTTER, cells, reflectors_in, touches, turned
 
 
@@ -89,3 +90,11 @@ def test_touches_that_tell_no_tip_are_refused(calibration, robot, measured, spoi
         tip = tip[:, :5]
     with pytest.raises(TaskcalError, match=why):
         grasped_frame(calibration, Measured(name="cutter", tip=tip), robot.T_flange_tool)
+
+
+def test_angles_alone_are_refused_of_a_robot_that_slides(robot):
+    sliding = next(one for one in map(load_robot, catalogue_names()) if True in one.prismatic)
+    q = np.zeros((4, len(sliding.joints)))
+    with pytest.raises(TaskcalError, match="slides"):
+        check_angles(sliding, "tip_deg", "cutter", q)
+    check_angles(robot, "tip_deg", "cutter", np.zeros((4, len(robot.joints))))

@@ -153,6 +153,11 @@ def test_numbers_are_read_however_they_are_apart(line: str) -> None:
     assert rows_of(f"\n{line}\n{line}", 3) == [("", [1.0, 2.0, 3.0])] * 2
 
 
+@pytest.mark.parametrize("line", ["a 1 2 3", "a\t1\t2\t3", "a; 1,0; 2,0; 3,0", "a = 1 2 3"])
+def test_a_name_may_stand_before_the_numbers(line: str) -> None:
+    assert rows_of(line, 3, names=True) == [("a", [1.0, 2.0, 3.0])]
+
+
 @pytest.mark.parametrize("line", ["1 2", "1 2 3 4", "1 2 x", "1 2 nan", "1,2,3,4", "1 2 3°"])
 def test_a_line_of_other_numbers_is_refused_by_its_place(line: str) -> None:
     with pytest.raises(TaskcalError, match="line 2"):

@@ -218,7 +218,12 @@ def _by_tip(
 
 
 def check_angles(robot: Robot, key: str, name: str, q: Float[np.ndarray, "k joints"]) -> None:
-    """See that rows of a cell file have an angle for every joint."""
+    """See that rows of a cell file have an angle for every joint, and that none of them slides."""
+    if True in robot.prismatic:
+        sliding = robot.joint_names[robot.prismatic.index(True)]
+        raise TaskcalError(
+            f"{key} of '{name}' has angles alone, and joint {sliding} of {robot.name} slides; measure it otherwise"
+        )
     if q.shape[1] != len(robot.joints):
         raise TaskcalError(
             f"{key} of '{name}' has {q.shape[1]} angles a row; {robot.name} has {len(robot.joints)} joints"

@@ -301,8 +301,10 @@ def rows_of(given: str, columns: int, *, names: bool = False) -> list[tuple[str,
     for count, line in enumerate(given.splitlines(), 1):
         if not line.strip():
             continue
-        name, _, rest = line.strip().partition(" ") if names else ("", "", line.strip())
-        rest = rest.strip(" \t;=")
+        name, rest = "", line.strip()
+        if names:
+            name, *others = re.split(r"[\s;=]+", rest, maxsplit=1)
+            rest = "".join(others)
         ways = {tuple(re.split(r"[;,\s]+", rest)), tuple(re.split(r"[;\s]+", rest.replace(",", ".")))}
         read = {tuple(map(float, way)) for way in ways if len(way) == columns and all(map(is_number, way))}
         if len(read) != 1:
