@@ -2,14 +2,16 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from generated import heading, write_pages
-from sphinx.application import Sphinx
 
 from taskcal.cli import app as command_line
 from taskcal.cli.app import SUMMARIES
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 
 def commands() -> Mapping[str, Any]:
@@ -65,7 +67,7 @@ def _plain(text: str) -> str:
     return re.sub(r"(?<!\S)(--[\w-]+)", r"``\1``\\ ", plain)
 
 
-def setup(app: Sphinx) -> dict[str, Any]:
+def setup(app: "Sphinx") -> dict[str, Any]:
     """Write the pages before Sphinx looks for them."""
     app.connect("config-inited", lambda *_: write_pages("reference/commands", pages()))
     return {"parallel_read_safe": True}

@@ -1,4 +1,4 @@
-"""Every command and every public name has a page, made from itself."""
+"""Every command has a page, made from itself."""
 
 import importlib
 import shlex
@@ -9,13 +9,10 @@ from typing import Any
 import pytest
 import typer
 
-import robot_programs
-import taskcal
 from taskcal.cli.app import EXAMPLES, SUMMARIES
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 COMMAND_PAGES = importlib.import_module("command_pages")
-API_PAGES = importlib.import_module("api_pages")
 
 
 def test_command_page_names_every_option_and_begins_with_example() -> None:
@@ -44,19 +41,3 @@ def test_example_of_command_is_complete_usage(words: str) -> None:
         p.name for p in command.params if p.required and not isinstance(given.get(p.name), str | list | tuple)
     ] == []
     assert len(f"  Example: {words}") <= 80
-
-
-def test_every_public_name_is_on_one_page() -> None:
-    listed = [full for names in API_PAGES.public_names().values() for full in names]
-    assert len({id(API_PAGES._found(full)) for full in listed}) == len(listed)
-    files = [name.lower() for name in API_PAGES.pages()]
-    assert len(files) == len(set(files)) == len(listed) + 1
-    paged = {id(API_PAGES._found(full)) for full in listed}
-    spaces = [getattr(taskcal, name) for name in set(dir(taskcal)) - set(taskcal.__all__) - {"__version__"}]
-    for space in (taskcal, robot_programs, *spaces):
-        assert [name for name in getattr(space, "__all__", ()) if id(getattr(space, name)) not in paged] == []
-
-
-def test_every_name_has_a_docstring() -> None:
-    listed = [full for names in API_PAGES.public_names().values() for full in names]
-    assert [full for full in listed if not API_PAGES._summary(full)] == []
