@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from taskcal.errors import CampaignError
 from taskcal.identification.identify import identify
-from taskcal.identification.validation import validate
+from taskcal.identification.validation import reregister_frames, validate
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
 from tests.laws.campaigns import measure
@@ -82,6 +82,11 @@ def test_validation_reregisters_moved_tracker_and_target(kind):
     assert found.rms / (np.sqrt(3) * 5e-5) < 1.6
     renamed = replace(moved, targets=tuple(f"other {t}" for t in range(len(moved.targets))))
     np.testing.assert_allclose(validate(calibration, renamed, reregister=True).errors, found.errors)
+    one = moved.of_targets(moved.targets[:1])
+    frames = reregister_frames(calibration, one)
+    shapes = frames.T_tool_target.shape[:1], frames.residuals.shape[1:2], frames.studentised.shape[1:]
+    assert shapes == ((1,),) * 3  # of what was measured now; the fit's residuals hold in its own frames
+    assert np.isnan(frames.residuals).all()
 
 
 def test_some_of_the_targets_in_any_order_can_be_validated():

@@ -162,8 +162,11 @@ def reregister_frames(
     p = len(calibration.model)
     layout = replace(frames, estimated=np.arange(p), given=None)
     T_tracker_base, T_tool_target = frames.frames(z)
+    unseen = np.full((*calibration.residuals.shape[:1], len(frames.targets), frames.block_size), np.nan)
     return replace(
         calibration,
+        residuals=unseen,  # the rows of the fit were not measured in these frames
+        studentised=unseen[..., 0],
         T_tracker_base=T_tracker_base,
         T_tool_target=T_tool_target,
         layout=layout,
