@@ -42,6 +42,7 @@ from taskcal.robot.effects import Compliance as Compliance
 from taskcal.robot.error_model import ErrorModel as ErrorModel
 from taskcal.robot.importers.dh import read_dh_table as read_dh_table
 from taskcal.robot.robot import Robot as Robot
+from taskcal.task.default_task import default_task as default_task
 from taskcal.task.task import Task as Task
 from taskcal.task.task import load_task as load_task
 from taskcal.task.task import reach_task as reach_task

@@ -22,6 +22,7 @@ COMMANDS = {
     "robots": "robots",
     "robots show": "robots show ROBOT",
     "robots import": "robots import table.csv --convention dh -o robot.toml",
+    "robots task": "robots task ROBOT -o begun.toml",
     "simulate": "simulate --robot ROBOT --task TASK --count 20 -o again.csv",
     "sensitivity": "sensitivity --robot ROBOT --task TASK",
     "select": "select --robot ROBOT --task TASK",

@@ -130,6 +130,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "load_robot": Call(tc.load_robot, {"source": "abb-irb120"}),
         "load_calibration": Call(tc.load_calibration, {"path": files["cal.json"]}),
         "load_task": Call(tc.load_task, {}),
+        "default_task": Call(tc.default_task, {"model": model}, lambda found: found.workspace.size.tobytes()),
         "load_station": Call(tc.load_station, {}),
         "load_cell": Call(tc.load_cell, {}),
         "read_dh_table": Call(tc.read_dh_table, {"path": files["dh.csv"], "convention": "dh"}),

@@ -5,16 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from taskcal.geometry import se3
-from taskcal.robot.catalogue import load_robot
-from taskcal.robot.error_model import ErrorModel
-from taskcal.studio.pages.robot_page import slider_ranges
-from taskcal.studio.task_box import ToolRoom, box_of, first_task, handy_posture, save_box
-from taskcal.task.task import load_task, reach_task
+from taskcal.studio.task_box import ToolRoom, box_of, save_box
+from taskcal.task.task import load_task
 from tests.laws.campaigns import random_pose
 from tests.laws.robots import generators
 from tests.task.task_files import BOX, CYLINDER, written
@@ -76,14 +72,3 @@ def test_task_box_follows_dragged_axis_handle_and_body(tmp_path_factory, rng, ax
     assert abs(angle - shortest) < 1e-3
     opposite = moved.turned_to(axis, 2.0 * place - target)
     np.testing.assert_allclose(opposite.T_base_box[:3, axis], -direction, atol=1e-3)
-
-
-@pytest.mark.parametrize("name", ["ur5", "denso-hsr065a1", "kuka-kr6-r900-sixx", "franka-panda"])
-def test_a_box_to_begin_with_is_reached(tmp_path: Path, name: str) -> None:
-    model = ErrorModel(load_robot(name))
-    ranges = slider_ranges(model.robot)
-    q = handy_posture(model, ranges)
-    assert np.all((q >= ranges[:, 0]) & (q <= ranges[:, 1]))
-    (tmp_path / "task.toml").write_text(first_task(model, q))
-    reached = reach_task(model, load_task(tmp_path / "task.toml"), 60).unreachable.mean()
-    assert reached == 0.0, name

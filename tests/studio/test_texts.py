@@ -4,16 +4,14 @@ import re
 from pathlib import Path
 from string import Formatter
 
-import numpy as np
-
 import taskcal.studio
 from taskcal.diagnosis.diagnose import MISTAKES
 from taskcal.observations.point import Tracker
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.studio.pages.measurements_page import mend
-from taskcal.studio.task_box import first_task
 from taskcal.studio.texts import LANGUAGES, Texts, catalogue, preferred
+from taskcal.task.default_task import default_task, task_text
 from taskcal.task.task import load_task
 
 SOURCES = "\n".join(path.read_text() for path in Path(taskcal.studio.__file__).parent.rglob("*.py"))
@@ -55,7 +53,7 @@ def test_what_the_library_names_has_its_texts() -> None:
 
 def test_why_poses_fall_away_is_said_in_the_page_s_language(tmp_path: Path) -> None:
     model = ErrorModel(load_robot("ur5"))
-    (tmp_path / "task.toml").write_text(first_task(model, np.array([0.0, -1.2, 1.5, -0.3, 1.5, 0.0])))
+    (tmp_path / "task.toml").write_text(task_text(default_task(model)))
     lost = Tracker().find(model, load_task(tmp_path / "task.toml"), 20, 0).lost
     assert lost
     assert [reason for reason in lost if Texts("de").named("lost", reason) == reason] == []

@@ -52,6 +52,7 @@ EXAMPLES = {
     "robots list": "taskcal robots",
     "robots show": "taskcal robots show abb-irb120",
     "robots import": "taskcal robots import table.csv --convention dh -o my-robot.toml",
+    "robots task": "taskcal robots task ur5e -o task.toml",
     "sensitivity": "taskcal sensitivity --robot ur5e --task task.toml",
     "select": "taskcal select --robot ur5e --task task.toml",
     "plan": "taskcal plan --robot ur5e --task task.toml --count 40 -o plan.csv",

@@ -1,7 +1,6 @@
 """A task's box as a person moves and turns it: read from a task file, and written back with everything else that it says."""
 
 import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,6 @@ from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.geometry.euler import from_angles, to_angles
 from taskcal.io.files import write_whole
-from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.studio.project import LAYOUT, Project
 from taskcal.task.orientation import WAYS
@@ -31,13 +29,6 @@ THOUSANDTHS = 3
 
 FREE = 180.0
 """Degrees to either side: a turn about the tool's z that is free."""
-
-
-TRIED, AROUND = 500, np.radians(90.0)
-"""Postures among which one is chosen to begin with, and how far from zero joints turn in them."""
-
-ENOUGH_ROOM = 0.15
-"""Of a joint's range, to either of its limits."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,44 +176,6 @@ def save_head(path: Path, *, name: str | None = None, accuracy_mm: float | None 
         content.pop("accuracy", None)
         content |= {"accuracy": {"position_mm": accuracy_mm}} if accuracy_mm else {}
     write_whole(path, tomli_w.dumps(content))
-
-
-def handy_posture(model: ErrorModel, ranges: Float[np.ndarray, "joints 2"]) -> Float[np.ndarray, " joints"]:
-    """Joint positions from which the tool moves and turns about as well as the robot lets it, above the floor.
-
-    Of some that are tried, those of the largest manipulability (Yoshikawa 1985) with lengths counted in reaches, times the least
-    room of a joint to its limits as far as more of it helps.
-
-    Args:
-        model: of the robot.
-        ranges: of its joints, radians or metres.
-    """
-    middle = np.clip(np.zeros(len(ranges)), *ranges.T)
-    around = np.where(model.robot.prismatic, np.inf, AROUND)
-    low, high = np.maximum(ranges[:, 0], middle - around), np.minimum(ranges[:, 1], middle + around)
-    q = np.random.default_rng(0).uniform(low, high, (TRIED, len(ranges)))
-    drive = model.robot.four_bar
-    q = q if drive is None else q[drive.closes(q, np.zeros(3))]
-    above = model.nominal.poses(q)[:, 2, 3] > 0.0
-    q = q[above] if above.any() else q
-    J = model.nominal.joint_jacobian(q) / np.array([model.robot.reach] * 3 + [1.0] * 3)[:, None]
-    room = (np.minimum(q - ranges[:, 0], ranges[:, 1] - q) / np.ptp(ranges, axis=1)).min(axis=1)
-    return q[np.argmax(np.linalg.svd(J, compute_uv=False).prod(axis=1) * np.minimum(room, ENOUGH_ROOM))]
-
-
-def first_task(model: ErrorModel, q: Float[np.ndarray, " joints"]) -> str:
-    """A task file to begin with: a box of a tenth of the reach around the tool, as it is turned at some joint positions."""
-    T = model.nominal.poses(q[None])[0]
-    edge = round(100.0 * model.robot.reach, TENTHS)
-    cone = 20.0 if len(model.robot.joints) >= 6 else 0.0  # others cannot tilt the tool wherever it is
-    section: Mapping[str, Any] = {
-        "frame": "base",
-        "shape": "box",
-        "center_mm": np.round(T[:3, 3] * 1e3, TENTHS).tolist(),
-        "size_mm": [edge, edge, edge],
-        "orientation": [{"quaternion": se3.to_quaternion(T[None, :3, :3])[0].tolist(), "cone_deg": cone}],
-    }
-    return tomli_w.dumps({"name": "task", "workspace": section, "accuracy": {"position_mm": 0.1}})
 
 
 def _rotation(angles: tuple[float, float, float] | Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:

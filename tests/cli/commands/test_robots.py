@@ -2,9 +2,13 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from taskcal.robot.catalogue import catalogue_names, load_robot
+from taskcal.robot.error_model import ErrorModel
+from taskcal.task.default_task import default_task
+from taskcal.task.task import load_task
 from tests.cli.conftest import IRB6660, Run
 
 TABLE = """joint,alpha_deg,a_mm,d_mm,theta_offset_deg,theta_from_controller
@@ -82,6 +86,16 @@ def test_a_robot_file_must_end_in_toml(run: Run, tmp_path: Path) -> None:
     ended = run("robots", "import", tmp_path / "table.csv", "--convention", "mdh", "-o", tmp_path / "robot.json")
     assert ended.status == 2
     assert not (tmp_path / "robot.json").exists()
+
+
+def test_a_task_to_begin_with_is_one_that_the_library_makes(run: Run, tmp_path: Path) -> None:
+    ended = run("robots", "task", "kuka-kr6-r900-sixx", "-o", tmp_path / "task.toml", "--json")
+    space = default_task(ErrorModel(load_robot("kuka-kr6-r900-sixx"))).workspace
+    read = load_task(tmp_path / "task.toml").workspace
+    assert space is not None
+    assert read is not None
+    assert ended.json["size_mm"] == [edge * 1e3 for edge in space.size]
+    np.testing.assert_allclose(read.sample(20), space.sample(20), atol=1e-7)
 
 
 def test_stated_weights_and_drives_are_shown(run: Run, tmp_path: Path) -> None:

@@ -53,6 +53,8 @@ def catalogue(context: typer.Context, as_json: JsonOption = False) -> None:
     taskcal robots import ROBOT.urdf -o ROBOT.toml — a robot of your own, from a URDF
 
     taskcal robots import TABLE.csv --convention dh -o ROBOT.toml — from a table
+
+    taskcal robots task NAME_OR_FILE -o TASK.toml — a task to begin with
     """
     context.obj = as_json
     if context.invoked_subcommand is None:
@@ -146,6 +148,32 @@ def import_robot(
         f"use it with --robot {output}; taskcal robots {output} shows it. Add limits, tool and tolerances to the file: the "
         "tolerances are the prior of every fit"
     )
+
+
+@app.command("task", cls=Command)
+@laid_out
+def begin_task(
+    *,
+    context: typer.Context,
+    robot: str = argument(..., "NAME_OR_FILE", ROBOT),
+    output: Path = option(..., "TASK.toml", "Output: the task file.", also="-o"),
+    out: OutputOptions,
+) -> None:
+    """Make a task file to begin with: a box that the robot reaches with its tool down."""
+    if output.suffix != ".toml":
+        raise typer.BadParameter(f"'{output}' does not end in .toml, as task files do", param_hint="--output")
+    outputs = out.begin("robots task", [("--output", output)], [])
+    from taskcal.task.default_task import task_text
+
+    task = taskcal.default_task(ErrorModel(taskcal.load_robot(robot)))
+    outputs.write({output: task_text(task)})
+    assert task.workspace is not None
+    center, size = (_scaled(lengths, 1e3) for lengths in (task.workspace.center, task.workspace.size))
+    if out.as_json or context.obj:
+        write_json({"task": str(output), "center_mm": center, "size_mm": size})
+        return
+    tell(f"wrote {output}: a box of {' × '.join(f'{edge:g}' for edge in size)} mm")
+    info(f"use it with --task {output}; change its box, orientation and accuracy to those of your task")
 
 
 # The description of a robot.

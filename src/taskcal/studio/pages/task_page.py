@@ -21,8 +21,6 @@ from taskcal.studio.steps import choose_file, show_error
 from taskcal.studio.task_box import (
     TaskBox,
     box_of,
-    first_task,
-    handy_posture,
     program_poses,
     read_together,
     save_box,
@@ -31,6 +29,7 @@ from taskcal.studio.task_box import (
 )
 from taskcal.studio.texts import Texts
 from taskcal.studio.views import PointView, add_views
+from taskcal.task.default_task import default_task, task_text
 from taskcal.task.task import Task, load_task, reach_task
 
 MAX_TOLERANCE_MM = 1e3
@@ -133,9 +132,8 @@ def posture(robot: Robot) -> np.ndarray:
 
 
 async def _begin(project: Project, model: ErrorModel) -> None:
-    """Begin with a box around the tool."""
-    q = await asyncio.to_thread(handy_posture, model, slider_ranges(model.robot))
-    content = first_task(model, q).encode()
+    """Begin with a box that the robot reaches."""
+    content = task_text(await asyncio.to_thread(default_task, model)).encode()
     with project.change():
         project.choose(task=project.put(LAYOUT.tasks, "task.toml", content, TASK_ENDINGS))
     ui.navigate.reload()
