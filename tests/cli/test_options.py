@@ -165,6 +165,7 @@ def test_every_command_with_a_robot_takes_trust() -> None:
     assert {name for name, options in takes.items() if "--trust-xacro" in options} == {
         "robots import",
         "robots show",
+        "robots task",
         *(name for name, options in takes.items() if "--robot" in options),
     }
 
