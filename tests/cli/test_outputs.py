@@ -23,6 +23,19 @@ def table(tmp_path: Path) -> Path:
     return path
 
 
+def test_edits_are_said_once_each_to_people_and_programs(capsys: pytest.CaptureFixture[str]) -> None:
+    output.begin_account()
+    for warning in ("one", "", "two", "one"):
+        output.warn_of_edits(warning)
+    output.tell_edits()
+    assert capsys.readouterr().out.splitlines() == ["warning: one", "warning: two"]
+    assert output.with_edits({"a": 1}) == {"a": 1, "edited": ("one", "two")}
+    output.begin_account()
+    output.tell_edits()
+    assert capsys.readouterr().out == ""
+    assert output.with_edits({"a": 1}) == {"a": 1}
+
+
 def test_own_output_is_replaced_but_edited_file_is_kept(tmp_path: Path) -> None:
     """A file that the command wrote is replaced; one that was edited is kept."""
     path = tmp_path / "plan.csv"

@@ -48,3 +48,19 @@ def test_the_path_speed_counts_where_it_takes_longer(robot, turn):
     faster = joint_motion(robot, [replace(m, turn_speed=10.0 * TURN_SPEED_RAD_S) for m in moves], trajectory)
     np.testing.assert_array_equal(found.speed, faster.speed)
     assert joint_motion(robot, [replace(m, turn_speed=None) for m in moves], trajectory).turn_speed_assumed is None
+
+
+def test_the_motion_nearest_to_a_singular_posture_is_named(robot, make_moves, middle):
+    """By the singular values of what the joints do to the tool, a metre counting as two radians."""
+    poses = [middle @ se3.translation(0.0, 0.1 * k, 0.1 * (k % 2)) for k in range(4)]
+    trajectory = simulate_controller(robot, make_moves(poses))
+    found = joint_motion(robot, make_moves(poses), trajectory)
+    q = np.concatenate([trajectory.q, trajectory.passes])
+    move = np.concatenate([trajectory.move, np.arange(4)])
+    values = np.linalg.svd(
+        ErrorModel(robot).joint_jacobian(q) * np.array([2.0] * 3 + [1.0] * 3)[:, None], compute_uv=False
+    )
+    ratio = values[:, -1] / values[:, 0]
+    assert np.ptp(ratio) > 0.01 * ratio.max()
+    assert found.conditioning == pytest.approx(ratio.min(), rel=1e-6)
+    assert found.nearest_singular == move[np.argmin(ratio)]

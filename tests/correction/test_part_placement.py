@@ -106,7 +106,15 @@ def test_what_is_out_of_reach_is_said_and_not_recommended(calibration, program):
     assert far.reached < 1.0
     assert "square.csv:2" in far.obstacle
     assert "reach" in far.obstacle
+    assert np.isnan([far.before, far.after]).all()
     assert found.ranked == (near,)
+
+
+def test_errors_are_those_of_the_motions_that_are_reached(calibration, program):
+    (edge,) = place(calibration, program, around(0.54, 0.0, 0.0)).all
+    assert 0.0 < edge.reached < 1.0
+    assert edge.before > edge.after > 0.0
+    assert not edge.possible
 
 
 def test_a_force_deflects_in_proportion(robot, program):

@@ -7,7 +7,9 @@ from taskcal.export.controller import fit_offsets
 from taskcal.export.forms import spread_poses
 from taskcal.identification.calibration import Calibration
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot_file import robot_from
 from tests.laws.calibrations import calibrated
+from tests.laws.robots import industrial
 
 
 @pytest.fixture(scope="module")
@@ -37,10 +39,15 @@ def test_each_thing_more_that_it_may_hold_leaves_less(calibration):
     assert found.with_zeros.maximum >= found.with_zeros.rms
 
 
-def test_what_is_stated_is_what_was_fitted(calibration):
+def test_what_is_stated_is_what_was_fitted():
+    """A nominal arm that carries the stated tool on its flange, of a robot whose tool is turned."""
+    tool = [{"tx_mm": 80.0}, {"ry_deg": 35.0}, {"tz_mm": 120.0}, {"rz_deg": 50.0}]
+    robot = robot_from({**industrial(np.random.default_rng(3)), "tool": tool})
+    calibration = calibrated(robot)
     found = fit_offsets(calibration)
     q = spread_poses(calibration)
-    T = found.base @ ErrorModel(calibration.model.robot).poses(q + found.joints) @ found.tool
+    flange = ErrorModel(robot).poses(q + found.joints) @ np.linalg.inv(robot.T_flange_tool)
+    T = found.base @ flange @ found.tool_in_flange
     off = np.linalg.norm((T - calibration.tool_in_base(q))[:, :3, 3], axis=1)
     assert np.sqrt(np.mean(off**2)) == pytest.approx(found.with_zeros.rms, rel=1e-9)
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import TaskcalError
@@ -14,6 +15,7 @@ from taskcal.export.forms import (
     export_dh,
     export_ur_yaml,
     export_urdf,
+    fit_table,
     placed,
     spread_poses,
     urdf_text,
@@ -24,8 +26,9 @@ from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Harmonics
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.importers.dh import read_dh_table
+from taskcal.robot.robot_file import robot_from
 from tests.laws.calibrations import calibrated
-from tests.laws.robots import cases
+from tests.laws.robots import cases, industrial
 from tests.laws.urdfs import Referee
 
 NAMES = ("ur5", "fanuc-r2000ic-165f", "kuka-kr16-2", "barrett-wam")
@@ -45,6 +48,7 @@ def test_a_urdf_predicts_the_same_here_and_in_pinocchio(name, calibrations, tmp_
     robot = load_robot(path)
     assert robot.joint_names == calibration.model.robot.joint_names
     np.testing.assert_allclose(robot.limits, calibration.model.robot.limits, rtol=1e-12)
+    np.testing.assert_allclose(robot.speed_limits, calibration.model.robot.speed_limits, rtol=1e-12)
     q = spread_poses(calibration, 20)
     expected = calibration.tool_in_base(q)
     np.testing.assert_allclose(ErrorModel(robot).poses(q), expected, atol=1e-10)
@@ -71,11 +75,24 @@ def test_random_chains_come_back_from_their_urdf(tmp_path_factory):
             np.testing.assert_allclose(referee.pose(values, tip), T, rtol=0.0, atol=1e-9)
         again = load_robot(path, tip=tip)
         order = [case.robot.joint_names.index(name) for name in again.joint_names]
+        assert again.prismatic == tuple(case.robot.prismatic[k] for k in order)
+        assert again.inside_limits(case.q[:, order]).all()
         np.testing.assert_allclose(
             ErrorModel(again).poses(case.q[:, order]), case.model.poses(case.q, case.x), atol=1e-9
         )
 
     law()
+
+
+@settings(max_examples=15)
+@given(cases(max_joints=7, prismatic=False), st.booleans())
+def test_random_chains_are_their_tables(case, nominal):
+    """Skew axes with defects of a tenth; without, axes that coincide, meet or are parallel as well."""
+    x = np.zeros_like(case.x) if nominal else case.x
+    chain = CalibratedChain.of_model(case.model, x, case.q)
+    for convention in ("dh", "mdh"):
+        T = fit_table(chain, convention).poses(case.q)
+        np.testing.assert_allclose(T, case.model.poses(case.q, x), atol=1e-9)
 
 
 @pytest.mark.parametrize("convention", ["dh", "mdh"])
@@ -130,6 +147,10 @@ def test_urs_yaml_predicts_the_same_with_its_tool(calibrations):
         for link, angle in zip(LINKS, q, strict=True):
             T = T @ at[link] @ se3.rotation("z", float(angle))
         np.testing.assert_allclose(T @ made.frames["tool"], calibration.tool_in_base(q[None])[0], atol=1e-12)
+    (x, _, z), along = made.frames["tool"][:3, :3].T, made.frames["tool"][2, 3]
+    np.testing.assert_allclose([x[1], along], 0.0, atol=1e-12)  # those are the last link's own
+    assert x[0] > 0.9
+    assert z[2] > 0.9
 
 
 @pytest.mark.realdata
@@ -145,20 +166,36 @@ def test_ur_yaml_of_nominal_model_matches_universal_robots(data_folder):
 
 def test_what_no_form_holds_is_refused_with_its_size():
     calibration = calibrated("ur5", Harmonics())
-    with pytest.raises(
-        TaskcalError, match=r"a URDF cannot hold .*harmonics.*: 0\.\d+ mm \(rms\) and 0\.\d+ mm \(largest\)"
-    ):
-        export_urdf(calibration)
     made = export_urdf(calibration, accept_loss=True)
     assert 1e-6 < made.loss.rms < made.loss.maximum < 5e-3
+    rms, largest = (
+        rf"{1e3 * size:.4f} mm \({name}\)" for size, name in ((made.loss.rms, "rms"), (made.loss.maximum, "largest"))
+    )
+    with pytest.raises(TaskcalError, match=f"a URDF cannot hold {made.loss.reasons[0]}: {rms} and {largest}"):
+        export_urdf(calibration)
     q = spread_poses(calibration)
     with pytest.raises(TaskcalError, match=r"a table cannot hold .*harmonics"):
         export_dh(calibration, "dh", q)
 
 
-def test_a_robot_that_is_no_ur_has_no_such_yaml(calibrations):
-    with pytest.raises(TaskcalError, match=r"fanuc-r2000ic-165f is not built like a UR"):
-        export_ur_yaml(calibrations["fanuc-r2000ic-165f"])
+@pytest.fixture(scope="module")
+def sliding() -> Calibration:
+    """Of an arm of six axes at their own angles, the first of which slides."""
+    arm = industrial(np.random.default_rng(3))
+    first = {"name": "J1", "type": "prismatic", "mdh": arm["joint"][0]["mdh"]}
+    return calibrated(robot_from({**arm, "joint": [first, *arm["joint"][1:]]}))
+
+
+def test_a_robot_that_is_no_ur_has_no_such_yaml(calibrations, sliding):
+    """Coupled axes, seven of them, one that slides."""
+    for calibration in (*(calibrations[name] for name in ("fanuc-r2000ic-165f", "barrett-wam")), sliding):
+        with pytest.raises(TaskcalError, match=rf"{calibration.model.robot.name} is not built like a UR"):
+            export_ur_yaml(calibration, accept_uncertain=True)
+
+
+def test_a_table_holds_no_axis_that_slides(sliding):
+    with pytest.raises(TaskcalError, match="has prismatic joints, which a table cannot hold"):
+        export_dh(sliding, "dh", accept_uncertain=True)
 
 
 def test_export_rejects_nearly_parallel_axes_for_dh_table(calibrations):
@@ -174,6 +211,11 @@ def test_export_rejects_nearly_parallel_axes_for_dh_table(calibrations):
     ):
         export_dh(nearly, "dh")
     assert export_dh(nearly, "dh", accept_loss=True).loss.maximum < 1e-6
+    z[wanted[3]] = 3e-7
+    both = export_dh(replace(calibration, z=z), "dh", accept_loss=True)
+    assert len({reason for reason in both.loss.reasons if "from parallel" in reason}) == 2
+    assert not both.remarks
+    assert both.loss.maximum < 1e-6
 
 
 def test_rows_of_nearly_parallel_axes_are_remarked():

@@ -103,11 +103,12 @@ def test_full_disk_at_any_call_leaves_all_old(kind, tmp_path):
 
 @pytest.mark.parametrize(("after", "state"), [(0.5, "old"), (0.7, "new"), (0.8, "new")])
 def test_reader_that_is_killed_leaves_it_to_the_next(after, state, tmp_path):
-    """A kill while a killed command's journal is finished, at every call of that."""
+    """A kill while a killed command's journal is finished, at every call of that, where the folder was moved since."""
     calls = next(k for k in count() if at_point(lay_out(tmp_path / f"n{k}", "files"), k) == WROTE)
     for point in count():
         folder = tmp_path / str(point)
         assert at_point(lay_out(folder, "files"), int(after * calls)) == KILLED
+        folder = folder.rename(tmp_path / f"moved {point}")
         ended = at_point(partial(finish_writing, folder), point)
         assert seen(folder, "files") == state, point
         if ended == WROTE:

@@ -13,7 +13,7 @@ from taskcal.observations.instrument import Measurable
 from taskcal.observations.point import Tracker
 from taskcal.planning import experiment as calibrated_experiment
 from taskcal.planning.expected_error import known_hyperparameters
-from taskcal.planning.experiment import calibrated_experiments
+from taskcal.planning.experiment import calibrated_experiments, span
 from taskcal.planning.plan import plan
 from taskcal.planning.selection import select
 from taskcal.robot.catalogue import load_robot
@@ -134,3 +134,16 @@ def test_information_uses_estimated_magnitudes(calibration):
     errors = dict(zip(calibration.names, calibration.standard_errors, strict=True))
     assert {name: errors[name] < UNINFORMED_SHARE * sizes[name] for name in calibration.kept} == informed
     assert 0 < sum(informed.values()) < len(informed)
+
+
+def test_directions_are_those_that_rows_or_task_see_at_all():
+    """The row space of both, whatever their sizes, as a rank has it."""
+    rng = np.random.default_rng(0)
+    mixed = rng.normal(size=(5, 9))
+    measured = rng.normal(size=(40, 3)) @ mixed[:3]
+    task = 1e-4 * rng.normal(size=(30, 3)) @ mixed[2:]
+    V = span(measured, task)
+    assert V.shape == (9, np.linalg.matrix_rank(mixed))
+    np.testing.assert_allclose(V.T @ V, np.eye(5), atol=1e-12)
+    for rows in (measured, task):
+        np.testing.assert_allclose(rows @ V @ V.T, rows, atol=1e-6 * np.abs(rows).max())

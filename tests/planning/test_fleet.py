@@ -169,6 +169,7 @@ def test_fleet_identifies_each_campaign_once_or_states_why(tmp_path):
         ("2025-01-01/cal_20260301_v2.json", "2026-03-01"),
         ("2026.03.01/cal.json", "2026-03-01"),
         ("a/2026-13-01.json", None),
+        ("2026-03-01/2026-13-01.json", "2026-03-01"),
         ("serial-120260301.json", None),
         ("cal.json", None),
     ],

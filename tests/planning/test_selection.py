@@ -11,7 +11,11 @@ from taskcal.errors import CampaignError, ReachError
 from taskcal.geometry import se3
 from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.identify import identify
-from taskcal.planning.selection import MAX_ERROR_RATIO, select, selection_steps
+from taskcal.identification.layout import Layout
+from taskcal.observations import Point
+from taskcal.planning.expected_error import Design
+from taskcal.planning.selection import MAX_ERROR_RATIO, _relations, select, selection_steps
+from taskcal.registration.registration import Registration
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Harmonics
 from taskcal.robot.error_model import ErrorModel
@@ -47,6 +51,42 @@ def test_every_dropped_parameter_carries_a_reason_that_holds(model):
     assert chosen.dropped["J4.tz"] == "equal to J3.ty"
     assert chosen.dropped["J4.rz"] == "equal to 0.28·J1.ty + J3.ry"
     assert all(reason for reason in chosen.dropped.values())
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e4])
+def test_a_dropped_parameter_equals_what_adds_to_it(model, scale):
+    """Coefficients are those of the columns; what adds nothing at the size of its own column is left out, whatever its unit."""
+    p = len(model)
+    one, small, other = np.random.default_rng(0).normal(size=(3, 40))
+    small, other = 1e-4 * small / scale, 7.0 * other
+    J = np.zeros((40, p))
+    J[:, :5] = np.stack([one, small, other, one - 2e2 * scale * small, 3.0 * one + 1e-2 * scale * small], axis=1)
+    some = np.zeros((0, p))
+    by = Design(
+        model=model,
+        information=J.T @ J,
+        influence=J.T @ J,
+        prior=np.ones(p),
+        frames=0.0,
+        layout=Layout(
+            model=model,
+            estimated=np.arange(p),
+            registration=Registration(
+                T_tracker_base=np.eye(4), T_tool_target=np.eye(4)[None], rms=0.0, unobservable=np.zeros((3, 3))
+            ),
+            targets=("tool",),
+            kinds=(Point(),),
+        ),
+        free=np.zeros(0, dtype=int),
+        follow=some,
+        frame_covariance=np.zeros((0, 0)),
+    )
+    found = _relations(by, [3, 4, 5], [0, 1, 2])
+    a, b = model.names[:2]
+    assert found.keys() == {3, 4}
+    assert found[3] == pytest.approx({a: 1.0, b: -2e2 * scale})
+    assert found[4] == pytest.approx({a: 3.0})
+    assert _relations(by, [2], [0, 1]) == {}
 
 
 def test_selection_references_published_and_identifiable_set(model):

@@ -5,6 +5,7 @@ import pytest
 
 from taskcal.errors import FileError
 from taskcal.reading.reader import ReadOptions, read_campaign, read_measurements
+from taskcal.reading.rows import MAX_NAMED_TARGETS
 from tests.reading.measured_files import NAMED, ROBOT, measured, write
 
 Q, _, POINTS = measured(12)
@@ -125,6 +126,14 @@ def test_groups_that_are_poses_or_targets_are_asked_about(tmp_path):
     rows = [(f"G{i}", f"P{j}", np.array([1.0, 0.4 * i, 0.3 * j])) for i in range(3) for j in range(3)]
     with pytest.raises(FileError, match=r"either may be the pose, the other its target; name the column of poses 'id'"):
         read_measurements(export(tmp_path, rows), ROBOT)
+
+
+def test_more_names_than_a_tool_has_targets_are_poses(tmp_path):
+    """Two points shifted along a line without a turn: either could be the other's target, but for their number."""
+    rows = [(f"G{i}", f"P{j}", np.array([1.0, 0.4 * i, 0.3 * j])) for i in range(MAX_NAMED_TARGETS + 1) for j in (0, 1)]
+    readings = read_measurements(export(tmp_path, rows), ROBOT)
+    assert len(readings) == MAX_NAMED_TARGETS + 1
+    assert set(readings.points) == {"P0", "P1"}
 
 
 def test_groups_that_count_points_anew_are_poses_of_their_own(tmp_path):

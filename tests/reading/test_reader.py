@@ -4,6 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError
 from taskcal.reading.reader import read_campaign
+from tests.reading import measured_files
 from tests.reading.campaign_files import HEADER, JOINTS, ROBOT, ROWS, write
 
 
@@ -222,3 +223,70 @@ def test_an_approach_that_is_none_is_refused(tmp_path, header, row, message):
 def test_ids_that_are_no_counts_are_names(tmp_path, ids):
     campaign = read_campaign(write(tmp_path, rows=[f"{name},10,20,300,1000,-200,50.5" for name in ids]), ROBOT)
     assert campaign.ids == tuple(ids)
+
+
+BESIDE = {
+    "nothing": "",
+    "a quaternion, a matrix and angles": "quaternion matrix angles",
+    "a matrix and angles": "matrix angles",
+    "a quaternion and angles": "quaternion angles",
+    "angles": "angles",
+    "part of a matrix": "first",
+    "uncertainties": "total parts",
+    "parts of uncertainties": "parts",
+    "one part": "first-part",
+    "times": "times",
+}
+
+
+@pytest.mark.parametrize("beside", BESIDE)
+def test_a_column_is_named_as_left_out_where_it_changes_nothing(beside, tmp_path):
+    """Of several forms of one quantity, those that are not read."""
+    q, T, _ = measured_files.measured(6)
+    rng = np.random.default_rng(0)
+    R = Rotation.from_matrix(T[:, :3, :3])
+    matrix = {f"r{i + 1}{j + 1}": T[:, i, j] for i in range(3) for j in range(3)}
+    parts = {f"s{axis}_mm": rng.uniform(0.01, 0.02, 6) for axis in "xyz"}
+    forms = {
+        "quaternion": dict(zip(("qx", "qy", "qz", "qw"), R.as_quat().T, strict=True)),
+        "matrix": matrix,
+        "first": {"r11": matrix["r11"]},
+        "angles": dict(zip("ABC", R.as_euler("ZYX", degrees=True).T, strict=True)),
+        "total": {"u_mm": rng.uniform(0.01, 0.02, 6)},
+        "parts": parts,
+        "first-part": {"sx_mm": parts["sx_mm"]},
+        "times": {"time_s": np.arange(6.0), "timestamp_s": 7.0 * np.arange(6.0)},
+    }
+    more = {name: cells for form in BESIDE[beside].split() for name, cells in forms[form].items()}
+    columns = dict(zip(measured_files.NAMED.split(), np.degrees(q).T, strict=True))
+    columns |= (
+        dict(zip(("x_mm", "y_mm", "z_mm"), 1e3 * T[:, :3, 3].T, strict=True)) | more | {"pressure": rng.uniform(size=6)}
+    )
+
+    def read(columns):
+        rows = np.stack(list(columns.values()), axis=1)
+        try:
+            path = measured_files.write(tmp_path, "a.txt", " ".join(columns), rows.tolist())
+            return read_campaign(path, measured_files.ROBOT)
+        except FileError as error:
+            return str(error)
+
+    def numbers(campaign):
+        own = (
+            campaign.q,
+            campaign.points,
+            campaign.rotations,
+            campaign.uncertainty,
+            campaign.time,
+            campaign.temperature,
+        )
+        return [None if one is None else one.tolist() for one in own]
+
+    whole = read(columns)
+    (said,) = [
+        note.partition("left out: ")[2].partition(";")[0].split(", ") for note in whole.notes if "left out: " in note
+    ]
+    for name in columns:
+        other = read(columns | {name: columns[name] + 1e-3 * np.arange(6.0)})
+        unread = not isinstance(other, str) and numbers(other) == numbers(whole)
+        assert unread == (name in said), name

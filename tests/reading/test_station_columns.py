@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from taskcal.geometry import se3
-from taskcal.reading.reader import read_campaign
+from taskcal.reading.reader import read_campaign, read_measurements
 from taskcal.reading.writer import write_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -39,3 +40,24 @@ def test_a_column_of_stations_and_a_file_for_each_are_the_same(tmp_path):
         for name in ("north", "south"):
             own = np.array(read.stations.of) == read.stations.names.index(name)
             np.testing.assert_allclose(np.sort(read.q[own], axis=0), np.sort(q[stands == name], axis=0), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("again", "names"), [(False, list("abcd")), (True, ["north:a", "north:b", "south:a", "south:b"])]
+)
+def test_points_of_two_stations_may_have_one_name(again, names, tmp_path):
+    """They are poses of their own, as the two shots of one point are not."""
+    rng = np.random.default_rng(0)
+    ids = ["a", "b", "a", "b"] if again else list("abcd")
+    points = 1e3 * rng.normal(size=(4, 3))
+    lines = [
+        f"{station},{name},{x + shot:.4f},{y:.4f},{z:.4f}"
+        for station, name, (x, y, z) in zip(["north"] * 2 + ["south"] * 2, ids, points, strict=True)
+        for shot in (-0.01, 0.01)
+    ]
+    path = tmp_path / "points.csv"
+    path.write_text("\n".join(["station,id,x_mm,y_mm,z_mm", *lines]) + "\n")
+    read = read_measurements(path, ROBOT)
+    assert list(read.ids) == names
+    assert list(read.stations) == ["north", "north", "south", "south"]
+    np.testing.assert_allclose(read.points["tool"], 1e-3 * points, atol=1e-6)

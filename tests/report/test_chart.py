@@ -202,3 +202,20 @@ def test_colours_stand_out_in_light_and_in_dark():
         assert min(contrast(ink, ground), contrast(night_ink, night)) >= 4.5
         assert min(contrast(colour, ground) for colour in DARK) >= 3.0
         assert min(contrast(colour, night) for colour in DARK.values()) >= 3.0
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_boxes_stand_where_bars_stand_in_the_order_of_the_series(count):
+    """Side by side in each category, about its middle."""
+    at = {}
+    for kind in ("bars", "boxes"):
+        x, y = np.tile([1.0, 2.0, 3.0], 2), np.repeat([0.0, 1.0], 3)
+        series = tuple(Series(kind=kind, x=x, y=y, colour=f"#{k}{k}{k}") for k in range(count))
+        figure = Figure(panels=(Panel(x=Axis(), y=Axis(categories=("a", "b")), series=series),))
+        groups = [group for group in drawn(figure).iter() if group.get("color") in {one.colour for one in series}]
+        paths = [[part.get("d") for part in group if part.get("d")] for group in groups]
+        middle = 4.5 if kind == "bars" else 0.0  # a bar begins at its upper edge, a box at the middle of its whisker
+        at[kind] = [sorted({float(re.match(r"M\S+ ([-\d.]+)", path)[1]) + middle for path in own}) for own in paths]
+    assert at["bars"] == at["boxes"]
+    assert at["boxes"] == sorted(at["boxes"])
+    assert len(at["boxes"]) == count

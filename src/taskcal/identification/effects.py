@@ -465,7 +465,7 @@ def _find_all(
         "all effects", one.calibration, selection.calibration, whole, selection.errors, accepted=better, reason=reason
     )
     worths = {effect: _worth(effect, one, outer, enters=better) for effect in one.effects}
-    stages = sorted(worths.values(), key=lambda stage: -(stage.worth or 0.0))
+    stages = sorted(worths.values(), key=lambda stage: stage.cross_validated, reverse=True)
     selection = replace(selection, stages=(*selection.stages, together, *stages))
     if not better:
         remark = f"effects were tried and are not part of the calibration: their model {reason}"

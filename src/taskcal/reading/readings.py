@@ -741,7 +741,8 @@ def name_columns(table: Table, robot: Robot) -> Table:
             f'{robot.name}, a position, or both; name them: --columns "{" ".join(["id", *joints, "x_mm", "y_mm", "z_mm"])}"'
         )
         raise FileError(table.path, message)
-    named = [*options[0], *["-"] * (width - len(options[0]))]
+    (own,) = options
+    named = [*own, *["-"] * (width - len(own))]
     _refuse_two_blocks(table, named, leading, numbers)
     header = tuple(name if name != "-" else f"column {k}" for k, name in enumerate(named, start=1))
     note = f"the file names no columns; they are read as {' '.join(named)} (--columns states others)"
