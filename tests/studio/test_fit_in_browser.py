@@ -83,7 +83,7 @@ def test_mistakes_are_found_and_mended_with_a_click(chromium: Any, example: tupl
         page.get_by_role("cell", name="Joint sign reversed (joint-sign)", exact=True).wait_for(timeout=300_000)
         assert file.read_bytes() == wrong
         page.get_by_role("button", name="Leave the data as they are").click()
-        page.get_by_role("link", name="Next: Define the task").wait_for()
+        page.get_by_role("button", name="Next: Define the task").wait_for()
         assert tab.complaints == []
 
 
@@ -121,7 +121,7 @@ def test_a_fit_says_what_the_command_line_says_to_the_digit(tab: Tab, example: t
         "--output",
         str(folder / "c.json"),
     )
-    page.get_by_role("link", name="Show the result").click()
+    page.get_by_role("link", name="Next: Result").click()
     tab.ready()
     verdict, shown = (page.locator("table").nth(k).inner_text() for k in (0, 1))
     printed = tabulate_errors({key: said[key] for key in ("nominal", "fitted", "held_out")})

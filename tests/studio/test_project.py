@@ -12,6 +12,7 @@ from robot_programs.core.files import elsewhere_on_windows
 from taskcal.errors import FileError, TaskcalError
 from taskcal.reading.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
+from taskcal.studio.files import take_file
 from taskcal.studio.project import (
     CAMPAIGN_ENDINGS,
     LAYOUT,
@@ -22,6 +23,7 @@ from taskcal.studio.project import (
     free_name,
     plain_name,
 )
+from taskcal.studio.task_box import read_together
 
 
 def test_what_is_chosen_is_there_when_the_folder_is_opened_again(tmp_path: Path) -> None:
@@ -29,6 +31,18 @@ def test_what_is_chosen_is_there_when_the_folder_is_opened_again(tmp_path: Path)
     choices = Project(tmp_path).choices
     assert (choices.name, choices.robot, choices.holdout) == (tmp_path.name, "ur5", 0.25)
     assert tomllib.loads((tmp_path / "project.toml").read_text())["robot"] == "ur5"
+
+
+def test_files_that_are_dropped_together_take_their_places(tmp_path: Path) -> None:
+    """Of two files of measurements one has the points; a controller's frames are read with every program and are none."""
+    project = Project(tmp_path)
+    joints = take_file(project, "campaign", "joints.txt", b"1 2\n", "")
+    points = take_file(project, "campaign", "points.txt", b"3 4\n", joints)
+    assert (project.choices.campaign, project.choices.points) == (joints, points)
+    program = take_file(project, "program", "part.ls", b"/PROG PART\n", "")
+    frames = take_file(project, "program", "sysframe.va", b"[*SYSTEM*]\n", program)
+    assert project.choices.program == program
+    assert read_together(project, program) == [program, frames]
 
 
 def test_project_keeps_dropped_file_exactly_and_once(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The whole road on a UR5 by keyboard alone; a server that is killed; two projects side by side."""
+"""Whole roads from an empty folder to the certificate by keyboard alone; a server that is killed; two projects side by side."""
 
 import os
 import signal
@@ -14,43 +14,78 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.studio.project import NAME as LOCK
 from taskcal.studio.texts import Texts
 from taskcal.virtual.cell import simulate
+from tests.robot_programs.tp.samples import FRAMES, joints, listing
 from tests.studio.conftest import Tab, comes_true, open_tab, served, server_of
 from tests.studio.test_robot_in_browser import serious
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]
 
-FOCUSED = """(place) => {
+FOCUSED = """() => {
   const at = document.activeElement;
-  if (!at.closest(place)) return "";
   return at.getAttribute("aria-label") || at.innerText || at.getAttribute("type") || "";
 }"""
 
 MOST_TABS = 150
 
-
-def tab_to(page: Any, label: str, place: str = "#content") -> None:
-    """Go to a control of a part of the page by the Tab key alone."""
-    reached: list[str] = []
-    for _ in range(MOST_TABS):
-        page.keyboard.press("Tab")
-        reached.append(page.evaluate(FOCUSED, place))
-        if reached[-1] == label:
-            return
-    raise AssertionError(f"'{label}' is not reached by Tab; these are: {sorted(set(reached))}")
+MOST_ACTS = 14
+"""Controls that are used and files that are dropped, from an empty folder to the certificate."""
 
 
-def press(page: Any, label: str, key: str = "Enter", place: str = "#content") -> None:
-    tab_to(page, label, place)
-    page.keyboard.press(key)
+class Road:
+    """A person with a keyboard who does what the pages name as the next; what is used is counted, the way to it is not."""
 
+    def __init__(self, tab: Tab, language: str) -> None:
+        self.tab, self.page, self.texts, self.acts = tab, tab.page, Texts(language), 0
 
-def go(tab: Tab, key: str) -> Any:
-    """To a page by its link."""
-    title = Texts("en")(f"{key}.title")
-    press(tab.page, title, place="nav")
-    tab.page.wait_for_url(f"**/{key}")
-    tab.page.locator("h1", has_text=title).wait_for()
-    return tab.ready()
+    def to(self, label: str) -> None:
+        """Go to a control by the Tab key, and use it."""
+        self.acts += 1
+        reached: list[str] = []
+        for _ in range(MOST_TABS):
+            self.page.keyboard.press("Tab")
+            reached.append(self.page.evaluate(FOCUSED))
+            if reached[-1] == label:
+                return
+        raise AssertionError(f"'{label}' is not reached by Tab; these are: {sorted(set(reached))}")
+
+    def enter(self, label: str, typed: str = "") -> None:
+        """Press a control, or type into it."""
+        self.to(label)
+        if typed:
+            self.page.keyboard.press("Control+A")
+            self.page.keyboard.type(typed)
+        self.page.keyboard.press("Enter")
+
+    def drop(self, *files: tuple[str, bytes]) -> None:
+        """Choose files."""
+        self.to("file")
+        given = [{"name": name, "mimeType": "", "buffer": content} for name, content in files]
+        with self.page.expect_file_chooser() as chooser:
+            self.page.keyboard.press("Space")
+        with self.page.expect_navigation():
+            chooser.value.set_files(given)
+        self.tab.ready()
+
+    def next(self, what: str, to: str) -> None:
+        """Take the step that is named as the next, as soon as it is; its page keeps nobody out and needs no scrolling sideways."""
+        label = self.texts("next.next", what=self.texts(what))
+        self.page.locator(".next .act").get_by_text(label, exact=True).wait_for(timeout=300_000)
+        self.enter(label)
+        self.page.wait_for_url(f"**/{to}")
+        self.page.locator("h1", has_text=self.texts(f"{to}.title")).wait_for()
+        self.tab.ready()
+        assert serious(self.page) == [], to
+        assert self.page.evaluate("document.documentElement.scrollWidth") <= self.page.viewport_size["width"], to
+
+    def certificate(self) -> str:
+        """Make the report, and open the certificate."""
+        self.next("next.report", "report")
+        link = self.page.get_by_role("link", name="certificate").first
+        link.wait_for(timeout=300_000)
+        self.tab.ready()
+        with self.page.context.expect_page() as opened:
+            self.enter(link.inner_text())
+        return opened.value.inner_text("body")
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
@@ -61,62 +96,44 @@ def files_of(folder: Path) -> dict[str, bytes]:
     }
 
 
-def ur5_campaign() -> bytes:
-    model = ErrorModel(load_robot("ur5"))
+def measured(name: str) -> list[list[str]]:
+    """Cells of a campaign on a virtual robot, with its header."""
+    model = ErrorModel(load_robot(name))
     rng = np.random.default_rng(3)
-    q = rng.uniform(-1.2, 1.2, (60, 6))
-    campaign, _ = simulate(model, q, rng=rng)
-    return campaign_text(campaign, model.robot).encode()
+    campaign, _ = simulate(model, rng.uniform(-0.9, 0.9, (60, 6)), rng=rng)
+    return [line.split(",") for line in campaign_text(campaign, model.robot).splitlines()]
 
 
-def test_ur5_workflow_by_keyboard_survives_server_restart(chromium: Any, tmp_path: Path) -> None:
-    """The UR5 workflow with the keyboard alone survives the end of its server."""
-    measured = tmp_path / "measured.csv"
-    measured.write_bytes(ur5_campaign())
+def test_two_raw_files_become_a_certificate_that_survives(chromium: Any, tmp_path: Path) -> None:
+    """On a telephone, in German and dark; what was made is there after the server was killed."""
+    rows = measured("ur5")[1:]
+    files = [
+        (name, "\n".join(" ".join(row[part]) for row in rows).encode())
+        for name, part in (("a-points.txt", slice(7, 10)), ("joints.txt", slice(1, 7)))
+    ]
     folder = tmp_path / "ur5"
-    pages = ("robot", "measurements", "task", "weight", "plan", "identify", "result", "report")
-    with served(folder) as address, open_tab(chromium, address) as tab:
+    pages = ("measurements", "result", "report")
+    narrow = {"locale": "de-DE", "color_scheme": "dark"}
+    with served(folder) as address, open_tab(chromium, address, **narrow) as tab:
+        road = Road(tab, "de")
+        tab.page.set_viewport_size({"width": 390, "height": 844})
         page = tab.open("robot")
-        tab_to(page, "Robot")
+        road.to("Roboter")
         page.keyboard.type("Universal Robots UR5 (")
         page.keyboard.press("Enter")
-        page.get_by_text("Joints of Universal Robots UR5 and their limits").wait_for()
-        tab.ready()
-        page = go(tab, "measurements")
-        with page.expect_file_chooser() as chooser:
-            press(page, "file", "Space")
-        chooser.value.set_files(measured)
-        page.get_by_text("Import summary").wait_for()
-        page = go(tab, "task")
-        press(page, "Begin with a box")
-        page.get_by_text("The robot reaches").wait_for()
-        tab_to(page, "Turned about fixed axes, ° z")
-        for _ in range(20):
-            page.keyboard.press("ArrowRight")
-        assert comes_true(page, lambda: "rpy_deg" in (folder / "tasks" / "task.toml").read_text())
-        page = go(tab, "weight")
-        page.locator("[data-updates]").get_by_role("cell").first.wait_for()
-        page = go(tab, "plan")
-        tab_to(page, "Poses to measure")
-        page.keyboard.press("Control+A")
-        page.keyboard.type("20")
-        press(page, "Plan")
-        page.get_by_text("Expected 3D rms error over the task").wait_for(timeout=300_000)
-        page = go(tab, "identify")
-        press(page, "Fit")
-        page.get_by_text("Models side by side").wait_for(timeout=300_000)
-        page = go(tab, "result")
-        page = go(tab, "report")
-        press(page, "Make the report")
-        page.get_by_role("link", name="Save").first.wait_for(timeout=300_000)
-        shown: dict[str, str] = {}
-        for key in pages:
-            page = tab.open(key)
-            page.wait_for_timeout(400)
-            shown[key] = page.inner_text("#content")
-            assert serious(page) == []
-            tab.picture(f"ur5-{key}")
-            page.set_viewport_size({"width": 1440, "height": 900})
+        road.next("next.measurements", "measurements")
+        road.drop(*files)
+        road.next("next.task", "task")
+        page.get_by_text("Der Roboter erreicht 100% der Aufgabe.").wait_for(timeout=300_000)
+        road.enter(road.texts("task.tolerance"), "0.5")
+        road.next("next.identify", "identify")
+        road.next("result.title", "result")
+        assert "eingehalten" in page.inner_text("table")
+        road.next("program.title", "program")
+        road.next("report.title", "report")
+        assert "0.500" in road.certificate()
+        assert road.acts <= MOST_ACTS
+        shown = {key: tab.open(key).inner_text("#content") for key in pages}
         before = files_of(folder)
         server = server_of(folder)
         os.kill(server.pid, signal.SIGKILL)
@@ -124,15 +141,42 @@ def test_ur5_workflow_by_keyboard_survives_server_restart(chromium: Any, tmp_pat
         assert tab.complaints == []
     assert (folder / LOCK).is_file()  # left behind, and in nobody's way
     assert files_of(folder) == before
-    with served(folder) as address, open_tab(chromium, address) as tab:
+    with served(folder) as address, open_tab(chromium, address, **narrow) as tab:
         for key in pages:
             page = tab.open(key)
-            for _ in range(240):  # figures write their texts a little later than the page
-                lost = _lasting(shown[key]) - _lasting(page.inner_text("#content"))
-                if not lost:
-                    break
-                page.wait_for_timeout(250)
-            assert lost == set(), key
+            assert comes_true(page, lambda: not _lasting(shown[key]) - _lasting(page.inner_text("#content"))), key  # noqa: B023
+        assert tab.complaints == []
+
+
+def test_a_reversed_joint_is_mended_and_a_program_corrected(chromium: Any, tmp_path: Path) -> None:
+    """A FANUC, whose axes 2 and 3 are coupled, with a program and the frames of its controller."""
+    header, *rows = measured("fanuc-r2000ic-165f")
+    for row in rows:
+        row[2] = f"{-float(row[2]):.9f}"  # J2 counted the other way round
+    wrong = "\n".join(map(",".join, [header, *rows])).encode()
+    places = {str(k): joints(10.0 * k, 10, -10, 0, -60, 0, frames="UF : 0, UT : 1") for k in (1, 2)}
+    program = listing(["J P[1] 10% FINE", "J P[2] 10% FINE"], places, "PART")
+    with served(tmp_path) as address, open_tab(chromium, address) as tab:
+        road = Road(tab, "en")
+        page = tab.open("robot")
+        road.to("Robot")
+        page.keyboard.type("FANUC R-2000iC/165F")
+        page.keyboard.press("Enter")
+        road.next("next.measurements", "measurements")
+        road.drop(("wrong.csv", wrong))
+        page.get_by_role("button", name="Reverse the sign of J2").wait_for(timeout=300_000)
+        tab.ready()
+        road.enter("Reverse the sign of J2")
+        road.next("next.task", "task")
+        road.enter(road.texts("task.tolerance"), "1")
+        road.next("next.identify", "identify")
+        road.next("result.title", "result")
+        road.next("program.title", "program")
+        road.drop(("part.ls", program.text.encode()), ("sysframe.va", FRAMES.encode()))
+        road.enter("Correct the program")
+        road.next("report.title", "report")
+        assert "program on the part" in road.certificate()
+        assert road.acts <= MOST_ACTS
         assert tab.complaints == []
 
 

@@ -107,6 +107,15 @@ def test_what_follows_from_an_outdated_fit_is_outdated(whole: Project) -> None:
     assert next_step(steps, "report") == "identify"
 
 
+def test_a_program_that_cannot_be_corrected_holds_nobody_up(whole: Project) -> None:
+    """That nothing was written for its uncertainty is a result; where none was tried, the road waits for it."""
+    corrected = corrected_of(whole.choices.program)
+    put(whole, result_of(corrected), json.dumps({"written": []}))
+    assert next_step(steps_of(whole), "program") == "report"
+    (whole.folder / result_of(corrected)).unlink()
+    assert next_step(steps_of(whole), "result") == "program"
+
+
 def test_same_content_under_another_name_changes_nothing(whole: Project) -> None:
     put(whole, "campaigns/b.csv", "")
     whole.choose(campaign="campaigns/b.csv")

@@ -9,6 +9,7 @@ from scipy.stats import kstest
 from taskcal.demo.procedure import reference_task
 from taskcal.errors import FileError, ReachError
 from taskcal.geometry import se3
+from taskcal.kinematics.inverse import find_postures
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, load_task, reach_task
@@ -215,6 +216,18 @@ def test_a_path_on_which_a_joint_would_jump_is_refused(model):
         np.linspace(0, np.radians(120.0), 16)[:, None] * np.array([1.0, 0.0, 0.0])
     )
     assert len(reach_task(model, Task(name="turn", poses=finer, path=True))) == 16
+
+
+def test_a_task_is_reached_in_the_branch_of_known_postures():
+    """A pose has several postures; whichever of them was measured is the one that the task is reached in."""
+    model = ErrorModel(load_robot("ur5"))
+    T = model.nominal.poses(np.array([[0.3, -1.2, 1.5, -0.3, 1.2, 0.4]]))[0]
+    postures = find_postures(model, T)
+    assert len(postures) > 3
+    for q in postures:
+        away = np.array([q + 2.0, q])  # another one is farther off
+        reached = reach_task(model, Task(name="one", poses=T[None]), known=away)
+        np.testing.assert_allclose(reached.q[0], q, atol=1e-6)
 
 
 def test_known_joints_are_taken_where_they_are_inside_the_limits(model):

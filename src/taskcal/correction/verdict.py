@@ -89,7 +89,8 @@ def judge(
 ) -> Verdict:
     """Judge a calibration over a task, and a program that was corrected by it.
 
-    The measured target and the tool's point are judged over the task, or where there is none at the program's targets. The tool
+    The measured target and the tool's point are judged over the task, in the branch in which the robot was measured, or where there
+    is none at the program's targets. The tool
     is that of the program's first motion, or the robot file's.
 
     Args:
@@ -105,7 +106,7 @@ def judge(
     """
     tolerance = None if task is None else task.accuracy
     if task is not None:
-        poses = reach_task(calibration.model, task, seed=seed)
+        poses = reach_task(calibration.model, task, seed=seed, known=calibration.q)
         q, weights = poses.q, poses.weights
     elif correction is not None:
         q, weights = correction.after.q[correction.after.at_target], None

@@ -204,7 +204,7 @@ def uncertainty_over(calibration: Calibration, task: Task, seed: int = 0) -> Unc
         ReachError: the robot does not reach the task.
     """
     model = calibration.model
-    poses = reach_task(model, task, seed=seed)
+    poses = reach_task(model, task, seed=seed, known=calibration.q)
     effect = model.jacobian(poses.q, angular=False) * model.tolerances
     turn = calibration.T_tracker_base[:3, :3]
 

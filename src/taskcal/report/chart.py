@@ -345,6 +345,10 @@ SMALL = {
 }
 """Where marks are many."""
 
+DOTS = {"circle": "round", "square": "square"}
+"""Shapes of the ends of a line without length, which takes half the room of a path around them, where marks are many."""
+DOT, DOT_WIDTH = "h0", 5.0
+
 VIRIDIS = np.array([[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]], dtype=float)
 """Colours of cells, even in grey as well."""
 
@@ -411,7 +415,8 @@ class _Canvas:
         if unseen and (many or not self.named):
             return
         shape = one.shape or "circle"
-        path = SMALL.get(shape, PATHS[shape]) if many else PATHS[shape]
+        dots = many and shape in DOTS and one.low is None and not np.any(one.hollow)
+        path = DOT if dots else SMALL.get(shape, PATHS[shape]) if many else PATHS[shape]
         paths = [f"M{a:.1f} {b:.1f}{path}" for a, b in zip(*at, strict=True)]
         if one.low is not None and one.high is not None and one.kind == "points":
             beside = bool(self.panel.y.categories)
@@ -421,7 +426,8 @@ class _Canvas:
                 for (low, high), a, b in zip(ends, *at, strict=True)
             )
             paths = [(bar if "nan" not in bar else "") + path for bar, path in zip(bars, paths, strict=True)]
-        yield '<g opacity="0">' if unseen else '<g fill-opacity=".7">'
+        dotted = f'<g stroke-opacity=".7" stroke-width="{DOT_WIDTH}" stroke-linecap="{DOTS.get(shape)}">'
+        yield '<g opacity="0">' if unseen else dotted if dots else '<g fill-opacity=".7">'
         yield from self._marks(one, x, y, paths, named=not many)
         yield "</g>"
 

@@ -2,12 +2,14 @@
 
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
 from nicegui import ui
 
 from taskcal.errors import TaskcalError
+from taskcal.reading.reader import read_measurements
 from taskcal.robot.robot import Robot
 from taskcal.studio.controls import button, choice, drop_zone, set_attribute, text
 from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT, free_name
@@ -70,7 +72,7 @@ class ColumnEditor:
             texts: of the page.
             is_open: whether all of it is shown at once, as where the file cannot be read as it is.
         """
-        self._is_open = is_open
+        self._is_open, self._robot = is_open, robot
         self._studio, self._texts = studio, texts
         self._stated = {"decimal": "", "angles": ""}
         with ui.element("details") as around:
@@ -144,8 +146,19 @@ class ColumnEditor:
             drop_zone(texts, "points", texts("measurements.drop_points"), CAMPAIGN_ENDINGS)
             choose_file(project, texts, "points", others, none=texts("measurements.no_points"))
             if choices.points in others:
-                button(texts("measurements.join"), lambda: self._join(choices.points))
+                button(texts("measurements.join"), lambda: self.join(choices.points))
 
-    def _join(self, points: str) -> None:
-        self._studio.project.choose(points="")
+    def join(self, points: str) -> None:
+        """Write the joints of the file and the points of another one into one; they are told apart by what they hold."""
+        project = self._studio.project
+        other = project.choices.campaign
+        if self._has_joints(points) and not self._has_joints(other):
+            project.choose(campaign=points)
+            points = other
+        project.choose(points="")
         self._convert("joined", [f"--points={points}"])
+
+    def _has_joints(self, path: str) -> bool:
+        with suppress(TaskcalError):
+            return read_measurements(self._studio.project.path(path), self._robot).q is not None
+        return False

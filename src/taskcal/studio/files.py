@@ -26,6 +26,7 @@ from taskcal.studio.project import (
 )
 from taskcal.studio.robot_meshes import MAX_MESH_BYTES, MESH_ENDINGS, mesh_name, put_mesh, triangles_of
 from taskcal.studio.runs import Studio
+from taskcal.studio.task_box import is_of_controller
 
 # A robot that is dropped as a zip: its URDF and the meshes that it names, and nothing else of what is in there.
 
@@ -142,10 +143,16 @@ def receiver(studio: Studio) -> Callable[[str, Request], Awaitable[Response]]:
 
 
 def take_file(project: Project, kind: str, given: str, content: bytes, beside: str) -> str:
-    """Keep a file, and choose it; arguments as of `_keep`."""
+    """Keep a file, and choose it; arguments as of `_keep`.
+
+    Of two files of measurements that are dropped together, one has the joints and the other the points; of the files of a program,
+    those of its controller become no choice.
+    """
+    choice = "points" if kind == "campaign" and beside else KINDS[kind].choice
     with project.change():
         path = _keep(project, kind, given, content, beside)
-        project.choose(**{KINDS[kind].choice: path})
+        if not (kind == "program" and is_of_controller(path) and project.choices.program):
+            project.choose(**{choice: path})
     return path
 
 
@@ -157,7 +164,7 @@ def _keep(project: Project, kind: str, given: str, content: bytes, beside: str) 
         kind: one of `KINDS`.
         given: the name that came with it.
         content: of the file.
-        beside: of a mesh, the robot that it was dropped with; the one that is chosen by default.
+        beside: what it was dropped with, if that came before it; of a mesh, its robot, the one that is chosen by default.
     """
     if kind == "robot" and given.lower().endswith(ARCHIVE):
         return unpack_robot(project, given, content)

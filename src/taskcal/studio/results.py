@@ -224,6 +224,7 @@ def steps_of(project: Project) -> Mapping[str, Step]:
     plan, report = plan_of(choices), report_of(choices.calibration)
     written = read_result(project, corrected_of(choices.program), "written")
     corrected = written is not None and bool(written["written"])
+    refused = written is not None and not corrected  # that it cannot be corrected by this calibration is a result, too
     planned, reported = ((project.folder / path).is_file() for path in (plan, report))
     return {
         "robot": _step(there=not robot),
@@ -238,7 +239,7 @@ def steps_of(project: Project) -> Mapping[str, Step]:
         ),
         "identify": _step(*robot, *measurements, there=bool(now["calibration"]), changed=fit),
         "result": _step(*no_fit, there=bool(now["calibration"]), changed=fit, waits=False),
-        "program": of_product(corrected_of(choices.program), there=corrected, missing=no_fit)
+        "program": of_product(corrected_of(choices.program), there=corrected, waits=not refused, missing=no_fit)
         if now["program"]
         else Step(state=State.optional, waits=False),
         "report": of_product(report, there=reported, missing=no_fit, waits=reported),

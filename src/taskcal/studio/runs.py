@@ -165,6 +165,8 @@ class Studio:
         self._closing = False
         self.examined = ""
         """Digest of robot and campaign that the doctor saw last."""
+        self.unread = ""
+        """Likewise of those whose file could not be read last."""
 
     def running(self) -> set[str]:
         """Kinds of the runs that go on."""

@@ -41,7 +41,7 @@ from taskcal.studio.pages import (
 from taskcal.studio.pages.robot_page import warm_up
 from taskcal.studio.project import Change
 from taskcal.studio.results import State, Step, examined, next_step, steps_of
-from taskcal.studio.runs import CommandRun, Studio
+from taskcal.studio.runs import CommandRun, Status, Studio
 from taskcal.studio.steps import is_running, link, show_error
 from taskcal.studio.texts import LANGUAGES, LIBRARY_LANGUAGE, Texts, preferred
 
@@ -226,8 +226,10 @@ class Page:
     """Fills it, once the browser shows what surrounds it; a `TaskcalError` ends it, and is shown."""
     kind: str = ""
     """Of the run that makes its result."""
-    again: "Callable[[Studio], None] | None" = None
+    again: "Callable[[Studio], Awaitable[None] | None] | None" = None
     """Makes its result once more."""
+    at_once: bool = False
+    """Whether "Next" makes its result the first time, too: what it takes is chosen, or has a default that is seen there."""
     early: bool = False
     """Whether it has something to show before its step is possible."""
 
@@ -244,7 +246,11 @@ def add_page(page: Page, road: tuple[Page, ...], studio: Studio) -> None:
         texts = Texts(language)
         ui.page_title(f"{texts(f'{page.key}.title')} – {studio.project.choices.name} – Taskcal")
         ui.dark_mode(THEMES.get(theme))
-        seen = len(studio.project.log), studio.running()
+        whole = client.content.parent_slot
+        assert whole is not None
+        client.content.move(client.page_container)  # out of what Quasar makes a second main landmark of
+        whole.parent.delete()
+        seen = len(studio.project.log), studio.running(), studio.unread
         steps = await _steps(road, studio)
         with _surroundings(page, road, studio, texts, theme if theme in THEMES else "auto") as stands:
             _fill(stands, page, road, steps, studio, texts)
@@ -312,12 +318,17 @@ async def _steps(road: tuple[Page, ...], studio: Studio) -> Mapping[str, Step]:
     steps = dict(await asyncio.to_thread(steps_of, studio.project))
     if await asyncio.to_thread(_has_findings, studio):
         steps["measurements"] = replace(steps["measurements"], state=State.needed)
+    correction = studio.run_of("correct")
+    if correction is not None and correction.status is Status.refused:  # one goes on without the program, or mends it
+        steps["program"] = replace(steps["program"], waits=False)
     return {one.key: _as_it_runs(steps[one.key], studio.run_of(one.kind)) for one in road}
 
 
 def _has_findings(studio: Studio) -> bool:
-    """Whether the doctor found something in what is chosen now that the user has not accepted."""
+    """Whether what is chosen now is not read, or the doctor found something in it that the user has not accepted."""
     now = examined(studio.project)
+    if now and studio.unread == now:
+        return True
     return (
         bool(now)
         and studio.examined == now != studio.project.choices.accepted
@@ -345,9 +356,12 @@ def _next(page: Page, road: tuple[Page, ...], steps: Mapping[str, Step], studio:
     key = next_step(steps, page.key)
     _stand(steps[page.key], texts)
     if not key:
+        if page.again is not None and steps[page.key].state is State.optional:
+            button(texts("next.next", what=texts(f"next.{page.key}")), lambda: page.again and page.again(studio))
         return
     to, step = next(one for one in road if one.key == key), steps[key]
-    again = to.again if step.state is State.outdated else None
+    at_once = to.at_once and to is not page and step.state is State.needed
+    again = to.again if at_once or step.state is State.outdated else None
     todo = {State.needed: f"next.{key}", State.outdated: f"next.{key}_again"}
     what = texts(todo[step.state] if step.open and step.state in todo else f"{key}.title")
     if key == "measurements" and step.state is State.needed and studio.project.choices.campaign:
@@ -423,7 +437,7 @@ def _watch(
     road: tuple[Page, ...],
     studio: Studio,
     texts: Texts,
-    seen: tuple[int, set[str]],
+    seen: tuple[int, set[str], str],
 ) -> None:
     """Follow the project: what this window changed is shown beside the steps; of what others changed a line tells.
 
@@ -433,18 +447,18 @@ def _watch(
         road: all pages.
         studio: whose project it is.
         texts: of the page.
-        seen: number of changes and kinds of runs as the page was begun.
+        seen: number of changes, kinds of runs, and what could not be read as the page was begun.
     """
     log, own = studio.project.log, ui.context.client.id
-    count, running = seen
+    count, running, unread = seen
     others: list[Change] = []
 
     async def look() -> None:
-        nonlocal count, running
-        if count == len(log) and running == studio.running():
+        nonlocal count, running, unread
+        if (count, running, unread) == (len(log), studio.running(), studio.unread):
             return
         others.extend(change for author, change in log[count:] if author != own)
-        count, running = len(log), studio.running()
+        count, running, unread = len(log), studio.running(), studio.unread
         _fill(stands, page, road, await _steps(road, studio), studio, texts)
         if others:
             with stands[1], ui.element("div").classes("message").props("role=alert"):
@@ -472,12 +486,12 @@ def _setting(page: Page, name: str, value: str, shown: str, *, on: bool) -> Text
 ROAD = (
     Page("robot", robot_page.build),
     Page("measurements", measurements_page.build, "doctor"),
-    Page("task", task_page.build),
+    Page("task", task_page.build, again=task_page.begin_task, at_once=True),
     Page("weight", weight_page.build),
     Page("plan", plan_page.build, "plan", plan_page.begin_plan),
-    Page("identify", identify_page.build, "identify", identify_page.begin_fit),
+    Page("identify", identify_page.build, "identify", identify_page.begin_fit, at_once=True),
     Page("result", result_page.build),
-    Page("program", program_page.build, "correct", program_page.begin_correction, early=True),
+    Page("program", program_page.build, "correct", program_page.begin_correction, at_once=True, early=True),
     Page("report", report_page.build, "report", report_page.begin_report),
 )
 

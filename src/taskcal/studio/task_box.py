@@ -10,7 +10,7 @@ import tomli_w
 from jaxtyping import Float
 
 from robot_programs.core.program import Program
-from robot_programs.languages import language_of
+from robot_programs.languages import language_of, languages
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.geometry.euler import from_angles, to_angles
@@ -199,13 +199,19 @@ ACCURACY_MM = 0.1
 """That such a task begins with."""
 
 
+def is_of_controller(path: str) -> bool:
+    """Whether a file is no program but what a controller has for all of its programs, such as its frames: they read it."""
+    name = Path(path).name.casefold()
+    return name.endswith((".sys", ".va")) or name in {one.base_file.casefold() for one in languages() if one.base_file}
+
+
 def read_together(project: Project, program: str) -> list[str]:
-    """The files of a program: those of its name in the same language, and RAPID's system modules."""
+    """The files of a program: those of its name in the same language, and those of its controller."""
     language, stem = language_of(Path(program)), Path(program).stem.casefold()
     others = [
         path
         for path in project.files(LAYOUT.programs, language.suffixes)
-        if path != program and (Path(path).stem.casefold() == stem or path.lower().endswith(".sys"))
+        if path != program and (Path(path).stem.casefold() == stem or is_of_controller(path))
     ]
     return [program, *others]
 

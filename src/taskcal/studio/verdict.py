@@ -70,7 +70,7 @@ def show_verdict(verdict: Mapping[str, Any], texts: Texts) -> None:
         share = f"{last['share']:.0%}"
         source = texts.named("verdict", last["largest"])
         text("span", texts("verdict.next", share=share, source=source) + " ")
-        link(texts(f"{page}.title"), f"/{page}")
+        link(texts("program.around" if page == "program" else f"{page}.title"), f"/{page}")
 
 
 def _row(judgement: Mapping[str, Any], texts: Texts) -> None:

@@ -53,6 +53,10 @@ DECIMALS = 2
 """Of metres, to which places and edges are rounded."""
 
 
+MEASURED_EDGE = 0.1
+"""Of a box where a robot was measured, over its reach: smaller than what campaigns span."""
+
+
 @checked
 def default_task(model: ErrorModel) -> Task:
     """A task to begin with: a box in front of the robot, in which the tool points down and tilts a little.
@@ -86,6 +90,29 @@ def default_task(model: ErrorModel) -> Task:
             "write a task file, or widen the limits in the robot file"
         )
     return Task(name="task", workspace=best[1], accuracy=ACCURACY_M)
+
+
+def measured_task(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Task:
+    """A task to begin with where a robot was measured: a box about the pose nearest to the middle of all, without a tolerance.
+
+    A calibration knows little of where nothing was measured: a verdict over a box elsewhere would be one of the place.
+
+    Args:
+        model: of the robot.
+        q: measured joint positions, radians.
+    """
+    T = model.nominal.poses(q)
+    middle = T[np.argmin(np.linalg.norm(T[:, :3, 3] - np.median(T[:, :3, 3], axis=0), axis=1))]
+    cone = CONE if len(model.robot.joints) >= CONE_JOINTS else 0.0
+    space = Workspace(
+        T_base_frame=np.eye(4),
+        shape="box",
+        center=middle[:3, 3],
+        size=np.full(3, MEASURED_EDGE * model.robot.reach),
+        turned=np.eye(3),
+        orientations=(Orientation(rotation=middle[:3, :3], cone=cone),),
+    )
+    return Task(name="task", workspace=space)
 
 
 def task_text(task: Task) -> str:

@@ -66,7 +66,13 @@ class TaskPoses:
 
 
 @checked
-def reach_task(model: ErrorModel, task: Task, count: int = 200, seed: int = 0) -> TaskPoses:
+def reach_task(
+    model: ErrorModel,
+    task: Task,
+    count: int = 200,
+    seed: int = 0,
+    known: Float[np.ndarray, "n joints"] | None = None,
+) -> TaskPoses:
     """Poses of a task with the joints that reach them, continuous in the branch of the task's middle.
 
     Args:
@@ -74,6 +80,8 @@ def reach_task(model: ErrorModel, task: Task, count: int = 200, seed: int = 0) -
         task: the task.
         count: how many poses to spread over a workspace; a list or a path has its own.
         seed: of the spread.
+        known: joint positions in the branch in which the robot works, such as measured ones, radians; by default the branch is
+            that of the posture which is deepest inside the limits.
 
     Raises:
         ReachError: the robot reaches the task nowhere, or leaves the branch along a path; or the task is at its very base.
@@ -82,7 +90,7 @@ def reach_task(model: ErrorModel, task: Task, count: int = 200, seed: int = 0) -
     _check_unit(model, task)
     if task.workspace is not None:
         T, weights = task.workspace.sample(count, seed), np.ones(count)
-        q, reached = _spread(model, task.workspace, T)
+        q, reached = _spread(model, task.workspace, T, known)
     else:
         assert task.poses is not None
         T = task.poses
@@ -90,9 +98,10 @@ def reach_task(model: ErrorModel, task: Task, count: int = 200, seed: int = 0) -
         if task.joints is not None:
             q, reached = task.joints, model.robot.inside_limits(task.joints)
         elif task.path:
-            q, reached = _in_order(model, T)
+            q, reached = _in_order(model, T, known)
         else:
-            q, reached = _around(model, T, T[len(T) // 2])
+            found = follow(model, T, _posture(model, T[len(T) // 2], known))
+            q, reached = found.q, found.reached
     if not reached.any():
         raise ReachError(
             f"{model.robot.name} reaches none of the {len(T)} poses of task '{task.name}' on one branch inside its limits; "
@@ -154,7 +163,21 @@ def _check_unit(model: ErrorModel, task: Task) -> None:
         )
 
 
-def _spread(model: ErrorModel, workspace: Workspace, T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _posture(model: ErrorModel, T: np.ndarray, known: np.ndarray | None) -> np.ndarray:
+    """A posture for one pose: in the branch of the known one whose pose is nearest, if that leads to it."""
+    if known is not None and len(known):
+        there = model.poses(known)
+        away = np.linalg.norm(there[:, :3, 3] - T[:3, 3], axis=1) / model.robot.reach
+        away += np.linalg.norm(se3.log(T[:3, :3] @ np.swapaxes(there[:, :3, :3], 1, 2)), axis=1)
+        found = follow(model, T[None], known[np.argmin(away)])
+        if found.reached[0]:
+            return found.q[0]
+    return find_posture(model, T)
+
+
+def _spread(
+    model: ErrorModel, workspace: Workspace, T: np.ndarray, known: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
     """Each orientation on the branch of its own middle, each middle on the branch of the first if it can be."""
     q, reached = np.zeros((len(T), len(model.robot.joints))), np.zeros(len(T), dtype=bool)
     first: np.ndarray | None = None
@@ -165,22 +188,17 @@ def _spread(model: ErrorModel, workspace: Workspace, T: np.ndarray) -> tuple[np.
             on_branch = follow(model, middle[None], first)
             start = on_branch.q[0] if on_branch.reached[0] else None
         if start is None:
-            start = find_posture(model, middle)
+            start = _posture(model, middle, known)
         first = start if first is None else first
         found = follow(model, T[mine], start)
         q[mine], reached[mine] = found.q, found.reached
     return q, reached
 
 
-def _around(model: ErrorModel, T: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    found = follow(model, T, find_posture(model, middle))
-    return found.q, found.reached
-
-
-def _in_order(model: ErrorModel, T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _in_order(model: ErrorModel, T: np.ndarray, known: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     """Along a path, each pose from the one before."""
     q, reached = np.zeros((len(T), len(model.robot.joints))), np.zeros(len(T), dtype=bool)
-    last = find_posture(model, T[0])
+    last = _posture(model, T[0], known)
     for i in range(len(T)):
         found = solve_near(model, T[i : i + 1], last[None])
         q[i], reached[i] = found.q[0], found.reached[0]

@@ -13,7 +13,7 @@ from taskcal.studio.controls import button, choice, facts, line_of_text, number,
 from taskcal.studio.project import LAYOUT, LONGEST, Project, free_name, plain_name
 from taskcal.studio.results import read_result
 from taskcal.studio.runs import Studio
-from taskcal.studio.steps import begin, is_running, link, show_run
+from taskcal.studio.steps import begin, is_running, show_run
 from taskcal.studio.texts import Texts
 
 MODELS = {"none": "geometry", "auto": "auto"}
@@ -107,4 +107,3 @@ def _compare(project: Project, texts: Texts) -> None:
     )
     text("h2", texts("identify.side_by_side"))
     tabulated(Table.of(texts("identify.errors"), columns, rows))
-    link(texts("identify.to_result"), "/result").classes("act")

@@ -12,7 +12,7 @@ import tomli_w
 from nicegui import ui
 
 from taskcal.campaigns.campaign import Campaign
-from taskcal.campaigns.drift import compensate_drift
+from taskcal.campaigns.drift import compensate_drift, observe_reference_points
 from taskcal.campaigns.performance import RepeatedPoses, pose_repeatability
 from taskcal.diagnosis.mistakes import other_convention
 from taskcal.errors import CampaignError, TaskcalError
@@ -57,12 +57,13 @@ def show_course(campaign: Campaign, texts: Texts) -> None:
 
 
 def draw_drift(campaign: Campaign, texts: Texts) -> Figure:
-    """Draw the distance of every reference point from its median place, row by row."""
+    """Draw the distance of every reference point from its median place, row by row, but for rows in which it is rejected."""
+    rejected = observe_reference_points(campaign.reference_points).lost
     series = tuple(
         Series(
             name=name,
             x=np.arange(len(points)),
-            y=np.linalg.norm(points - np.nanmedian(points, axis=0), axis=1) * 1e3,
+            y=np.where(rejected[:, k], np.nan, np.linalg.norm(points - np.nanmedian(points, axis=0), axis=1)) * 1e3,
             colour=SERIES[k % len(SERIES)],
             shape=SHAPES[k % len(SHAPES)],
             rows=range(len(points)),
@@ -97,20 +98,19 @@ async def build(studio: Studio, texts: Texts) -> None:
     files = {path: path for path in project.files(LAYOUT.campaigns, CAMPAIGN_ENDINGS)}
     if files:
         choose_file(project, texts, "campaign", files)
-    drop_zone(texts, "campaign", texts("measurements.drop"), CAMPAIGN_ENDINGS)
+    drop_zone(texts, "campaign", texts("measurements.drop"), CAMPAIGN_ENDINGS, several=True)
     robot = await asyncio.to_thread(robot_of, project)
     if not choices.campaign:
         text("p", texts("measurements.none"))
         return
-    findings = await _mistakes(studio, texts)
-    text("h2", texts("measurements.understood"))
-    show_run(studio, "convert", texts, about=choices.campaign)
     try:
         campaign = await asyncio.to_thread(read_campaign, project.path(choices.campaign), robot)
     except TaskcalError as error:
-        show_error(project, error)
-        ColumnEditor(studio, robot, texts, is_open=True)
+        await _unread(error, studio, robot, texts)
         return
+    findings = await _mistakes(studio, texts)
+    text("h2", texts("measurements.understood"))
+    show_run(studio, "convert", texts, about=choices.campaign)
     _understood(campaign, robot, texts)
     ColumnEditor(studio, robot, texts)
     concerned = concerned_rows(findings, campaign)
@@ -118,6 +118,17 @@ async def build(studio: Studio, texts: Texts) -> None:
     _in_space(campaign, concerned, texts)
     if not campaign.observations:
         show_course(campaign, texts)
+
+
+async def _unread(error: TaskcalError, studio: Studio, robot: Robot, texts: Texts) -> None:
+    """Say why a file is not read, and ask for what it leaves open; two files that were dropped together are joined."""
+    choices = studio.project.choices
+    studio.unread = await asyncio.to_thread(examined, studio.project)
+    run = show_run(studio, "convert", texts, about=choices.campaign)
+    show_error(studio.project, error)
+    editor = ColumnEditor(studio, robot, texts, is_open=True)
+    if choices.points and not is_running(run):
+        editor.join(choices.points)
 
 
 def campaign_facts(campaign: Campaign, texts: Texts) -> list[tuple[str, str]]:
@@ -191,15 +202,20 @@ def _list_findings(findings: Sequence[Mapping[str, Any]], studio: Studio, texts:
     if is_running(studio.run_of("mend")):
         return
     written = [one for one in findings if is_of_file(one)]
+    if len(written) > 1:
+        text("p", texts("measurements.together"))
+        with ui.element("ul"):
+            for one in written:
+                text("li", texts.named("mend", one["id"], subject=", ".join(one["subject"])))
     with ui.element("div").classes("row"):
         for finding in findings:
             if finding in written[1:]:
                 continue  # the file is written without all of them
-            together = written if finding in written else [finding]
             if not is_of_file(finding) and finding["alternative"] and finding["id"] not in OF_ROBOT:
                 continue
-            said = [texts.named("mend", one["id"], subject=", ".join(one["subject"])) for one in together]
-            label = "; ".join(said)
+            label = texts.named("mend", finding["id"], subject=", ".join(finding["subject"]))
+            if finding in written and len(written) > 1:
+                label = texts("measurements.mend_all", count=len(written))
             button(label, lambda finding=finding: mend_finding(studio, finding), plain=finding["id"] in OF_PLAN)
         if studio.project.choices.accepted != now and any(map(is_in_the_way, findings)):
             button(texts("measurements.accept"), lambda: _accept(studio, now), plain=True)

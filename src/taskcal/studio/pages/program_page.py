@@ -29,7 +29,7 @@ from taskcal.studio.controls import (
 )
 from taskcal.studio.project import CELL_ENDINGS, LAYOUT, PROGRAM_ENDINGS, Choices, Project
 from taskcal.studio.results import corrected_of, read_result, robot_of
-from taskcal.studio.runs import Studio
+from taskcal.studio.runs import Status, Studio
 from taskcal.studio.steps import (
     begin,
     choose_calibration,
@@ -75,16 +75,20 @@ async def build(studio: Studio, texts: Texts) -> None:
     reasons = [] if result is None else [item.get("reason", "") for item in result["refused"]]
     named = await asyncio.to_thread(_named, project)
     asked = asked_axes(reasons)
-    _around(
-        project, texts, asked, named, is_open=bool(asked) or is_lowered_by(result and result["verdict"], "tool", "part")
-    )
+    last = studio.run_of("correct")
+    failed = last is not None and last.status is Status.refused
+    is_open = failed or bool(asked) or is_lowered_by(result and result["verdict"], "tool", "part")
+    _around(project, texts, asked, named, is_open=is_open)
     facts([(texts("program.read"), ", ".join(read_together(project, choices.program)))])
     text("h2", texts("program.correction"))
     run = show_run(studio, "correct", texts, about=choices.program)
     if chosen and not is_running(run):
         button(texts("program.correct"), lambda: begin_correction(studio))
-    if result is not None:
-        await _show(result, project, texts)
+    if result is None:
+        return
+    await _show(result, project, texts)
+    if not result["written"] and result["corrected"] and not choices.accept_uncertain and not is_running(run):
+        button(texts("program.write_anyway"), lambda: _correct_anyway(studio), plain=True)
 
 
 def _named(project: Project) -> list[Named] | None:
@@ -154,6 +158,12 @@ def begin_correction(studio: Studio) -> None:
     choices = project.choices
     outputs = [*map(corrected_of, read_together(project, choices.program)), report_of_correction(choices)]
     begin(studio, "correct", arguments_of(project, choices), outputs=outputs, page="program")
+
+
+def _correct_anyway(studio: Studio) -> None:
+    """Correct the program although its uncertainty exceeds the correction."""
+    studio.project.choose(accept_uncertain=True)
+    begin_correction(studio)
 
 
 def report_of_correction(choices: Choices) -> str:

@@ -64,8 +64,9 @@ def _head(project: Project, texts: Texts) -> None:
 
         return take
 
-    for field in ReportHeader.model_fields:
-        line_of_text(texts.named("report", field), known.get(field, ""), put(field))
+    with ui.element("div").classes("fields"):
+        for field in ReportHeader.model_fields:
+            line_of_text(texts.named("report", field), known.get(field, ""), put(field))
 
 
 def head_of(project: Project) -> dict[str, str]:

@@ -17,7 +17,7 @@ from taskcal.report.content import Column, Table
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot, RobotJoint
-from taskcal.studio.controls import Dial, button, choice, drop_zone, facts, message, tabulated, text
+from taskcal.studio.controls import Dial, button, choice, drop_zone, facts, message, set_attribute, tabulated, text
 from taskcal.studio.files import ROBOT_DROPS
 from taskcal.studio.project import LAYOUT, ROBOT_ENDINGS, TABLE_ENDINGS, Project, free_name
 from taskcal.studio.results import robot_of
@@ -102,7 +102,8 @@ async def build(studio: Studio, texts: Texts) -> None:
 
     with ui.element("div").classes("row"):
         choice(texts("choose.robot"), own | titles, named, take, group="robot")
-    with ui.element("details"):
+    with ui.element("details") as own_robot:
+        set_attribute(own_robot, "open", not named)
         text("summary", texts("robot.own"))
         drop_zone(texts, "robot", texts("robot.drop"), ROBOT_DROPS, several=True)
     if not named:

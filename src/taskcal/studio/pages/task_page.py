@@ -1,6 +1,7 @@
 """The task: a box that the tool works in, or a list or path of poses from a file."""
 
 import asyncio
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from nicegui import ui
 
 from robot_programs.reading import read_program
 from taskcal.errors import TaskcalError
+from taskcal.reading.reader import read_campaign
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.studio.controls import button, drop_zone, line_of_text, message, number, text
@@ -29,7 +31,7 @@ from taskcal.studio.task_box import (
 )
 from taskcal.studio.texts import Texts
 from taskcal.studio.views import PointView, add_views
-from taskcal.task.default_task import default_task, task_text
+from taskcal.task.default_task import default_task, measured_task, task_text
 from taskcal.task.task import Task, load_task, reach_task
 
 MAX_TOLERANCE_MM = 1e3
@@ -50,7 +52,7 @@ async def build(studio: Studio, texts: Texts) -> None:
     model = ErrorModel(robot)
     if not choices.task:
         text("p", texts("task.none"))
-        button(texts("task.begin"), lambda: _begin(project, model))
+        button(texts("task.begin"), lambda: begin_task(studio))
         _offer_programs(project, model, texts)
         return
     task = await asyncio.to_thread(load_task, project.path(choices.task))
@@ -131,12 +133,24 @@ def posture(robot: Robot) -> np.ndarray:
     return np.clip(np.zeros(len(robot.joints)), *slider_ranges(robot).T)
 
 
-async def _begin(project: Project, model: ErrorModel) -> None:
-    """Begin with a box that the robot reaches."""
-    content = task_text(await asyncio.to_thread(default_task, model)).encode()
-    with project.change():
-        project.choose(task=project.put(LAYOUT.tasks, "task.toml", content, TASK_ENDINGS))
-    ui.navigate.reload()
+async def begin_task(studio: Studio) -> None:
+    """Begin with a box in the midst of what was measured, else with one that the robot reaches, and show it."""
+    project, model = studio.project, ErrorModel(robot_of(studio.project))
+    try:
+        task = await asyncio.to_thread(_task_to_begin_with, project, model)
+        with project.change():
+            project.choose(task=project.put(LAYOUT.tasks, "task.toml", task_text(task).encode(), TASK_ENDINGS))
+    except TaskcalError as error:
+        show_error(project, error)
+        return
+    ui.navigate.to("/task")
+
+
+def _task_to_begin_with(project: Project, model: ErrorModel) -> Task:
+    if project.choices.campaign:
+        with suppress(TaskcalError):
+            return measured_task(model, read_campaign(project.path(project.choices.campaign), model.robot).q)
+    return default_task(model)
 
 
 class _Reached:
