@@ -10,7 +10,7 @@ import robot_programs
 import taskcal
 from tests.pages.test_documents import DOCS
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.long]
 
 
 @pytest.fixture(scope="module", name="pages")
