@@ -1,4 +1,4 @@
-"""Robot programs: RAPID, KRL, TP, APT and CSV, from text to motions and back."""
+"""Robot programs: RAPID, KRL, TP, URScript, APT and CSV, from text to motions and back."""
 
 from importlib import import_module
 from typing import Any

@@ -24,16 +24,18 @@ def read_program(
     part: Frame | None = None,
     tools: Mapping[str, Frame] | None = None,
 ) -> Program:
-    """Read a robot program: RAPID, KRL, TP, APT or CSV.
+    """Read a robot program: RAPID, KRL, TP, URScript, APT or CSV.
 
     Args:
         paths: its files; those that declare tools and frames belong to it. Or a folder or a zip file, such as a controller's
             backup, in which it is found; what is no program is skipped, and files may be named beside it.
-        robot: of a program in TP, APT or CSV: whose own tool moves where `tool` is not given, and whose joints columns name.
+        robot: of a program in TP, URScript, APT or CSV: whose own tool moves where `tool` is not given, and whose joints columns
+            name; in URScript for lines to joint positions.
         tool: of a program in APT or CSV, which do not say it: what the positions are of. In TP for tools by number whose values no
-            file states.
+            file states, in URScript before the first ``set_tcp``.
         part: of a program in APT or CSV: frame in which the positions are counted; the robot's base by default. In TP for user
-            frames by number whose values no file states, counted in FANUC's world frame.
+            frames by number whose values no file states, counted in FANUC's world frame; in URScript of motions that name no
+            feature.
         tools: of a program in APT: its tools, by the name or number by which it loads them.
 
     Raises:

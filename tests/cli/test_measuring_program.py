@@ -40,7 +40,12 @@ def test_the_table_names_the_programs(run: Run, ask: list[object], tmp_path: Pat
 @pytest.mark.parametrize(
     ("name", "options", "status", "said"),
     [
-        ("measure.apt", [], 1, "cannot be composed; programs are written as .mod, .prg, .modx, .src, .ls, .csv"),
+        (
+            "measure.apt",
+            [],
+            1,
+            "cannot be composed; programs are written as .mod, .prg, .modx, .src, .ls, .script, .csv",
+        ),
         ("2measure.mod", [], 1, "'2measure' is not a name of a RAPID module"),
         ("plan.csv", [], 2, "cannot be one"),
         ("none/measure.src", [], 1, "cannot be written: there is no folder"),

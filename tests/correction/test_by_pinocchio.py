@@ -26,7 +26,9 @@ def true_robot(request):
     return defective(request.param, np.radians(HOME[request.param]))
 
 
-@pytest.mark.parametrize(("name", "in_hand"), [("p.mod", False), ("p.mod", True), ("p.src", False), ("p.csv", False)])
+@pytest.mark.parametrize(
+    ("name", "in_hand"), [("p.mod", False), ("p.mod", True), ("p.src", False), ("p.script", False), ("p.csv", False)]
+)
 def test_the_true_tool_is_where_the_program_wants_it(true_robot, name, in_hand):
     calibration, chain, q = true_robot
     robot = calibration.model.robot

@@ -59,7 +59,7 @@ def program_of(robot, name):
     return source, {} if language.declares_frames else {"tool": TOOL, "part": part}
 
 
-@pytest.mark.parametrize("name", ["p.mod", "p.src", "p.csv", "p.apt"])
+@pytest.mark.parametrize("name", ["p.mod", "p.src", "p.script", "p.csv", "p.apt"])
 def test_a_program_of_any_language_stays_as_it_is(nothing, name):
     robot = nothing.model.robot
     source, frames = program_of(robot, name)

@@ -38,6 +38,8 @@ ONE_IMPORTER = {
         "robot_programs.rapid.rewrite",
         "robot_programs.tp.read",
         "robot_programs.tp.rewrite",
+        "robot_programs.urscript.read",
+        "robot_programs.urscript.rewrite",
         "taskcal.robot.importers.ur",
         "taskcal.tables.spreadsheet",
     },

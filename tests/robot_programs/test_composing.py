@@ -75,6 +75,7 @@ def test_poses_in_csv_come_back_with_arcs_and_speeds(tmp_path):
 @pytest.mark.parametrize("name", ["a.apt", "a.dat", "a.sys"])
 def test_only_some_languages_are_composed(name):
     with pytest.raises(
-        FileError, match=r"cannot be composed; programs are written as \.mod, \.prg, \.modx, \.src, \.ls, \.csv"
+        FileError,
+        match=r"cannot be composed; programs are written as \.mod, \.prg, \.modx, \.src, \.ls, \.script, \.csv",
     ):
         compose_program(name, ROBOT, ())

@@ -5,7 +5,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Container, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import atan2, copysign, cos, degrees, hypot, radians, sin
+from math import atan2, copysign, cos, degrees, hypot, inf, radians, sin
 from pathlib import Path
 from typing import Literal, Protocol, TypeVar, runtime_checkable
 
@@ -79,6 +79,34 @@ class GradedPosture(Posture, Protocol):
     def miss(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
         """Deviation of each posture from the one meant: the joints' largest angle to it, radians; zero where it agrees."""
         ...
+
+
+NEAR_POSTURE_RAD = radians(1.0)
+"""Joint positions differ by less where a posture is the one that a program states by them."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NearPosture:
+    """The posture that is nearest to joint positions."""
+
+    q: Float[np.ndarray, " joints"]
+    """Radians."""
+
+    def __str__(self) -> str:
+        return f"near {[round(degrees(angle), 1) for angle in self.q.tolist()]}°"
+
+    def agrees(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Bool[np.ndarray, " n"]:
+        """Whether each posture is that one, to `NEAR_POSTURE_RAD`."""
+        return np.abs(q - self.q).max(axis=1) < NEAR_POSTURE_RAD
+
+    @property
+    def tolerated(self) -> float:
+        """Largest deviation at which the controller still takes the nearest posture: any."""
+        return inf
+
+    def miss(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
+        """Distance of each posture in the space of the joints, by which the nearest is chosen, radians."""
+        return np.linalg.norm(q - self.q, axis=1)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -391,6 +419,8 @@ class Language:
     """Suffixes of files that a new program can be written to."""
     declares_frames: bool
     """Whether a program says its own tools and frames."""
+    has_logic: bool = False
+    """Whether a program may hold more than motions, which a new program of them would lose."""
     marks: str = ""
     """What is found in every file of a program, a regular expression without regard to letter case; empty for anything."""
     base_file: str = ""

@@ -16,6 +16,7 @@ from robot_programs.core.program import (
     Frame,
     Move,
     MoveKind,
+    NearPosture,
     Posture,
     Target,
     Unresolved,
@@ -147,17 +148,6 @@ _STATED = re.compile(r"\s*(?:GP\d\s*:)?\s*(\d{1,5})\s*(?:[:,].*)?", re.IGNORECAS
 
 TURN_TOLERANCE = 1e-9
 """Entries of the rotation of a register that only shifts."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class NearPosture:
-    """The posture that is given by its joint positions."""
-
-    q: Float[np.ndarray, " joints"]
-
-    def agrees(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> np.ndarray:
-        """Whether each posture is that one, to a degree."""
-        return np.abs(q - self.q).max(axis=1) < np.radians(1.0)
 
 
 @dataclass(kw_only=True)

@@ -423,7 +423,7 @@ def _check_plain(program: Program) -> None:
     """
     path = program.sources[0].path
     language = language_of(path)
-    if language.declares_frames:
+    if language.has_logic:
         raise TaskcalError(
             f"{path} is {language.name}, whose logic a new program would lose; name an output of the same language"
         )

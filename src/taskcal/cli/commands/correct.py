@@ -83,8 +83,12 @@ class CellOptions:
     cell: Path | None = option(
         None, "CELL.toml", "Measured frames of tools and parts; by default those of the controller."
     )
-    tool: str | None = option(None, "NAME", "Tool of the cell file, for APT and CSV, which name none.")
-    part: str | None = option(None, "NAME", "Part of the cell file, for APT and CSV, which name none.")
+    tool: str | None = option(
+        None, "NAME", "Tool of the cell file, for URScript, APT and CSV, where the program names none."
+    )
+    part: str | None = option(
+        None, "NAME", "Part of the cell file, for URScript, APT and CSV, where the program names none."
+    )
 
     def __post_init__(self) -> None:
         for name, given in ((self.tool, "--tool"), (self.part, "--part")):
@@ -129,7 +133,7 @@ def command(
     programs: list[Path] = argument(
         ...,
         "PROGRAM [MORE …]",
-        "Its files (RAPID, KRL, TP, APT or CSV), or a folder or zip file of them, such as a backup.",
+        "Its files (RAPID, KRL, TP, URScript, APT or CSV), or a folder or zip file of them, such as a backup.",
     ),
     calibration: Path = option(
         ..., "CAL.json", "Calibration written by taskcal identify.", also="-c", callback=look_at_calibration

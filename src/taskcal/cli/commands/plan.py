@@ -60,11 +60,11 @@ class MeasuringOptions:
     program: list[Path] | None = option(
         None,
         "MEASURE.mod",
-        "Write a robot program that stops in every pose: RAPID .mod, KRL .src, TP .ls or .csv; repeatable.",
+        "Write a robot program that stops in every pose: RAPID .mod, KRL .src, TP .ls, URScript .script or .csv; repeatable.",
     )
     wait_s: float = option(3.0, "S", "Waiting time in each pose.", min=0.0, max=600.0)
     speed_mm_s: float = option(250.0, "MM/S", "TCP speed, in RAPID.", min=0.1, max=10_000.0)
-    speed_percent: float = option(10.0, "P", "Joint speed override, in KRL.", min=0.1, max=100.0)
+    speed_percent: float = option(10.0, "P", "Joint speed override, in KRL, TP and URScript.", min=0.1, max=100.0)
 
     @property
     def paths(self) -> tuple[Path, ...]:

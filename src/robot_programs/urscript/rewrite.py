@@ -1,0 +1,513 @@
+"""New numbers for the targets of a URScript program, in the places where it states them; and new programs."""
+
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from robot_programs.core.errors import InputError
+from robot_programs.core.program import (
+    Composition,
+    Frame,
+    Move,
+    NearPosture,
+    Program,
+    Target,
+    Visit,
+    Waypoint,
+    reject_in_turn,
+)
+from robot_programs.core.robot import JOINTS, Robot
+from robot_programs.core.source import Edit, Source, numeral, renumbered
+from robot_programs.urscript.syntax import Call, Expression, File, Index, Listed, Name, Operation, inside, plain_name
+from robot_programs.urscript.values import Literal, Six, six_of
+
+METRES, RADIANS = 7, 8
+"""Decimals written of positions and of angles: a tenth of a micrometre, and as much at the end of an arm."""
+
+NUMBER_TOLERANCE = 1e-8
+"""Metres and radians that differ by less are written alike."""
+
+PASSING_M = 1e-3
+"""Blend radius of points that are put on a path, metres: with none the robot would stop in them."""
+
+POINTS = {"movej": ("q",), "movel": ("pose",), "movep": ("pose",), "movec": ("pose_via", "pose_to")}
+"""Names of the arguments that are targets, which come first."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Point:
+    """A target of a motion as it is written."""
+
+    slot: Expression
+    """What stands for it in the motion, inside of ``get_inverse_kin`` and ``pose_trans``."""
+    framed: bool
+    """The slot counts in the feature, which the motion names."""
+    literal: Literal | None
+    """The numbers that state it, in the motion or elsewhere, in the feature if it has one; None where it is computed."""
+    values: Six
+    joints: bool
+    feature: tuple[str, Six] | None
+    """The variable that is its part's frame, and the pose that this holds."""
+    T: Float[np.ndarray, "4 4"]
+    """Its part's frame in the base, as it was read."""
+
+    def wanted(self, waypoint: Waypoint, *, in_feature: bool) -> Six:
+        """Numbers for a waypoint, in the feature or in the base."""
+        if self.joints:
+            return tuple(float(angle) for angle in waypoint.q)
+        assert waypoint.T is not None
+        return six_of(waypoint.T if in_feature and self.feature else self.T @ waypoint.T, self.values)
+
+
+def slot_of(argument: Expression) -> tuple[Expression, bool]:
+    """What stands for a target in a motion's argument, and whether it is moved by a feature that is named there."""
+    while True:
+        match argument:
+            case Call(name="get_inverse_kin", arguments=[(_, first), *_]):
+                argument = first
+            case Operation(operator="()", operands=(first,)):
+                argument = first
+            case Call(name="pose_trans", arguments=((_, Name()), (_, point))):
+                return point, True
+            case _:
+                return argument, False
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Site:
+    """A motion's place in the text."""
+
+    file: File
+    call: Call
+    points: tuple[Point, ...]
+
+    @property
+    def text(self) -> tuple[int, int]:
+        """Number of the file, and first character."""
+        return self.file.number, self.call.start
+
+
+# Which variables hold which numbers.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Holders:
+    """Variables by the numbers that they may hold, whatever function they are of; those that hold the same are one group."""
+
+    joined: dict[str, str] = field(default_factory=dict[str, str])
+    """Another variable of the group, as long as there is one."""
+    read: set[str] = field(default_factory=set[str])
+    """Variables that are read for something else than a motion's target."""
+    of_literal: dict[tuple[int, int], str] = field(default_factory=dict[tuple[int, int], str])
+    """By file and first character of numbers in brackets: the variable that they are given to."""
+
+    @classmethod
+    def of(cls, files: Sequence[File]) -> "Holders":
+        """The variables of some files."""
+        holders = cls()
+        functions = {r.name: [name for name, _ in r.parameters] for file in files for r in file.routines if r.kind}
+        for file in files:
+            flows = _Flows(holders=holders, file=file.number, functions=functions)
+            for routine in file.routines:
+                for name, default in routine.parameters:
+                    if default is not None:
+                        flows.to(default, name)
+                for line in routine.lines:
+                    if line.index is not None:
+                        flows.to(line.index, None)
+                        holders.read.add(plain_name(line.name))
+                    if line.value is not None:
+                        target = {"assign": plain_name(line.name), "return": f"{routine.name}()", "evaluate": ""}
+                        flows.to(line.value, target.get(line.kind))
+        return holders
+
+    def group(self, name: str) -> str:
+        """The group of a variable."""
+        while (other := self.joined.get(name, name)) != name:
+            name = other
+        return name
+
+    @cached_property
+    def read_groups(self) -> frozenset[str]:
+        """Groups of which a variable is read for something else."""
+        return frozenset(map(self.group, self.read))
+
+    @cached_property
+    def literals(self) -> Mapping[str, Sequence[tuple[int, int]]]:
+        """Numbers in brackets by the group of their variable."""
+        out: dict[str, list[tuple[int, int]]] = defaultdict(list)
+        for literal, name in self.of_literal.items():
+            out[self.group(name)].append(literal)
+        return out
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Flows:
+    """Where the values of expressions of a file go."""
+
+    holders: Holders
+    file: int
+    functions: Mapping[str, Sequence[str]]
+
+    def to(self, expression: Expression, target: str | None) -> None:
+        """Follow an expression: to a variable, to a motion (empty), or to something else (None)."""
+        match expression:
+            case Name():
+                self._named(plain_name(expression.name), None if "." in expression.name else target)
+            case Listed():
+                if target:
+                    self.holders.of_literal[self.file, expression.start] = target
+                for item in expression.items:
+                    kept = isinstance(item, Listed | Name | Index) and not expression.pose
+                    self.to(item, target if kept else None)
+            case Index():
+                self.to(expression.of, target)
+                self.to(expression.at, None)
+            case Operation():
+                for operand in expression.operands:
+                    self.to(operand, target if expression.operator == "()" else None)
+            case Call():
+                self._call(expression, target)
+            case _:
+                pass
+
+    def _named(self, name: str, target: str | None) -> None:
+        if target is None:
+            self.holders.read.add(name)
+        elif target:
+            self.holders.joined[self.holders.group(name)] = self.holders.group(target)
+
+    def _call(self, call: Call, target: str | None) -> None:
+        parameters = self.functions.get(call.name)
+        points = POINTS.get(call.name, ())
+        kept = {"get_inverse_kin": (0,), "pose_trans": (1,)}.get(call.name, ()) if target is not None else ()
+        if parameters is not None:
+            self._named(f"{call.name}()", target)
+        for position, (name, value) in enumerate(call.arguments):
+            if parameters is not None:
+                name = name or (parameters[position] if position < len(parameters) else "")
+                self.to(value, name or None)
+            elif name in points or (not name and position < len(points)):
+                self.to(value, "")
+            elif call.name != "length":
+                self.to(value, target if position in kept else None)
+
+
+# The program.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class UrscriptProgram(Program):
+    """URScript program read from its files."""
+
+    sites: tuple[Site, ...]
+    """Of the moves, in their order."""
+    files: tuple[File, ...]
+    failing: tuple[tuple[int, Call], ...] = ()
+    """Motions that were not understood, with the numbers of their files."""
+
+    @cached_property
+    def _holders(self) -> Holders:
+        return Holders.of(self.files)
+
+    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+        """The program's files with some motions rewritten; see `Program.rewrite`.
+
+        Numbers are changed where they stand, in the motion or where its variable gets them, if all motions that go there
+        agree and nothing else reads them. Else the motion states its own.
+
+        Raises:
+            InputError: a motion is to become one of another kind, or cannot be what it should.
+        """
+        for number, path in waypoints.items():
+            if any(waypoint.kind != self.moves[number].kind for waypoint in path):
+                raise InputError(
+                    f"{self.moves[number].place}: the motion cannot become one of another kind in URScript"
+                )
+        plan = _Plan.of(self, waypoints)
+        if plan.conflicts:
+            number, why = plan.conflicts[0]
+            raise InputError(f"{self.moves[number].place}: {why}")
+        edits: list[list[Edit]] = [[] for _ in self.sources]
+        for file, changes in enumerate(plan.edits):
+            edits[file] += changes.values()
+        for number, path in waypoints.items():
+            site, move = self.sites[number], self.moves[number]
+            source, start = self.sources[site.file.number], site.call.start
+            parting = source.newline + source.indent(start)
+            texts = [self._inserted(site, move, waypoint) + parting for waypoint in path[:-1]]
+            if texts:
+                edits[site.file.number].insert(0, Edit(start=start, end=start, text="".join(texts)))
+        return tuple(source.edited(e) for source, e in zip(self.sources, edits, strict=True))
+
+    def _inserted(self, site: Site, move: Move, waypoint: Waypoint) -> str:
+        """The motion's own text with another target, passing by it."""
+        source, call = self.sources[site.file.number], site.call
+        edits = [
+            Edit(start=point.slot.start, end=point.slot.end, text=_text(point, wanted))
+            for point, wanted in _wanted(site, waypoint, own=True)
+        ]
+        if move.stops or move.zone is None or move.zone.distance > PASSING_M:
+            order = [*POINTS[call.name], "a", "v", *(("t",) if call.name in ("movej", "movel") else ()), "r"]
+            given = dict(zip(order, [value for name, value in call.arguments if not name], strict=False))
+            given |= {name: value for name, value in call.arguments if name}
+            at = (given["r"].start, given["r"].end) if "r" in given else (call.end - 1, call.end - 1)
+            edits.append(Edit(start=at[0], end=at[1], text=f"{PASSING_M:g}" if "r" in given else f", r={PASSING_M:g}"))
+        return source.piece(call.start, call.end, edits)
+
+    def unwritable(
+        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
+    ) -> dict[int, str]:
+        """Motions whose text stands for several, which need different numbers; see `Program.unwritable`."""
+        return reject_in_turn(waypoints, lambda paths: _Plan.of(self, paths).conflicts)
+
+    def visits(self) -> Iterable[Visit]:
+        """Motions whose targets are, or are computed of, numbers that variables hold; see `Program.visits`."""
+        sources = self._made_of
+        named = {name for site in self.sites for point in site.points for name in _names(point.slot)}
+        for number, (site, move) in enumerate(zip(self.sites, self.moves, strict=True)):
+            for point in site.points:
+                names = set(_names(point.slot))
+                if point.literal is not None:
+                    text = self.sources[point.literal.file].text
+                    names = {name for start, end in point.literal.items for name in _WORD.findall(text, start, end)}
+                    yield Visit(number=number, target=point.literal[:2], place=move.place)
+                if point.feature is not None and point.feature[0] in named:  # a point, too, to which this one is beside
+                    names.add(point.feature[0])
+                for target in self._numbers_of(names, sources):
+                    yield Visit(number=number, target=target, place=move.place)
+        for file, call in self.failing:
+            names = {name for _, argument in call.arguments[:2] for name in _names(slot_of(argument)[0])}
+            for target in self._numbers_of(names, sources):
+                yield Visit(number=None, target=target, place=self.sources[file].place(call.start))
+
+    @property
+    def _made_of(self) -> Mapping[str, frozenset[str]]:
+        """Variables in what is assigned to each variable, and given to each parameter."""
+        made: dict[str, set[str]] = defaultdict(set)
+        routines = [routine for file in self.files for routine in file.routines]
+        parameters = {routine.name: [name for name, _ in routine.parameters] for routine in routines if routine.kind}
+        for line in (line for routine in routines for line in routine.lines):
+            if line.kind == "assign" and line.value is not None:
+                made[plain_name(line.name)].update(_names(line.value))
+            for call in line.calls:
+                for (name, value), parameter in zip(call.arguments, parameters.get(call.name, ()), strict=False):
+                    made[name or parameter].update(_names(value))
+        return {name: frozenset(others) for name, others in made.items()}
+
+    def _numbers_of(self, names: Iterable[str], made_of: Mapping[str, frozenset[str]]) -> set[tuple[int, int]]:
+        """Numbers in brackets, by file and first character, of which some variables may be made."""
+        waiting, seen = list(names), set[str]()
+        while waiting:
+            name = waiting.pop()
+            if name not in seen:
+                seen.add(name)
+                waiting += made_of.get(name, ())
+        holders = self._holders
+        return {literal for name in seen for literal in holders.literals.get(holders.group(name), ())}
+
+
+_WORD = re.compile(r"[A-Za-z_]\w*")
+
+
+def _names(expression: Expression) -> Iterator[str]:
+    """Variables in an expression."""
+    return (plain_name(one.name) for one in inside(expression) if isinstance(one, Name))
+
+
+def _wanted(site: Site, waypoint: Waypoint, *, own: bool) -> Iterator[tuple[Point, Six]]:
+    """Numbers for the points of a motion at a waypoint: for what stands in the motion, or for where the text states them."""
+    points = (waypoint,) if waypoint.via is None else (waypoint.via, waypoint)
+    for point, one in zip(site.points, points, strict=True):
+        values = point.wanted(one, in_feature=point.framed if own else True)
+        if one is not waypoint:  # an arc's first point has no orientation
+            values = (*values[:3], *point.values[3:])
+        yield point, values
+
+
+def _text(point: Point, values: Six) -> str:
+    decimals = [RADIANS] * 6 if point.joints else [METRES] * 3 + [RADIANS] * 3
+    return ("" if point.joints else "p") + _brackets(values, decimals)
+
+
+def _brackets(values: Six, decimals: Sequence[int]) -> str:
+    return f"[{', '.join(numeral(value, places) for value, places in zip(values, decimals, strict=True))}]"
+
+
+@dataclass(eq=False, kw_only=True)
+class _Plan:
+    """What is to be written where."""
+
+    program: UrscriptProgram
+    edits: list[dict[tuple[int, int], Edit]]
+    """By file and place."""
+    conflicts: list[tuple[int, str]] = field(default_factory=list[tuple[int, str]])
+
+    @classmethod
+    def of(cls, program: UrscriptProgram, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> "_Plan":
+        """The plan for some motions."""
+        plan = cls(program=program, edits=[{} for _ in program.sources])
+        paths = {i: path for i, path in waypoints.items() if not program.moves[i].stays(path)}
+        at_literals: dict[Literal, list[tuple[int, int, Six | None]]] = defaultdict(list)
+        for i, site in enumerate(program.sites):
+            wanted = list(_wanted(site, paths[i][-1], own=False)) if i in paths else []
+            for k, point in enumerate(site.points):
+                if point.literal is not None:
+                    at_literals[point.literal].append((i, k, wanted[k][1] if wanted else None))
+        by_literal = {
+            (i, k) for literal, wants in at_literals.items() if plan._agreed(literal, wants) for i, k, _ in wants
+        }
+        texts: dict[tuple[int, int], list[int]] = defaultdict(list)
+        for i, site in enumerate(program.sites):
+            texts[site.text].append(i)
+        for group in texts.values():
+            plan._own_text(group, paths, by_literal)
+        return plan
+
+    def _agreed(self, literal: Literal, wants: Sequence[tuple[int, int, Six | None]]) -> bool:
+        """Write numbers where the text states them, if all motions to them want the same."""
+        holders = self.program._holders  # pyright: ignore[reportPrivateUsage]
+        given = holders.of_literal.get(literal[:2])
+        if given is not None and holders.group(given) in holders.read_groups:
+            return False
+        (first, k, values), *others = wants
+        if values is None or any(want is None or not _alike(values, want) for _, _, want in others):
+            return False
+        point = self.program.sites[first].points[k]
+        text = self.program.sources[literal.file].text
+        decimals = [RADIANS] * 6 if point.joints else [METRES] * 3 + [RADIANS] * 3
+        for (start, end), was, value, places in zip(literal.items, point.values, values, decimals, strict=True):
+            edit = Edit(start=start, end=end, text=renumbered(text[start:end], was, value, places))
+            if edit.text != text[start:end]:
+                self.edits[literal.file][start, end] = edit
+        return True
+
+    def _own_text(
+        self, group: Sequence[int], paths: Mapping[int, tuple[Waypoint, ...]], by_literal: set[tuple[int, int]]
+    ) -> None:
+        """Write numbers into the text of a motion, if all that it stands for want the same."""
+        program = self.program
+        changing = [i for i in group if i in paths]
+        several = len(group) > 1
+        if several and any(len(paths[i]) > 1 for i in changing):
+            self.conflicts += [(i, _several(group)) for i in changing if len(paths[i]) > 1]
+            return
+        for k in range(len(program.sites[group[0]].points)):
+            left = [i for i in changing if (i, k) not in by_literal]
+            if not left:
+                continue
+            wanted = [list(_wanted(program.sites[i], paths[i][-1], own=True))[k] for i in left]
+            point, values = wanted[0]
+            if len(left) < len(group) or not all(_alike(values, other) for _, other in wanted):
+                self.conflicts += [(i, _several(group)) for i in left]
+                continue
+            site, slot = program.sites[group[0]], point.slot
+            edit = Edit(start=slot.start, end=slot.end, text=_text(point, values))
+            self.edits[site.file.number][slot.start, slot.end] = edit
+
+
+def _several(group: Sequence[int]) -> str:
+    return f"its text stands for {len(group)} motions, which need different numbers"
+
+
+def _alike(one: Six, other: Six) -> bool:
+    return all(abs(a - b) < NUMBER_TOLERANCE for a, b in zip(one, other, strict=True))
+
+
+# A new URScript program of given motions.
+
+MAX_NAME_LENGTH = 50
+
+FULL_SPEED_RAD_S = float(np.radians(120.0))
+"""Largest speed of the slowest axes of UR10 and UR10e, radians per second (Universal Robots, technical specifications)."""
+
+RESERVED = frozenset({
+    "def", "thread", "sec", "end", "if", "elif", "else", "while", "break", "continue", "return", "halt", "global", "local", "run",
+    "kill", "join", "pass", "and", "or", "xor", "not", "true", "false", "pi", "enter_critical", "exit_critical",
+})  # fmt: skip
+
+
+def compose_urscript(program: Composition) -> Source:
+    """A program of its own, ``name.script``.
+
+    Raises:
+        InputError: URScript cannot say it.
+    """
+    program.expect_name("a URScript program", MAX_NAME_LENGTH, reserved=RESERVED)
+    robot = program.robot
+    if len(robot.joint_names) != JOINTS or any(robot.prismatic):
+        raise InputError(f"{robot.name} is not a robot of six turning axes, which URScript's positions describe")
+    lines = [f"def {program.name}():", *(f"  {line}" for line in _motions(program)), "end"]
+    return program.written(lines, ".script", "\n")
+
+
+def _motions(program: Composition) -> Iterator[str]:
+    named: dict[str, Frame] = {}
+
+    def frame(stated: Frame) -> tuple[str, str]:
+        """Line that states a frame, where it needs one, and the expression for it."""
+        text = _pose(stated.T)
+        if not _WORD.fullmatch(stated.name) or stated.name.lower() in {*RESERVED, program.name.lower()}:
+            return "", text
+        known = named.get(stated.name)
+        if known is not None and np.array_equal(known.T, stated.T):
+            return "", stated.name
+        named[stated.name] = stated
+        return f"{stated.name} = {text}", stated.name
+
+    tool: Frame | None = None
+    for i, move in enumerate(program.moves):
+        if program.notes:
+            yield f"# {program.note(i)}"
+        if move.kind != "axes":
+            if move.part_in_hand:
+                raise InputError(f"motion {i} has its part in the robot's hand, which URScript does not know")
+            if tool is None or tool.name != move.tool.name or not np.array_equal(tool.T, move.tool.T):
+                tool = move.tool
+                line, text = frame(tool)
+                yield from (line, f"set_tcp({text})") if line else (f"set_tcp({text})",)
+        line, part = frame(move.part) if move.kind != "axes" else ("", "")
+        yield from (line,) if line else ()
+        yield _motion(program, i, move, part)
+        if waits_s := program.waits_s(i):
+            yield f"sleep({waits_s:g})"
+
+
+def _motion(program: Composition, number: int, move: Move, part: str) -> str:
+    passing = "" if move.stops else f", r={PASSING_M:g}"
+    if move.kind == "axes":
+        assert move.end.q is not None
+        speed = f", v={program.joint_speed_percent / 100.0 * FULL_SPEED_RAD_S:.4g}"
+        return f"movej({_joints(move.end.q)}{speed}{passing})"
+    end = _target(move.end, part)
+    if move.kind == "joint":
+        q, stated = program.posture(number), move.end.posture
+        q = stated.q if q is None and isinstance(stated, NearPosture) else q
+        if q is None:
+            raise InputError(
+                f"motion {number} drives all joints to a pose and does not say in which posture; give its joint positions"
+            )
+        return f"movej(get_inverse_kin({end}, qnear={_joints(q)}){passing})"
+    speed = f", v={program.speed if move.speed is None else move.speed:g}"
+    if move.via is None:
+        return f"movel({end}{speed}{passing})"
+    return f"movec({_target(move.via, part)}, {end}{speed}{passing})"
+
+
+def _target(target: Target, part: str) -> str:
+    if target.T is None:
+        raise InputError("a line or an arc leads to joint positions; URScript's needs its pose")
+    return f"pose_trans({part}, {_pose(target.T)})"
+
+
+def _pose(T: Float[np.ndarray, "4 4"]) -> str:
+    return "p" + _brackets(six_of(T), [METRES + 2] * 3 + [RADIANS + 2] * 3)
+
+
+def _joints(q: Float[np.ndarray, " joints"]) -> str:
+    return _brackets(tuple(float(angle) for angle in q), [RADIANS] * len(q))

@@ -1,0 +1,405 @@
+"""Values of a URScript program's variables and expressions, and where the text states the poses and joint positions among them.
+
+Universal Robots, *Script manual, e-Series*: modules internals and urmath.
+"""
+
+import math
+import operator
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from robot_programs.core import se3
+from robot_programs.core.program import angled_pose
+from robot_programs.core.values import COMPARISONS
+from robot_programs.urscript.syntax import (
+    FLAGS,
+    Call,
+    Expression,
+    Index,
+    Listed,
+    Name,
+    Number,
+    Operation,
+    Text,
+    plain_name,
+)
+
+Six = tuple[float, ...]
+"""Position, metres, and rotation vector, radians; or joint positions, radians."""
+
+
+class Literal(NamedTuple):
+    """Six values in brackets: number of their file, first character, and where each value stands."""
+
+    file: int
+    start: int
+    items: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lost:
+    """A value that the text does not tell."""
+
+    reason: str = field(compare=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pose:
+    """A pose in the robot's base."""
+
+    values: Six
+    literal: Literal | None = None
+    """That states it, or states it in a feature; None where it is computed."""
+    feature: tuple[str, Six] | None = None
+    """Variable, and its pose, with which ``pose_trans`` moved it."""
+    stated: Six = ()
+    """Values in that feature; those in the base without one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Array:
+    """A list."""
+
+    items: "tuple[Value, ...]"
+    literal: Literal | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inverse:
+    """Joint positions that reach a pose: those nearest to some, or to where the robot is."""
+
+    pose: Pose
+    near: Six | None
+
+
+Value = int | float | bool | str | Pose | Array | Inverse | Lost
+
+
+def matrix(values: Six) -> Float[np.ndarray, "4 4"]:
+    """The transform of a pose, metres."""
+    return se3.pose(se3.exp(np.array(values[3:])), np.array(values[:3]))
+
+
+def six_of(T: Float[np.ndarray, "4 4"], near: Six = (0.0,) * 6) -> Six:
+    """Values of a pose: of its rotation vectors, which whole turns tell apart, the one nearest to another's."""
+    w, before = se3.log(T[:3, :3]), np.array(near[3:])
+    angle, turned = float(np.linalg.norm(w)), float(np.linalg.norm(before))
+    axis = w / angle if angle > MIN_ANGLE_RAD else before / turned if turned > MIN_ANGLE_RAD else np.zeros(3)
+    whole = 2.0 * np.pi * round((float(axis @ before) - angle) / (2.0 * np.pi))
+    return tuple(float(v) for v in (*T[:3, 3], *(w + whole * axis)))
+
+
+MIN_ANGLE_RAD = 1e-12
+"""A rotation by less has no axis."""
+
+
+def computed(T: Float[np.ndarray, "4 4"]) -> Pose:
+    """A pose that the text states nowhere."""
+    values = six_of(T)
+    return Pose(values=values, stated=values)
+
+
+def numbers(value: Value, count: int) -> Six | None:
+    """The numbers of a list or a pose; None where it is anything else."""
+    if isinstance(value, Pose):
+        return value.values if count == 6 else None
+    if not isinstance(value, Array) or len(value.items) != count:
+        return None
+    found = [float(v) for v in value.items if isinstance(v, int | float) and not isinstance(v, bool)]
+    return tuple(found) if len(found) == count else None
+
+
+def signature(call: Call, names: Sequence[str]) -> dict[str, Expression] | None:
+    """Arguments of a call by their names; None where there are others."""
+    given: dict[str, Expression] = {}
+    for position, (name, value) in enumerate(call.arguments):
+        name = name or (names[position] if position < len(names) else "")
+        if name not in names or name in given:
+            return None
+        given[name] = value
+    return given
+
+
+# Functions whose value follows from their arguments.
+
+
+def _pose_trans(a: Pose, b: Pose) -> Pose:
+    return computed(matrix(a.values) @ matrix(b.values))
+
+
+def _pose_add(a: Pose, b: Pose) -> Pose:
+    return _apart(a, b, lambda p, q: p + q, lambda R, S: R @ S)
+
+
+def _pose_sub(a: Pose, b: Pose) -> Pose:
+    """What `_pose_add` takes from b to a (Universal Robots, forum: "pose_sub usage and meaning")."""
+    return _apart(a, b, lambda p, q: p - q, lambda R, S: R @ S.T)
+
+
+def _apart(a: Pose, b: Pose, position: Callable[..., np.ndarray], rotation: Callable[..., np.ndarray]) -> Pose:
+    A, B = matrix(a.values), matrix(b.values)
+    return computed(se3.pose(rotation(A[:3, :3], B[:3, :3]), position(A[:3, 3], B[:3, 3])))
+
+
+def _interpolate(a: Pose, b: Pose, share: float) -> Pose:
+    A, B = matrix(a.values), matrix(b.values)
+    turn = se3.log(A[:3, :3].T @ B[:3, :3])
+    if np.linalg.norm(turn) > MAX_TURN_RAD:
+        raise ValueError("half a turn may be gone either way round")
+    return computed(se3.pose(A[:3, :3] @ se3.exp(turn * share), A[:3, 3] + share * (B[:3, 3] - A[:3, 3])))
+
+
+MAX_TURN_RAD = math.pi - 1e-6
+
+P, N = Pose, (int, float)
+FUNCTIONS: Mapping[str, tuple[tuple[str, ...], tuple[object, ...], Callable[..., Value]]] = {
+    "pose_trans": (("p_from", "p_from_to"), (P, P), _pose_trans),
+    "pose_inv": (("p_from",), (P,), lambda a: computed(se3.inverse(matrix(a.values)))),
+    "pose_add": (("p_1", "p_2"), (P, P), _pose_add),
+    "pose_sub": (("p_to", "p_from"), (P, P), _pose_sub),
+    "interpolate_pose": (("p_from", "p_to", "alpha"), (P, P, N), _interpolate),
+    "d2r": (("d",), (N,), math.radians), "r2d": (("r",), (N,), math.degrees),
+    "sqrt": (("f",), (N,), math.sqrt), "pow": (("base", "exponent"), (N, N), math.pow),
+    "sin": (("f",), (N,), math.sin), "cos": (("f",), (N,), math.cos), "tan": (("f",), (N,), math.tan),
+    "asin": (("f",), (N,), math.asin), "acos": (("f",), (N,), math.acos), "atan": (("f",), (N,), math.atan),
+    "atan2": (("x", "y"), (N, N), math.atan2), "floor": (("f",), (N,), math.floor), "ceil": (("f",), (N,), math.ceil),
+    "length": (("list_",), ((Array,),), lambda a: len(a.items)),
+    "point_dist": (
+        ("p_from", "p_to"), (P, P), lambda a, b: float(np.linalg.norm(np.subtract(a.values[:3], b.values[:3])))
+    ),
+    "rpy2rotvec": (("rpy_vector",), ((Array,),), lambda a: _rotation_vector(numbers(a, 3))),
+}  # fmt: skip
+"""Names of the arguments, what they are, and the function; positions of arguments are as in the manual."""
+
+CONSTANTS: Mapping[str, Value] = {**FLAGS, "PI": math.pi}
+
+
+def _rotation_vector(rpy: Six | None) -> Value:
+    if rpy is None:
+        raise ValueError("it takes three angles")
+    R = angled_pose(0.0, 0.0, 0.0, *(math.degrees(angle) for angle in reversed(rpy)))
+    return Array(items=tuple(float(v) for v in se3.log(R[:3, :3])))
+
+
+def applied(call: Call, given: Sequence[Value]) -> Value:
+    """Value of a call of one of the language's own functions.
+
+    Args:
+        call: the call.
+        given: its arguments, in their order.
+    """
+    if call.name not in FUNCTIONS:
+        return Lost(reason=f"what {call.name} returns is known only at run time")
+    lost = next((value for value in given if isinstance(value, Lost)), None)
+    if lost is not None:
+        return lost
+    names, kinds, function = FUNCTIONS[call.name]
+    order = signature(call, names)
+    values = dict(zip([id(value) for _, value in call.arguments], given, strict=True))
+    arguments = [values[id(order[name])] for name in names if name in order] if order is not None else []
+    fitting = len(arguments) == len(kinds) and all(
+        isinstance(value, kind) and not isinstance(value, bool)  # pyright: ignore[reportArgumentType]
+        for value, kind in zip(arguments, kinds, strict=True)
+    )
+    try:
+        return _finite(function(*arguments)) if fitting else Lost(reason=f"{call.name} is not given what it takes")
+    except (ValueError, ArithmeticError) as why:
+        return Lost(reason=f"{call.name} has no value: {why}")
+
+
+def _finite(value: Value) -> Value:
+    if isinstance(value, float) and not math.isfinite(value):
+        return Lost(reason="a number is out of range")
+    return value
+
+
+# Operators.
+
+_ARITHMETIC: Mapping[str, Callable[[float, float], float]] = {
+    "+": operator.add, "-": operator.sub, "*": operator.mul,
+}  # fmt: skip
+
+MAX_WHOLE = 2**31
+"""Whole numbers have 32 bits."""
+
+
+def _binary(sign: str, a: Value, b: Value) -> Value:
+    for value in (a, b):
+        if isinstance(value, Lost):
+            return value
+    if sign in ("==", "!="):
+        if isinstance(a, int | float | str) and isinstance(b, int | float | str):
+            return (a == b) == (sign == "==")
+        return Lost(reason="what it compares is not known as numbers or words")
+    if isinstance(a, bool) or isinstance(b, bool):
+        return Lost(reason=f"'{sign}' is given what is not a number")
+    if isinstance(a, int | float) and isinstance(b, int | float):
+        return COMPARISONS[sign](a, b) if sign in COMPARISONS else _number(sign, a, b)
+    return _elements(sign, a, b)
+
+
+def _number(sign: str, a: float, b: float) -> Value:
+    whole = isinstance(a, int) and isinstance(b, int)
+    if sign in _ARITHMETIC:
+        value = _ARITHMETIC[sign](a, b)
+    elif not b or (sign == "%" and (not whole or a < 0 or b < 0)):
+        return Lost(reason=f"what {a:g} {sign} {b:g} is, the manual does not tell")
+    elif sign == "%":
+        value = a % b
+    elif whole and a % b:
+        return Lost(reason=f"{a} / {b} divides whole numbers, and the manual does not tell whether it is cut off")
+    else:
+        value = a // b if whole else a / b
+    if isinstance(value, int) and abs(value) >= MAX_WHOLE:
+        return Lost(reason="a whole number is out of range")
+    return _finite(value)
+
+
+def _elements(sign: str, a: Value, b: Value) -> Value:
+    """Lists are added element by element, and multiplied by a number."""
+    match a, b:
+        case Array(), Array() if sign in ("+", "-") and len(a.items) == len(b.items):
+            items = tuple(_binary(sign, x, y) for x, y in zip(a.items, b.items, strict=True))
+        case Array(), int() | float() if sign == "*":
+            items = tuple(_binary(sign, x, b) for x in a.items)
+        case int() | float(), Array() if sign == "*":
+            items = tuple(_binary(sign, a, y) for y in b.items)
+        case _:
+            return Lost(reason=f"what '{sign}' makes of these values is not known")
+    return Array(items=items)
+
+
+def _logic(sign: str, a: Value, b: Value) -> Value:
+    match sign, a, b:
+        case ("and", False, _) | ("and", _, False):
+            return False
+        case ("or", True, _) | ("or", _, True):
+            return True
+        case _, bool(), bool():
+            return a != b if sign == "xor" else b if sign == "and" else a or b
+        case _:
+            return Lost(reason="a condition is known only at run time")
+
+
+# Expressions.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Evaluator:
+    """What is asked of the place at which an expression stands."""
+
+    file: int
+    variable: Callable[[str], Value]
+    called: Callable[[Call], Value | None]
+    """Value of a call of a function of the program; None of one of the language's own."""
+    forward: Callable[[Six, Expression | None], Value] | None = None
+    """Value of ``get_forward_kin`` of joint positions."""
+
+    def __call__(self, expression: Expression) -> Value:
+        """Value of an expression."""
+        match expression:
+            case Number() | Text():
+                return expression.value
+            case Name():
+                if expression.name in CONSTANTS:
+                    return CONSTANTS[expression.name]
+                value = self.variable(plain_name(expression.name))
+                if "." not in expression.name or isinstance(value, Lost):
+                    return value
+                return Lost(reason=f"fields of structures, such as {expression.name}, are not followed")
+            case Listed():
+                return self._listed(expression)
+            case Index():
+                return self._element(self(expression.of), self(expression.at))
+            case Call():
+                return self._call(expression)
+            case Operation():
+                return self._operation(expression)
+
+    def _listed(self, listed: Listed) -> Value:
+        items = tuple(self(item) for item in listed.items)
+        literal = None
+        if len(items) == 6:
+            places = tuple((item.start, item.end) for item in listed.items)
+            literal = Literal(self.file, listed.start, places)
+        array = Array(items=items, literal=literal)
+        if not listed.pose:
+            return array
+        values = numbers(array, 6)
+        if values is None:
+            lost = next((item for item in items if isinstance(item, Lost)), None)
+            return lost or Lost(reason="what stands in p[…] is not six numbers")
+        return Pose(values=values, literal=literal, stated=values)
+
+    def _element(self, of: Value, index: Value) -> Value:
+        if isinstance(of, Lost) or isinstance(index, Lost):
+            return of if isinstance(of, Lost) else index
+        items = of.items if isinstance(of, Array) else of.values if isinstance(of, Pose) else ()
+        if isinstance(index, int) and not isinstance(index, bool) and 0 <= index < len(items):
+            return items[index]
+        return Lost(reason="an element of a list is not known")
+
+    def _call(self, call: Call) -> Value:
+        value = self.called(call)
+        if value is not None:
+            return value
+        if call.name in ("get_inverse_kin", "get_forward_kin"):
+            return self._kinematics(call)
+        value = applied(call, given := [self(argument) for _, argument in call.arguments])
+        if call.name == "pose_trans" and isinstance(value, Pose):
+            (_, first), _ = call.arguments
+            frame, point = given
+            if isinstance(first, Name) and isinstance(frame, Pose) and isinstance(point, Pose):
+                literal = None if point.feature else point.literal
+                return replace(value, literal=literal, feature=(first.name, frame.values), stated=point.values)
+        return value
+
+    def _kinematics(self, call: Call) -> Value:
+        inverse = call.name == "get_inverse_kin"
+        names = ("x", "qnear", "maxPositionError", "maxOrientationError", "tcp") if inverse else ("q", "tcp")
+        given = signature(call, names) or {}
+        if names[0] not in given:
+            return Lost(reason=f"what {call.name} returns is known only at run time")
+        value = self(given[names[0]])
+        if isinstance(value, Lost):
+            return value
+        if not inverse:
+            q = numbers(value, 6) if isinstance(value, Array) else None
+            if q is None or self.forward is None:
+                return Lost(reason="get_forward_kin is not given six joint positions")
+            return self.forward(q, given.get("tcp"))
+        if "tcp" in given:
+            return Lost(reason="get_inverse_kin is given a TCP of its own")
+        near = self(given["qnear"]) if "qnear" in given else None
+        q = None if near is None else numbers(near, 6)
+        if isinstance(near, Lost) and not _asks_for_here(given["qnear"]):
+            return Lost(reason=f"qnear is not known: {near.reason}")
+        if not isinstance(value, Pose) or (near is not None and q is None and not isinstance(near, Lost)):
+            return Lost(reason="get_inverse_kin is not given a pose, and six joint positions to be near to")
+        return Inverse(pose=value, near=q)
+
+    def _operation(self, operation: Operation) -> Value:
+        values = [self(operand) for operand in operation.operands]
+        match operation.operator, values:
+            case "()" | "+", [value]:
+                return value
+            case "-", [value]:
+                return _binary("-", 0, value) if isinstance(value, int | float) else _binary("*", -1, value)
+            case "not", [value]:
+                return not value if isinstance(value, bool) else Lost(reason="a condition is known only at run time")
+            case "and" | "or" | "xor", [a, b]:
+                return _logic(operation.operator, a, b)
+            case sign, [a, b]:
+                return _binary(sign, a, b)
+            case _:
+                return Lost(reason="an expression is not understood")
+
+
+def _asks_for_here(expression: Expression) -> bool:
+    """Whether joint positions are those of the robot where it is, by which the nearest solution is chosen without them, too."""
+    here = ("get_actual_joint_positions", "get_target_joint_positions")
+    return isinstance(expression, Call) and expression.name in here

@@ -1,0 +1,120 @@
+"""Corrected URScript programs against another library: a UR5's joints by Pinocchio, its true tool by the calibration."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from robot_programs.core.program import Frame
+from robot_programs.core.source import Source
+from robot_programs.reading import parse_program
+from taskcal.correction.cell import load_cell
+from taskcal.correction.correct import correct
+from taskcal.errors import TaskcalError
+from taskcal.geometry import se3
+from tests.correction.by_pinocchio import COARSE, TOOL, defective, true_tool
+
+HOME = np.radians([10.0, -70.0, 90.0, -100.0, -80.0, 20.0])
+SPAN_M = 0.04
+
+
+@pytest.fixture(scope="module")
+def true_robot():
+    """A calibration of a UR5 with defects, its chain, and where programs begin."""
+    return defective("ur5", HOME)
+
+
+def pose(T):
+    values = (*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_rotvec())
+    return f"p[{', '.join(f'{v:.12f}' for v in values)}]"
+
+
+def joints(q):
+    return f"[{', '.join(f'{v:.12f}' for v in q)}]"
+
+
+def corrected(calibration, *lines, **given):
+    """A program, its motions, and those of the corrected one."""
+    text = "".join(f"  {line}\n" for line in lines)
+    source = Source.of(Path("p.script"), f"def p():\n{text}end\n".encode())
+    program = parse_program((source,), robot=calibration.model.robot, **given)
+    found = correct(calibration, program, bounds=COARSE)
+    assert not found.rejected
+    assert len(found.corrected) == len(program.moves)
+    return found, program.moves, parse_program(found.sources, robot=calibration.model.robot, **given).moves
+
+
+@pytest.mark.long
+def test_the_true_tool_is_where_200_motions_want_it(true_robot):
+    """In the base, in a feature, in waypoints, in a list that a loop goes to, and in what a function is given."""
+    calibration, chain, q = true_robot
+    rng = np.random.default_rng(3)
+    start = chain.pose(q) @ TOOL
+    feature = se3.translation(0.3, -0.2, 0.1) @ se3.rotation("z", 0.7) @ se3.rotation("x", 0.2)
+    wanted = [
+        start @ se3.pose(Rotation.from_rotvec(rng.uniform(-0.1, 0.1, 3)).as_matrix(), rng.uniform(-SPAN_M, SPAN_M, 3))
+        for _ in range(200)
+    ]
+    lines = [f"set_tcp({pose(TOOL)})", f"plane = {pose(feature)}", f"home = {joints(q)}", f"movej({joints(q)})"]
+    lines += ["def goto(target):", "movel(target, a=1.2, v=0.1)", "end"]
+    for k, T in enumerate(wanted[:160]):
+        match k % 4:
+            case 0:
+                lines.append(f"movel({pose(T)}, v=0.1)")
+            case 1:
+                lines.append(f"movel(pose_trans(plane, {pose(np.linalg.inv(feature) @ T)}), v=0.1)")
+            case 2:
+                near = "home" if k == 2 else joints(chain.joints(T @ np.linalg.inv(TOOL), q) + 1e-3)
+                lines += [f"global point_{k} = {pose(T)}", f"movej(get_inverse_kin(point_{k}, qnear={near}))"]
+            case _:
+                lines.append(f"goto({pose(T)})")
+    lines += [f"points = [{', '.join(map(pose, wanted[160:]))}]", "i = 0"]
+    lines += ["while i < length(points):", "movel(points[i], v=0.1)", "i = i + 1", "end"]
+    found, _, again = corrected(calibration, *lines)
+    T = [move.part.T @ move.end.T for move in again if move.end.T is not None]
+    assert len(T) == 200
+    # motions stand in the order of the text, that of the function first
+    order = [*range(3, 160, 4), *(k for k in range(160) if k % 4 != 3), *range(160, 200)]
+    for k, goal in zip(order, T, strict=True):
+        got = true_tool(calibration, chain, goal @ np.linalg.inv(TOOL), q, TOOL)
+        np.testing.assert_allclose(got[:3, 3], wanted[k][:3, 3], atol=1e-6)
+        np.testing.assert_allclose(got[:3, :3], wanted[k][:3, :3], atol=2e-6)
+        assert np.abs(goal - wanted[k]).max() > 1e-5
+    kept = [line for line in found.sources[0].text.split("\n") if "p[" not in line and "movej([" not in line]
+    assert set(kept) <= {f"  {line}" for line in lines} | {"def p():", "end", ""}
+
+
+def test_joints_drive_the_true_tool_where_the_nominal_one_was(true_robot):
+    """Of motions of the joints, and of lines to joints."""
+    calibration, chain, q = true_robot
+    other = q + 0.05
+    _, moves, again = corrected(calibration, f"set_tcp({pose(TOOL)})", f"movej({joints(q)})", f"movel({joints(other)})")
+    for near, move in zip((q, other), again, strict=True):
+        driven = move.end.q if move.end.q is not None else chain.joints(move.end.T @ np.linalg.inv(TOOL), near)
+        got = calibration.tool_in_base(driven[None])[0]
+        np.testing.assert_allclose(got[:3, 3], chain.pose(near)[:3, 3], atol=1e-6)
+    assert moves[1].end.posture is not None
+
+
+def test_its_logic_is_not_lost_in_a_new_program(true_robot):
+    """As that of TP, it says no frames of its own, and yet is more than a path."""
+    calibration, _, q = true_robot
+    source = Source.of(Path("p.script"), f"def p():\n  movej({joints(q)})\nend\n".encode())
+    program = parse_program((source,), robot=calibration.model.robot)
+    with pytest.raises(TaskcalError, match=r"p\.script is URScript, whose logic a new program would lose"):
+        correct(calibration, program, into="p.src")
+
+
+def test_the_tool_of_a_program_without_one_comes_from_the_cell_file(true_robot, tmp_path):
+    calibration, chain, q = true_robot
+    quaternion = Rotation.from_matrix(TOOL[:3, :3]).as_quat().tolist()
+    mm = (TOOL[:3, 3] * 1e3).tolist()
+    text = f'[[tool]]\nname = "mill"\ncontroller = {{ position_mm = {mm}, quaternion = {quaternion} }}\n'
+    (tmp_path / "cell.toml").write_text(text)
+    measured = load_cell(tmp_path / "cell.toml").tool("mill")
+    tool, wanted = Frame(name="mill", T=measured.controller), chain.pose(q) @ TOOL
+    line = f"movej(get_inverse_kin({pose(wanted)}, qnear={joints(q)}))"
+    _, _, (move,) = corrected(calibration, line, tool=tool)
+    got = true_tool(calibration, chain, move.end.T @ np.linalg.inv(TOOL), q, TOOL)
+    np.testing.assert_allclose(got[:3, 3], wanted[:3, 3], atol=1e-6)

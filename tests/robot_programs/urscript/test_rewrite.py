@@ -1,0 +1,155 @@
+"""Rewriting touches nothing but the numbers of the motions that change."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from scipy.spatial.transform import Rotation
+
+from robot_programs.core.program import Waypoint
+from robot_programs.urscript.read import read_urscript
+from robot_programs.urscript.values import matrix, six_of
+from taskcal.errors import TaskcalError
+from taskcal.geometry import se3
+from tests.laws.robots import generators
+from tests.robot_programs.csv_path.generator import nearby_waypoints
+from tests.robot_programs.urscript.generator import generate
+from tests.robot_programs.urscript.samples import UR5, read
+
+SHIFT = se3.translation(1e-4, 0, 0)
+
+
+def shifted(program, *numbers, by=SHIFT):
+    """Waypoints of motions, their ends shifted in the part's frame."""
+    numbers = numbers or range(len(program.moves))
+    moves = program.moves
+    return {i: (Waypoint(kind=moves[i].kind, q=np.zeros(6), T=by @ moves[i].end.T),) for i in numbers}
+
+
+def changes(program, waypoints):
+    """Lines that differ, before and after."""
+    (source,) = program.rewrite(UR5, waypoints)
+    pairs = zip(program.sources[0].text.split("\n"), source.text.split("\n"), strict=True)
+    return [(a.strip(), b.strip()) for a, b in pairs if a != b]
+
+
+@settings(max_examples=40)
+@given(generators)
+def test_rewrite_is_read_back_and_keeps_the_rest(rng):
+    """Rewritten motions are read back where they should be, and all others stay where they were."""
+    program = read_urscript(generate(rng), robot=UR5)
+    waypoints = nearby_waypoints(rng, program, most=3)
+    for number in program.unwritable(UR5, waypoints, 1e-6):
+        del waypoints[number]
+    again = read_urscript(program.rewrite(UR5, waypoints), robot=UR5)
+    moves = iter(again.moves)
+    assert len(again.diagnostics) == len(program.diagnostics)
+    for number, move in enumerate(program.moves):
+        own = Waypoint(kind=move.kind, q=move.end.q, T=move.end.T)
+        path = waypoints.get(number, (own,))
+        for waypoint in path:
+            new = next(moves)
+            assert (new.kind, new.speed) == (move.kind, move.speed)
+            if waypoint.T is None:
+                np.testing.assert_allclose(new.end.q, waypoint.q, atol=1e-8)
+            else:
+                base = [m.part.T @ T for m, T in ((new, new.end.T), (move, waypoint.T))]
+                np.testing.assert_allclose(base[0], base[1], atol=2e-7)
+            assert new.stops == (move.stops and waypoint is path[-1])
+    assert next(moves, None) is None
+
+
+@given(generators)
+def test_numbers_of_a_pose_stay_near_those_before(rng):
+    """The same rotation gives the same vector back, also beyond half a turn and by whole turns."""
+    values = (*rng.uniform(-1, 1, 3), *(Rotation.random(rng=rng).as_rotvec() * rng.uniform(0.1, 4.0)))
+    np.testing.assert_allclose(six_of(matrix(values), values), values, atol=1e-9)
+
+
+def test_only_the_numbers_that_change_are_written_where_they_stand():
+    program = read("movel(p[.1, -0.2000, 0.3, 0, d2r(90), 0.0], a=1.2, v=0.25) # there")
+    assert changes(program, shifted(program)) == [(
+        "movel(p[.1, -0.2000, 0.3, 0, d2r(90), 0.0], a=1.2, v=0.25) # there",
+        "movel(p[0.1001000, -0.2000, 0.3, 0, d2r(90), 0.0], a=1.2, v=0.25) # there",
+    )]  # fmt: skip
+
+
+def test_a_waypoint_gets_its_numbers_where_it_is_set():
+    program = read("movej(get_inverse_kin(Waypoint_1_p, qnear=Waypoint_1_q))", "movel(Waypoint_1_p, v=0.1)")
+    ((before, after),) = changes(program, shifted(program))
+    assert before.replace("-.143968656714", "-0.143868656714") == after
+
+
+def test_motions_of_one_waypoint_that_differ_state_their_own():
+    program = read("movel(Waypoint_1_p, v=0.1)", "movel(Waypoint_1_p, v=0.2)")
+    found = changes(program, shifted(program, 0))
+    assert [before for before, _ in found] == ["movel(Waypoint_1_p, v=0.1)"]
+    assert re.fullmatch(r"movel\(p\[-0\.1438687, .*\], v=0\.1\)", found[0][1])
+
+
+def test_a_waypoint_that_is_read_for_something_else_stays():
+    program = read("movel(Waypoint_1_p)", "textmsg(Waypoint_1_p)")
+    ((before, after),) = changes(program, shifted(program))
+    assert before == "movel(Waypoint_1_p)"
+    assert after.startswith("movel(p[")
+
+
+def test_a_point_in_a_feature_stays_in_it():
+    program = read("movel(pose_trans(Plane_1, p[.1, 0, .2, 0, 3, 0]))")
+    assert changes(program, shifted(program)) == [(
+        "movel(pose_trans(Plane_1, p[.1, 0, .2, 0, 3, 0]))", "movel(pose_trans(Plane_1, p[0.1001000, 0, .2, 0, 3, 0]))"
+    )]  # fmt: skip
+
+
+def test_what_a_function_is_given_is_written_at_its_calls():
+    lines = ("def goto(target):", "movel(target)", "end", "goto(p[.1,.2,.3,0,0,0])", "goto(p[.2,.2,.3,0,0,0])")
+    program = read(*lines)
+    found = changes(program, shifted(program))
+    assert [after for _, after in found] == ["goto(p[0.1001000,.2,.3,0,0,0])", "goto(p[0.2001000,.2,.3,0,0,0])"]
+
+
+def test_elements_of_a_list_get_numbers_of_their_own():
+    program = read("list = [p[.1,.2,.3,0,0,0], p[.2,.2,.3,0,0,0]]", "i = 0", "while i < 2:", "movel(list[i])", "i = i + 1",
+                   "end")  # fmt: skip
+    ((_, after),) = changes(program, shifted(program, 1))
+    assert after == "list = [p[.1,.2,.3,0,0,0], p[0.2001000,.2,.3,0,0,0]]"
+
+
+def test_one_text_of_several_motions_is_refused_if_they_differ():
+    lines = ("i = 1", "while i < 3:", "movel(p[0.1 * i, 0.2, 0.3, 0, 0, 0])", "i = i + 1", "end")
+    program = read(*lines)
+    assert [move.texts_motions for move in program.moves] == [2, 2]
+    refused = program.unwritable(UR5, shifted(program), 1e-6)
+    assert set(refused) == {0, 1}
+    with pytest.raises(TaskcalError, match="stands for 2 motions"):
+        program.rewrite(UR5, shifted(program))
+
+
+def test_joints_of_a_line_are_written_as_joints():
+    program = read("movel([0.1, -1.2, 1.5, -1.8, -1.4, 0.3])")
+    waypoint = Waypoint(kind="linear", q=np.full(6, 0.5), T=SHIFT @ program.moves[0].end.T)
+    ((_, after),) = changes(program, {0: (waypoint,)})
+    assert after == f"movel([{', '.join(['0.50000000'] * 6)}])"
+
+
+@pytest.mark.parametrize("blend", ["", ", r=0.05", ", r=0.0002"])
+def test_points_between_are_passed_by(blend):
+    program = read(f"movel(Waypoint_1_p, 1.2, 0.2{blend})")
+    (move,), (last,) = program.moves, shifted(program)[0]
+    again = program.reread(program.rewrite(UR5, {0: (last, last, last)}))
+    assert [m.stops for m in again.moves] == [False, False, move.stops]
+    assert [m.speed for m in again.moves] == [0.2] * 3
+    assert max(m.zone.distance for m in again.moves[:2]) <= 1e-3
+    assert again.moves[2].zone == move.zone
+
+
+def test_motions_to_one_waypoint_and_beside_it_are_corrected_together():
+    program = read(
+        "movel(Waypoint_1_p)", "above = pose_add(Waypoint_1_p, p[0,0,.1,0,0,0])", "movel(above)",
+        "movel(pose_trans(Plane_1, Plane_1))",
+        "servoj(Waypoint_1_p)", "movel(p[0,0,0,0,0,0])",
+    )  # fmt: skip
+    targets = [{v.target for v in program.visits() if v.number == number} for number in (0, 1, 2, 3, None)]
+    assert targets[0] & targets[1] & targets[4]
+    assert not (targets[2] | targets[3]) & (targets[0] | targets[4])
