@@ -65,12 +65,14 @@ def left(folder: Path) -> list[str]:
 
 @pytest.mark.parametrize("kind", ["files", "zip", "folder"])
 def test_kill_at_any_call_leaves_all_old_or_all_new(kind, tmp_path):
+    """Also to who finds the folder elsewhere: what is left of a command names its files from where it lies."""
     found = []
     for point in count():
         folder = tmp_path / str(point)
         write = lay_out(folder, kind)
         ended = at_point(write, point)
-        found.append(seen(folder, kind))
+        found.append(seen(folder.rename(tmp_path / "moved"), kind))
+        (tmp_path / "moved").rename(folder)
         if ended == WROTE:
             break
         assert ended == KILLED
@@ -103,12 +105,11 @@ def test_full_disk_at_any_call_leaves_all_old(kind, tmp_path):
 
 @pytest.mark.parametrize(("after", "state"), [(0.5, "old"), (0.7, "new"), (0.8, "new")])
 def test_reader_that_is_killed_leaves_it_to_the_next(after, state, tmp_path):
-    """A kill while a killed command's journal is finished, at every call of that, where the folder was moved since."""
+    """A kill while a killed command's journal is finished, at every call of that."""
     calls = next(k for k in count() if at_point(lay_out(tmp_path / f"n{k}", "files"), k) == WROTE)
     for point in count():
         folder = tmp_path / str(point)
         assert at_point(lay_out(folder, "files"), int(after * calls)) == KILLED
-        folder = folder.rename(tmp_path / f"moved {point}")
         ended = at_point(partial(finish_writing, folder), point)
         assert seen(folder, "files") == state, point
         if ended == WROTE:

@@ -89,13 +89,14 @@ def silent_ranges(text: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]
     """Beginning and end, line and column, of what a run does not notice.
 
     Annotations, decorators, imports, the star before arguments that have to be named, and whether `zip` is strict, which is a
-    check of its own.
+    check of its own; and whether types are being checked.
     """
     for line, content in enumerate(text.splitlines(), 1):
         for star in re.finditer(r"\*(?=,)", content):
             yield (line, star.start()), (line, star.end())
     for node in ast.walk(ast.parse(text)):
         parts = [
+            node if isinstance(node, ast.Name) and node.id == "TYPE_CHECKING" else None,
             *getattr(node, "decorator_list", []),
             getattr(node, "annotation", None),
             getattr(node, "returns", None),

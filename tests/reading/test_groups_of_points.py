@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError
 from taskcal.reading.reader import ReadOptions, read_campaign, read_measurements
@@ -128,12 +129,16 @@ def test_groups_that_are_poses_or_targets_are_asked_about(tmp_path):
         read_measurements(export(tmp_path, rows), ROBOT)
 
 
-def test_more_names_than_a_tool_has_targets_are_poses(tmp_path):
-    """Two points shifted along a line without a turn: either could be the other's target, but for their number."""
-    rows = [(f"G{i}", f"P{j}", np.array([1.0, 0.4 * i, 0.3 * j])) for i in range(MAX_NAMED_TARGETS + 1) for j in (0, 1)]
+@pytest.mark.parametrize("count", [MAX_NAMED_TARGETS, MAX_NAMED_TARGETS + 1])
+def test_more_names_than_a_tool_has_targets_are_no_targets(count, tmp_path):
+    """A plate of points, each a group, that was turned once: targets of two poses, if they are not too many."""
+    plate = np.random.default_rng(0).normal(size=(count, 3))
+    turned = plate @ Rotation.from_rotvec([0.3, -0.2, 0.9]).as_matrix().T + [1.0, 2.0, 0.0]
+    rows = [(f"G{i}", name, at[i]) for i in range(count) for name, at in (("P0", plate), ("P1", turned))]
     readings = read_measurements(export(tmp_path, rows), ROBOT)
-    assert len(readings) == MAX_NAMED_TARGETS + 1
-    assert set(readings.points) == {"P0", "P1"}
+    few = count <= MAX_NAMED_TARGETS
+    assert len(readings) == (2 if few else 2 * count)
+    assert len(readings.points) == (count if few else 1)
 
 
 def test_groups_that_count_points_anew_are_poses_of_their_own(tmp_path):

@@ -21,9 +21,11 @@ from taskcal.studio.cell_editor import (
     measured_section,
     named_in,
     rows_of,
+    save_section,
     stated_axis,
     with_section,
 )
+from taskcal.studio.project import Project
 
 RAPID = """MODULE m
   CONST robtarget p:=[[900,0,900],[0,0,1,0],[0,0,0,0],[9E9,250,9E9,9E9,0,9E9]];
@@ -109,6 +111,25 @@ def test_axis_direction_of_file_stays_until_another_is_chosen() -> None:
     assert stated_axis(SLANTED, "part", "file") == SLANTED
     assert stated_axis(SLANTED, "part", "turns z") == SLANTED | {"turns_about": [0.0, 0.0, 1.0]}
     assert stated_axis(SLANTED, "robot", "file") == {"number": 2, "carries": "robot", "turns_about": [0.0, 0.6, 0.8]}
+
+
+def test_a_section_goes_into_the_chosen_file_or_a_new_one(tmp_path: Path) -> None:
+    """Beside what is there; one that is refused changes nothing, and each change can be undone."""
+    project = Project(tmp_path)
+    save_section(project, "axis", {"number": 3, "carries": "nothing"})
+    chosen = project.choices.cell
+    first = (tmp_path / chosen).read_text()
+    save_section(project, "axis", SLANTED)
+    assert project.choices.cell == chosen
+    assert [axis.number for axis in load_cell(tmp_path / chosen).axes] == [2, 3]
+    second = (tmp_path / chosen).read_text()
+    with pytest.raises(TaskcalError):
+        save_section(project, "axis", {"number": 4, "carries": "a tray"})
+    assert (tmp_path / chosen).read_text() == second
+    project.undo()
+    assert (tmp_path / chosen).read_text() == first
+    project.undo()
+    assert project.choices.cell == ""
 
 
 JOINTS = 6

@@ -1,17 +1,23 @@
 """Where each step stands follows from what the project's files hold, and from nothing else."""
 
+import asyncio
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from nicegui import ui
 
 from taskcal.studio.project import LAYOUT, Project
 from taskcal.studio.results import (
     MADE_FROM,
     State,
+    changed_since,
     contents,
     corrected_of,
     made,
@@ -21,6 +27,8 @@ from taskcal.studio.results import (
     result_of,
     steps_of,
 )
+from taskcal.studio.runs import CommandRun, Studio
+from taskcal.studio.steps import begin
 
 FILES = {
     "campaign": "campaigns/a.csv",
@@ -147,3 +155,51 @@ def test_records_that_were_spoilt_are_no_record(tmp_path_factory: pytest.TempPat
     put(project, LAYOUT.made, spoilt)
     project.choose(robot="ur5", calibration=FILES["calibration"])
     assert steps_of(project)["result"].because == ("robot",)
+
+
+class Begun(Studio):
+    """A studio whose runs end as a test has them end."""
+
+    def start(self, kind: str, arguments: Sequence[str], then: Any = None) -> CommandRun:
+        self.run, self.then = CommandRun(arguments, self.project.folder, kind), then
+        return self.run
+
+    def end(self, output: str) -> None:
+        self.run.output = output
+        asyncio.run(self.then(self.run))
+
+
+@pytest.mark.parametrize("meanwhile", [False, True])
+def test_a_run_records_what_it_made_and_from_what(
+    whole: Project, monkeypatch: pytest.MonkeyPatch, meanwhile: bool
+) -> None:
+    """Moves what it wrote to its place, and makes it the choice unless another was taken meanwhile; all in one change."""
+    monkeypatch.setattr(ui, "navigate", SimpleNamespace(to=lambda _: None, reload=lambda: None))
+    studio, now = Begun(whole), contents(whole)
+    new = f"{LAYOUT.calibrations}/new.json"
+    begin(
+        studio,
+        "identify",
+        ["identify"],
+        outputs=[new],
+        chosen={"calibration": new},
+        moves={FILES["header"]: "tasks/written"},
+    )
+    put(whole, new, "{}")
+    put(whole, "tasks/written", "moved")
+    put(whole, FILES["campaign"], "changed since")
+    if meanwhile:
+        put(whole, f"{LAYOUT.calibrations}/other.json", "{}")
+        whole.choose(calibration=f"{LAYOUT.calibrations}/other.json")
+    past = len(whole.history())
+    studio.end('{"written": []}')
+    assert (whole.folder / result_of(new)).read_text() == '{"written": []}'
+    assert (whole.folder / FILES["header"]).read_text() == "moved"
+    assert not (whole.folder / "tasks/written").exists()
+    assert changed_since(whole, new, now) == ()
+    assert changed_since(whole, new, contents(whole)) == ("campaign",)
+    assert whole.choices.calibration == (f"{LAYOUT.calibrations}/other.json" if meanwhile else new)
+    assert len(whole.history()) == past + 1
+    whole.undo()
+    assert not (whole.folder / new).exists()
+    assert (whole.folder / FILES["header"]).read_text() == ""

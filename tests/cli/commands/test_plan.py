@@ -179,6 +179,9 @@ def test_plan_optimises_another_criterion_if_asked(run: Run, ask: list[object], 
         (["--criterion", "Q"], "--criterion"),
         (["--candidates", "0"], "--candidates"),
         (["--count", "0"], "--count"),
+        (["--observe", "socket", "--campaign", "c.csv"], "Invalid value for --campaign"),
+        (["--observe", "socket", "--stations", "2"], "Invalid value for --stations"),
+        (["--stations", "2", "--campaign", "c.csv"], "Invalid value for --stations"),
     ],
 )
 def test_wrong_usage(run: Run, ask: list[object], options: list[str], said: str) -> None:

@@ -4,6 +4,7 @@ import io
 import numpy as np
 import pytest
 
+from taskcal.cli.commands.poses import MAX_SHOWN_ROWS
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from tests.cli.conftest import Run
@@ -72,3 +73,31 @@ def test_a_table_of_neither_says_what_it_needs(run: Run, tmp_path) -> None:
     ended = run("poses", "--robot", "ur5", path)
     assert (ended.status, ended.out) == (1, "")
     assert "no column for joint J1" in ended.err
+
+
+@pytest.mark.parametrize("count", [MAX_SHOWN_ROWS, MAX_SHOWN_ROWS + 1])
+def test_as_many_rows_are_shown_as_there_is_room_for(run: Run, tmp_path, count) -> None:
+    """What is left of them is said; the JSON has every one."""
+    path = tmp_path / "many.csv"
+    rows = [f"pose{k}," + ",".join(map(str, np.degrees(Q[k % 2]))) for k in range(count)]
+    path.write_text("\n".join(["id," + ",".join(f"J{j}_deg" for j in range(1, 7)), *rows]) + "\n", encoding="utf-8")
+    ended = run("poses", "--robot", "ur5", path)
+    assert sum(line.strip().startswith("pose") for line in ended.out.splitlines()) == MAX_SHOWN_ROWS
+    assert ("1 more rows" in ended.err) == (count > MAX_SHOWN_ROWS)
+    assert len(run("poses", "--robot", "ur5", path, "--json").json["rows"]) == count
+
+
+def test_an_axis_that_slides_is_in_millimetres(run: Run, tmp_path) -> None:
+    """A SCARA's joints come back from the poses that they give."""
+    robot = load_robot("denso-hsr065a1")
+    low, high = np.clip(robot.limits, -2.0, 2.0).T
+    q = low + np.array([[0.6], [0.7]]) * (high - low)
+    units = [("mm", 1e3) if slides else ("deg", 180.0 / np.pi) for slides in robot.prismatic]
+    names = [f"{name}_{unit}" for name, (unit, _) in zip(robot.joint_names, units, strict=True)]
+    rows = q * [scale for _, scale in units]
+    (tmp_path / "joints.csv").write_text(
+        "\n".join([",".join(names), *(",".join(map(repr, row.tolist())) for row in rows)]) + "\n"
+    )
+    assert run("poses", "--robot", robot.name, tmp_path / "joints.csv", "-o", tmp_path / "poses.csv").status == 0
+    found = run("poses", "--robot", robot.name, tmp_path / "poses.csv", "--json").json["rows"]
+    np.testing.assert_allclose([[row[name] for name in names] for row in found], rows, atol=1e-4)

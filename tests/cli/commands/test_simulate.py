@@ -23,6 +23,30 @@ def test_the_truth_explains_the_campaign(cell: Path) -> None:
     assert np.abs(campaign.points[:, 0] - ends[:, :3, 3]).max() < 2e-4
 
 
+@pytest.mark.parametrize("option", ["--model-error-mm", "--joint-error-deg"])
+def test_errors_are_as_large_as_asked_for(run: Run, cell: Path, tmp_path: Path, option: str) -> None:
+    """What the truth leaves of the points, far above the tracker's noise: per axis, or by the derivative of the joints."""
+    path, truth_path = tmp_path / "a.csv", tmp_path / "truth.json"
+    task = ["--task", cell / "list.toml", "--count", "40", "--seed", "5"]
+    ended = run("simulate", "--robot", IRB6660, *task, option, "0.7", "-o", path, "--truth", truth_path)
+    assert ended.status == 0, ended.err
+    robot = load_robot(IRB6660)
+    campaign, truth, model = read_campaign(path, robot), json.loads(truth_path.read_text()), ErrorModel(robot)
+    x = np.array(list(truth["x"].values()))
+
+    def points(q: np.ndarray) -> np.ndarray:
+        ends = np.array(truth["T_tracker_base"]) @ model.poses(q, x) @ np.array(truth["targets"]["tool"])
+        return ends[:, :3, 3]
+
+    at = points(campaign.q)
+    wanted = np.array([0.7e-3])
+    if option == "--joint-error-deg":
+        step = np.radians(0.01)
+        by_joint = [(points(campaign.q + step * one) - at) / step for one in np.eye(6)]
+        wanted = np.radians(0.7) * np.sqrt(np.sum(np.square(by_joint), axis=0))
+    assert np.sqrt(np.mean(((campaign.points[:, 0] - at) / wanted) ** 2)) == pytest.approx(1.0, abs=0.25)
+
+
 def test_the_same_seed_gives_the_same_file(run: Run, cell: Path, tmp_path: Path) -> None:
     written = []
     for name, seed in (("a.csv", 3), ("b.csv", 3), ("c.csv", 4)):
