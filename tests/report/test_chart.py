@@ -141,7 +141,8 @@ def test_words_from_files_are_no_markup(words):
 
 def test_marks_name_their_value_and_their_row():
     one = Series(name="calibrated", x=[1.0, 2.0, 3.0], y=[0.25, math.nan, 0.5], rows=[7, 8, 9])
-    image = drawn(Figure(panels=(Panel(x=Axis(title="pose"), y=Axis(title="error", unit="mm"), series=(one,)),)))
+    figure = Figure(panels=(Panel(x=Axis(title="pose"), y=Axis(title="error", unit="mm"), series=(one,)),))
+    image = ElementTree.fromstring(svg(figure, "title", selects=True))
     marks = [part for part in image.iter(f"{SVG}path") if part.get("data-row")]
     assert [mark.get("data-row") for mark in marks] == ["7", "9"]
     assert [mark[0].text for mark in marks] == ["pose 1: 0.25 mm, calibrated", "pose 3: 0.5 mm, calibrated"]

@@ -11,7 +11,7 @@ from taskcal.errors import ReachError
 from taskcal.kinematics.inverse import find_posture, follow
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.task.default_task import default_task, task_text
+from taskcal.task.default_task import default_task, measured_task, task_text
 from taskcal.task.task import load_task, reach_task
 
 QUICK = ("ur5", "kuka-kr6-r900-sixx", "franka-panda", "denso-hsr065a1")
@@ -40,6 +40,24 @@ def test_the_box_to_begin_with_is_in_front_and_reached(tmp_path: Path, name: str
     np.testing.assert_allclose(model.poses(found.q[inside]), T[inside], atol=1e-6)
     assert inside.mean() >= LEAST
     assert 1.0 - reach_task(model, task, 100).unreachable.mean() >= LEAST  # tilted as well
+
+
+@pytest.mark.parametrize("name", ["ur5", "abb-irb6660-205-1.9", "barrett-wam"])
+def test_a_box_where_was_measured_is_reached_as_it_was(tmp_path: Path, name: str) -> None:
+    """It lies within what was measured, and the postures that reach it are near to measured ones."""
+    model = ErrorModel(load_robot(name))
+    home = find_posture(model, default_task(model).workspace.middle()[0])
+    q = home + np.random.default_rng(1).uniform(-0.4, 0.4, (200, len(home)))
+    (tmp_path / "task.toml").write_text(task_text(measured_task(model, q)))
+    task = load_task(tmp_path / "task.toml")
+    assert task.accuracy is None
+    places = model.nominal.poses(q)[:, :3, 3]
+    corner = 0.5 * task.workspace.size
+    assert (task.workspace.center - corner > places.min(axis=0)).all()
+    assert (task.workspace.center + corner < places.max(axis=0)).all()
+    reached = reach_task(model, task, 50, known=q)
+    assert reached.unreachable.mean() <= 1.0 - LEAST
+    assert np.abs(reached.q - home).max() < 1.5
 
 
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)])

@@ -87,7 +87,7 @@ class Series:
     labels: Sequence[str] = ()
     """What each mark stands for; by default its value along the other axis."""
     rows: Sequence[int | str] = ()
-    """Row that each mark stands for, by which a page selects it (``data-row``)."""
+    """Row that each mark stands for, by which a page selects it (``data-row``) where it does."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -367,9 +367,10 @@ class _Canvas:
     y: Scale
     say: Say
     named: bool
+    selects: bool
 
     def mark(self, path: str, said: str, row: int | str | None = None, more: str = "") -> str:
-        data = "" if row is None else f' data-row="{_escaped(str(row))}"'
+        data = "" if row is None or not self.selects else f' data-row="{_escaped(str(row))}"'
         if not said or not self.named:
             return f'<path d="{path}"{data}{more}/>'
         return f'<path d="{path}"{data}{more}><title>{_escaped(said)}</title></path>'
@@ -436,7 +437,7 @@ class _Canvas:
         hollow = np.broadcast_to(np.asarray(one.hollow, dtype=bool), x.shape).tolist()
         fills = {True: ' fill="none"', False: ""}
         seen = [k for k, path in enumerate(paths) if "nan" not in path]
-        if not self.named or not (named or len(one.rows)):
+        if not self.named or not (named or (self.selects and len(one.rows))):
             for empty, fill in fills.items():
                 whole = "".join(paths[k] for k in seen if hollow[k] is empty)
                 yield self.mark(whole, "", more=fill) if whole else ""
@@ -476,7 +477,8 @@ class _Canvas:
         yield f'</g><path d="M{left[0]:.1f} {zero:.1f}{over}V{zero:.1f}" fill="none" stroke-width="2"{dash}/>'
 
     def cells(self, cells: Cells, scale: tuple[float, float, str]) -> Iterator[str]:
-        """A map."""
+        """A map; cells of one colour as one path where none names its value."""
+        alike: dict[str, str] = {}
         left, top = self.x.at(_edges(cells.x)), self.y.at(_edges(cells.y))
         yield '<g shape-rendering="crispEdges">'
         for j, i in zip(*np.nonzero(np.isfinite(cells.z)), strict=True):
@@ -485,7 +487,12 @@ class _Canvas:
             path = f"M{left[i]:.1f} {top[j]:.1f}H{left[i + 1]:.1f}V{top[j + 1]:.1f}H{left[i]:.1f}z"
             place = ", ".join(_value(float(v), self.say) for v in (cells.x[i], cells.y[j]))
             said = f"{place}: {_value(value, self.say)} {scale[2]}"
-            yield self.mark(path, said, more=f' fill="{_shade(min(max(share, 0.0), 1.0))}"')
+            shade = _shade(min(max(share, 0.0), 1.0))
+            if self.named:
+                yield self.mark(path, said, more=f' fill="{shade}"')
+            else:
+                alike[shade] = alike.get(shade, "") + path
+        yield from (self.mark(path, "", more=f' fill="{shade}"') for shade, path in alike.items())
         yield "</g>"
 
 
@@ -510,7 +517,7 @@ ROW = 19.0
 """Height of a category, CSS pixels; of several series with bars or boxes, each has 11 of its own."""
 
 
-def svg(figure: Figure, title: str, *, width: float = WIDE, say: Say = plain) -> str:
+def svg(figure: Figure, title: str, *, width: float = WIDE, say: Say = plain, selects: bool = False) -> str:
     """Draw a chart.
 
     Args:
@@ -518,6 +525,7 @@ def svg(figure: Figure, title: str, *, width: float = WIDE, say: Say = plain) ->
         title: what it shows, for those who do not see it.
         width: of the image, CSS pixels; panels stand one below the other where it is `NARROW`.
         say: number to text.
+        selects: whether the page selects marks by their rows, which takes an element for each of many, too.
 
     Returns:
         An SVG element that needs no style and no script; words have the colour of the page's.
@@ -529,7 +537,9 @@ def svg(figure: Figure, title: str, *, width: float = WIDE, say: Say = plain) ->
     for start in range(0, len(figure.panels), columns):
         heights = [0.0]
         for k, panel in enumerate(figure.panels[start : start + columns]):
-            drawn, height = _draw(figure, panel, k * (across + gap), y, across, say, named=width > NARROW)
+            drawn, height = _draw(
+                figure, panel, k * (across + gap), y, across, say, named=width > NARROW, selects=selects
+            )
             body += drawn
             heights.append(height)
         y += max(heights) + 8.0
@@ -542,7 +552,7 @@ def svg(figure: Figure, title: str, *, width: float = WIDE, say: Say = plain) ->
 
 
 def _draw(
-    figure: Figure, panel: Panel, left: float, top: float, width: float, say: Say, *, named: bool
+    figure: Figure, panel: Panel, left: float, top: float, width: float, say: Say, *, named: bool, selects: bool
 ) -> tuple[list[str], float]:
     """A panel, and its height."""
     out: list[str] = []
@@ -583,7 +593,9 @@ def _draw(
     end = left + width - 14
     if panel.equal:
         end = min(end, left + margin + (high - low) * (x_ends[1] - x_ends[0]) / (y_ends[1] - y_ends[0]))
-    canvas = _Canvas(panel=panel, x=Scale(*x_ends, panel.x.log, left + margin, end), y=scale, say=say, named=named)
+    canvas = _Canvas(
+        panel=panel, x=Scale(*x_ends, panel.x.log, left + margin, end), y=scale, say=say, named=named, selects=selects
+    )
     below = canvas.x.ticks(say, across=True)
     grid = "".join(f"M{canvas.x.start:.1f} {at:.1f}H{end:.1f}" for at in marked)
     grid += "".join(f"M{at:.1f} {low:.1f}V{high:.1f}" for at, _ in below)
@@ -671,17 +683,18 @@ def _key(one: Series | Level, x: float, y: float) -> str:
     )
 
 
-def html(figure: "Figure | Mapping[str, Figure]", title: str, say: Say = plain) -> str:
+def html(figure: "Figure | Mapping[str, Figure]", title: str, say: Say = plain, *, selects: bool = False) -> str:
     """A chart as it stands in a page with `STYLE`: for wide and narrow screens, each view but the first on demand.
 
     Args:
         figure: the chart, or views of it by their labels.
         title: what it shows.
         say: number to text.
+        selects: as of `svg`.
     """
     views = {"": figure} if isinstance(figure, Figure) else dict(figure)
     images = [
-        f'<div class="chart">{svg(one, title, say=say)}{svg(one, title, width=NARROW, say=say)}</div>'
+        f'<div class="chart">{svg(one, title, say=say, selects=selects)}{svg(one, title, width=NARROW, say=say)}</div>'
         for one in views.values()
     ]
     if len(images) == 1:

@@ -535,7 +535,7 @@ def figure(caption: str, drawn: chart.Figure, texts: Texts, note: str = "") -> E
     """
     with ui.element("figure") as whole:
         text("figcaption", caption)
-        ui.html(chart.html(drawn, caption, texts.number), sanitize=False)
+        ui.html(chart.html(drawn, caption, texts.number, selects=True), sanitize=False)
         if note:
             text("p", note).classes("quiet")
     return whole
