@@ -282,9 +282,10 @@ class Flow(flow.Flow[State, Routine]):
 
     def frame(self, name: str, values: Six) -> Frame:
         """A frame, made once."""
-        if (name, values) not in self.made:
-            self.made[name, values] = Frame(name=name, T=matrix(values))
-        return self.made[name, values]
+        key = name, values
+        if key not in self.made:
+            self.made[key] = Frame(name=name, T=matrix(values))
+        return self.made[key]
 
 
 @dataclass(eq=False, kw_only=True)
@@ -629,10 +630,10 @@ def _with_element(value: Value | None, index: Value, element: Value) -> Value:
         if 0 <= index < len(items):
             items[index] = element
             if isinstance(value, Array):
-                return Array(items=tuple(items))
-            values = numbers(Array(items=tuple(items)), 6)
+                return Array.of(items)
+            values = numbers(Array.of(items), 6)
             if values is not None:
-                return Pose(values=values, stated=values)
+                return Pose(stated=values)
     return Lost(reason="an element of it is set to what is not known")
 
 

@@ -166,10 +166,15 @@ class _NotUnderstood(Exception):
 
 
 MAX_DEPTH = 40
-"""Brackets in each other; no program has as many."""
+"""Brackets in each other, and blocks; no program has as many."""
+MAX_TERMS = 200
+"""Operators in one statement."""
 
 _LEVELS = (("or", "xor"), ("and",), ("==", "!=", "<", ">", "<=", ">="), ("+", "-"), ("*", "/", "%"))
 """Operators from those that bind least."""
+_BINDS = {operator: level for level, same in enumerate(_LEVELS) for operator in same}
+COMPARED = 2
+"""Level of comparisons, of which ``not`` takes one."""
 
 FLAGS = {"True": True, "False": False}
 
@@ -178,7 +183,7 @@ class _Parser:
     """Reading the tokens of one statement."""
 
     def __init__(self, tokens: Sequence[Token]):
-        self.tokens, self.at, self.depth = tokens, 0, 0
+        self.tokens, self.at, self.depth, self.terms = tokens, 0, 0, 0
 
     @property
     def next(self) -> str:
@@ -189,6 +194,19 @@ class _Parser:
             raise _NotUnderstood
         self.at += 1
         return self.tokens[self.at - 1]
+
+    def begins(self, text: str) -> bool:
+        """Whether a word comes next, which is taken then."""
+        found = self.next == text
+        self.at += found
+        return found
+
+    def another(self) -> Token:
+        """What goes on with an expression."""
+        self.terms += 1
+        if self.terms > MAX_TERMS:
+            raise _NotUnderstood
+        return self.take()
 
     def name(self) -> str:
         token = self.take()
@@ -203,14 +221,12 @@ class _Parser:
             raise _NotUnderstood
         return found
 
-    def expression(self, level: int = 0) -> Expression:
-        """An expression of operators that bind at least as much as a level's."""
-        if level == len(_LEVELS):
-            return self.operand()
-        left = self.expression(level + 1)
-        while self.next in _LEVELS[level]:
-            operator = self.take().text
-            right = self.expression(level + 1)
+    def expression(self, least: int = 0) -> Expression:
+        """An expression of operators that bind at least so much."""
+        left = self.operand()
+        while (bound := _BINDS.get(self.next, -1)) >= least:
+            operator = self.another().text
+            right = self.expression(bound + 1)
             left = Operation(left.start, right.end, operator, (left, right))
         return left
 
@@ -227,7 +243,7 @@ class _Parser:
         found: Expression
         match token:
             case Token(text="-" | "+" | "not"):
-                of = self.operand() if token.text != "not" else self.expression(2)
+                of = self.operand() if token.text != "not" else self.expression(COMPARED)
                 return Operation(token.start, of.end, token.text, (of,))
             case Token(kind="number"):
                 found = Number(token.start, token.end, _number(token.text))
@@ -247,7 +263,7 @@ class _Parser:
             case _:
                 raise _NotUnderstood
         while self.next == "[":
-            self.take("[")
+            self.another()
             index = self.expression()
             found = Index(found.start, self.take("]").end, found, index)
         return found
@@ -348,10 +364,7 @@ def _understood(tokens: Sequence[Token], start: int, end: int) -> Statement:
     if first == "return":
         return Statement(kind="return", start=start, end=end, value=parser.whole() if parser.next else None)
     if first == "run":
-        call = parser.whole()
-        if not isinstance(call, Call):
-            raise _NotUnderstood
-        return Statement(kind="run", start=start, end=end, name=call.name, value=call)
+        return _started(parser, start, end)
     if len(tokens) > 1 and first in ("kill", "join", "enter_critical", "exit_critical") and tokens[1].text != "=":
         return Statement(kind="declare", start=start, end=end)
     return _assignment(parser, first if first in ("global", "local") else "", start, end)
@@ -374,11 +387,20 @@ def _header(parser: _Parser, kind: str, start: int, end: int) -> Statement:
     return Statement(kind=kind, start=start, end=end, name=name, parameters=tuple(parameters))  # pyright: ignore[reportArgumentType]
 
 
+def _started(parser: _Parser, start: int, end: int) -> Statement:
+    call = parser.whole()
+    if not isinstance(call, Call):
+        raise _NotUnderstood
+    return Statement(kind="run", start=start, end=end, name=call.name, value=call)
+
+
 def _assignment(parser: _Parser, scope: str, start: int, end: int) -> Statement:
     """An assignment, the declaration of a variable, or an expression that is evaluated for what it does."""
     target = parser.expression()
     if parser.next == "=":
         parser.take()
+        if parser.begins("run"):  # the handle of a thread is no value
+            return _started(parser, start, end)
         value = parser.whole()
         index = None
         match target:
@@ -506,6 +528,8 @@ class _Blocks:
             raise self.refuse(self.open[-1].line, "is not closed by 'end'; the file is cut off, or an 'end' is missing")
 
     def add(self, line: Statement) -> None:
+        if len(self.open) > MAX_DEPTH:
+            raise self.refuse(line, f"lies in more than {MAX_DEPTH} blocks; write some of them as functions")
         match line.kind:
             case "def" | "thread" | "sec":
                 routine = Routine(

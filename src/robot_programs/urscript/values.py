@@ -6,7 +6,7 @@ Universal Robots, *Script manual, e-Series*: modules internals and urmath.
 import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -49,15 +49,21 @@ class Lost:
 
 @dataclass(frozen=True, kw_only=True)
 class Pose:
-    """A pose in the robot's base."""
+    """A pose."""
 
-    values: Six
+    stated: Six
+    """Its values, in the feature if it has one, else in the robot's base."""
     literal: Literal | None = None
-    """That states it, or states it in a feature; None where it is computed."""
+    """That states them; None where they are computed."""
     feature: tuple[str, Six] | None = None
     """Variable, and its pose, with which ``pose_trans`` moved it."""
-    stated: Six = ()
-    """Values in that feature; those in the base without one."""
+
+    @property
+    def values(self) -> Six:
+        """Its values in the robot's base."""
+        if self.feature is None:
+            return self.stated
+        return six_of(matrix(self.feature[1]) @ matrix(self.stated))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +72,20 @@ class Array:
 
     items: "tuple[Value, ...]"
     literal: Literal | None = None
+    size: int = 0
+    """Of its elements, twice for each list around them."""
+
+    @staticmethod
+    def of(items: "Sequence[Value]", literal: Literal | None = None) -> "Array | Lost":
+        """A list, unless it is one that grows without an end."""
+        size = 2 * sum(item.size if isinstance(item, Array) else 1 for item in items)
+        if size > MAX_SIZE:
+            return Lost(reason="a list is too large to be followed")
+        return Array(items=tuple(items), literal=literal, size=size)
+
+
+MAX_SIZE = 100_000
+"""A list of points has some thousand numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +101,10 @@ Value = int | float | bool | str | Pose | Array | Inverse | Lost
 
 def matrix(values: Six) -> Float[np.ndarray, "4 4"]:
     """The transform of a pose, metres."""
-    return se3.pose(se3.exp(np.array(values[3:])), np.array(values[:3]))
+    x, y, z, *w = values
+    half = 0.5 * math.hypot(*w)
+    scale = 0.5 * math.sin(half) / half if half else 0.5
+    return se3.pose_of((x, y, z), (scale * w[0], scale * w[1], scale * w[2], math.cos(half)))
 
 
 def six_of(T: Float[np.ndarray, "4 4"], near: Six = (0.0,) * 6) -> Six:
@@ -99,8 +122,7 @@ MIN_ANGLE_RAD = 1e-12
 
 def computed(T: Float[np.ndarray, "4 4"]) -> Pose:
     """A pose that the text states nowhere."""
-    values = six_of(T)
-    return Pose(values=values, stated=values)
+    return Pose(stated=six_of(T))
 
 
 def numbers(value: Value, count: int) -> Six | None:
@@ -182,7 +204,7 @@ def _rotation_vector(rpy: Six | None) -> Value:
     if rpy is None:
         raise ValueError("it takes three angles")
     R = angled_pose(0.0, 0.0, 0.0, *(math.degrees(angle) for angle in reversed(rpy)))
-    return Array(items=tuple(float(v) for v in se3.log(R[:3, :3])))
+    return Array.of([float(v) for v in se3.log(R[:3, :3])])
 
 
 def applied(call: Call, given: Sequence[Value]) -> Value:
@@ -263,14 +285,14 @@ def _elements(sign: str, a: Value, b: Value) -> Value:
     """Lists are added element by element, and multiplied by a number."""
     match a, b:
         case Array(), Array() if sign in ("+", "-") and len(a.items) == len(b.items):
-            items = tuple(_binary(sign, x, y) for x, y in zip(a.items, b.items, strict=True))
+            items = [_binary(sign, x, y) for x, y in zip(a.items, b.items, strict=True)]
         case Array(), int() | float() if sign == "*":
-            items = tuple(_binary(sign, x, b) for x in a.items)
+            items = [_binary(sign, x, b) for x in a.items]
         case int() | float(), Array() if sign == "*":
-            items = tuple(_binary(sign, a, y) for y in b.items)
+            items = [_binary(sign, a, y) for y in b.items]
         case _:
             return Lost(reason=f"what '{sign}' makes of these values is not known")
-    return Array(items=items)
+    return Array.of(items)
 
 
 def _logic(sign: str, a: Value, b: Value) -> Value:
@@ -326,14 +348,14 @@ class Evaluator:
         if len(items) == 6:
             places = tuple((item.start, item.end) for item in listed.items)
             literal = Literal(self.file, listed.start, places)
-        array = Array(items=items, literal=literal)
+        array = Array.of(items, literal)
         if not listed.pose:
             return array
         values = numbers(array, 6)
         if values is None:
             lost = next((item for item in items if isinstance(item, Lost)), None)
             return lost or Lost(reason="what stands in p[…] is not six numbers")
-        return Pose(values=values, literal=literal, stated=values)
+        return Pose(stated=values, literal=literal)
 
     def _element(self, of: Value, index: Value) -> Value:
         if isinstance(of, Lost) or isinstance(index, Lost):
@@ -349,14 +371,13 @@ class Evaluator:
             return value
         if call.name in ("get_inverse_kin", "get_forward_kin"):
             return self._kinematics(call)
-        value = applied(call, given := [self(argument) for _, argument in call.arguments])
-        if call.name == "pose_trans" and isinstance(value, Pose):
-            (_, first), _ = call.arguments
-            frame, point = given
-            if isinstance(first, Name) and isinstance(frame, Pose) and isinstance(point, Pose):
+        given = [self(argument) for _, argument in call.arguments]
+        match call.arguments, given:
+            case ((_, Name() as first), _), [Pose() as frame, Pose() as point] if call.name == "pose_trans":
                 literal = None if point.feature else point.literal
-                return replace(value, literal=literal, feature=(first.name, frame.values), stated=point.values)
-        return value
+                return Pose(stated=point.values, literal=literal, feature=(first.name, frame.values))
+            case _:
+                return applied(call, given)
 
     def _kinematics(self, call: Call) -> Value:
         inverse = call.name == "get_inverse_kin"

@@ -134,6 +134,7 @@ def test_a_loop_over_a_list_goes_to_each_element():
         (("q = p[0.6,0,0,0,0,0]", "q[0] = 0.8", "x = q[0]"), 0.8),
         (("x = 0.2", "if get_digital_in(0):", "x = 0.2", "end"), 0.2),
         (("x = 0.1", "if True:", "x = 0.2 end"), 0.2),
+        (("x = 0.1", "thread t():", "y = 2", "end", "handle = run t()", "kill handle"), 0.1),
     ],
 )
 def test_variables_are_followed(lines, value):
@@ -162,6 +163,14 @@ def test_variables_are_followed(lines, value):
         (("speedl([0, 0, 0.1, 0, 0, 0], 0.5)",), "steered"),
         (("movel(x = = 2)",), "not understood"),
         (("a = movel(Waypoint_1_p)",), "part of an expression"),
+        (("movel(" + "+".join(["x"] * 5000) + ")",), "not understood"),
+        (("movel(" + "[" * 5000 + "x" + "]" * 5000 + ")",), "not understood"),
+        (("movel(x" + "[0]" * 5000 + ")",), "not understood"),
+        (("movel(" + "-" * 5000 + "x)",), "not understood"),
+        (("x = [1, 2]", "while read_port_bit(1):", "x = [x, x]", "end", "movel(x)"), "further down"),
+        (("x = [1]", "n = 0", "while n < 900:", "n = n + 1", "x = [x, x]", "end", "movel(x)"), "neither a pose"),
+        (("x = [1]", "n = 0", "while n < 900:", "n = n + 1", "x[0] = x", "end", "movel(x)"), "neither a pose"),
+        (("def f(n):", "return f(n) + 1", "end", "movel(p[f(1), 0, 0, 0, 0, 0])"), "returns"),
     ],
 )
 def test_what_only_the_controller_knows_is_diagnosed(lines, reason):
@@ -214,6 +223,7 @@ def test_functions_outside_see_what_stands_before_them():
         ("def prog():\n  if x:\n    break\n  end\nend\n", 3, "is in no loop"),
         ("x = 1\n", None, "not URScript"),
         ("\0\0", None, "binary"),
+        ("if x:\n" * 60 + "movel(y)\n" + "end\n" * 60, 42, "lies in more than 40 blocks"),
     ],
 )
 def test_what_is_no_program_is_refused_with_its_place(text, line, words):
