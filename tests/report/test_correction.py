@@ -1,5 +1,6 @@
 """The figure of a corrected program, and remarks by reason."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +12,25 @@ from robot_programs.apt.read import read_apt
 from robot_programs.core.program import Frame
 from robot_programs.core.source import Place, Source
 from taskcal.correction.correct import correct
+from taskcal.correction.correction import Correction
 from taskcal.identification.identify import identify
 from taskcal.report.content import Scene
-from taskcal.report.correction import draw_program, group_remarks
+from taskcal.report.correction import (
+    MIN_DRAWN_MM,
+    draw_errors,
+    draw_errors_per_axis,
+    draw_program,
+    group_remarks,
+    state_expected,
+    state_uncertain,
+    tabulate_correction,
+    tabulate_errors,
+    tabulate_targets,
+)
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.virtual.cell import simulate
+from tests.report.drawn import series
 
 PLANAR = b"""GOTO/350,0,300,0,0,1
 GOTO/400,0,300
@@ -27,13 +41,73 @@ GOTO/410,60,300
 
 
 @pytest.fixture(scope="module")
-def scene() -> Scene:
+def corrected() -> Correction:
     robot = load_robot("abb-irb120")
     model = ErrorModel(robot)
     q = np.random.default_rng(3).uniform(*0.5 * robot.limits.T, size=(30, 6))
     calibration = identify(model, simulate(model, q, rng=np.random.default_rng(4))[0])
     tool, part = Frame(name="mill", T=robot.T_flange_tool), Frame(name="vice", T=np.eye(4))
-    return draw_program(correct(calibration, read_apt([Source.of(Path("flat.apt"), PLANAR)], tool=tool, part=part)))
+    return correct(calibration, read_apt([Source.of(Path("flat.apt"), PLANAR)], tool=tool, part=part))
+
+
+@pytest.fixture(scope="module")
+def scene(corrected: Correction) -> Scene:
+    return draw_program(corrected)
+
+
+def test_figures_of_a_program_are_its_errors_in_millimetres(corrected: Correction) -> None:
+    """Along the motions, and along each axis of the part at the targets."""
+    before, after = corrected.before, corrected.after
+    drawn = series(draw_errors(corrected.program, {"before": before, "after": after}, "error"))
+    for one, own in zip(drawn, (before, after), strict=True):
+        np.testing.assert_allclose(one.x, own.move + own.share)
+        np.testing.assert_allclose(one.y, np.maximum(1e3 * np.linalg.norm(own.error[:, :3], axis=1), MIN_DRAWN_MM))
+    for one, own in zip(series(draw_errors_per_axis(corrected)), (before, after), strict=True):
+        for axis in range(3):
+            np.testing.assert_allclose(
+                np.asarray(one.x)[np.asarray(one.y) == axis], 1e3 * own.error[own.at_target, axis]
+            )
+
+
+def test_tables_of_a_program_are_its_errors_in_millimetres(corrected: Correction) -> None:
+    table = tabulate_errors(corrected)
+    for label, own, where in (
+        ("at targets, before", corrected.before, corrected.before.at_target),
+        ("at targets, after", corrected.after, corrected.after.at_target),
+    ):
+        (row,) = [dict(zip(table.header, cells, strict=True)) for cells in table.rows if cells[0] == label]
+        error = own.error[where, :3]
+        size = np.linalg.norm(error, axis=1)
+        wanted = [size.max(), np.sqrt(np.mean(size**2)), size.mean(), *np.abs(error).max(axis=0)]
+        names = ("max mm", "rms mm", "mean mm", "max x mm", "max y mm", "max z mm")
+        assert [float(row[name]) for name in names] == pytest.approx([1e3 * one for one in wanted], abs=6e-5)
+        assert int(row["points"]) == len(error)
+    every = tabulate_targets(corrected)
+    column = every.header.index("before mm")
+    sizes = [float(row[column]) for row in every.rows]
+    worst = tabulate_targets(corrected, 3)
+    assert [float(row[worst.header.index("before mm")]) for row in worst.rows] == sorted(sizes, reverse=True)[:3]
+    assert worst.title.startswith("The 3 targets")
+    assert tabulate_targets(corrected, len(sizes) + 1).title == every.title == "Targets"
+
+
+def test_words_of_a_correction_are_its_figures(corrected: Correction) -> None:
+    facts = dict([*state_expected(corrected), *tabulate_correction(corrected)])
+    budget, summary = corrected.budget, corrected.summary()
+    said = [float(number) for number in re.findall(r"\d+\.\d+", facts["expected error"])]
+    assert said == pytest.approx([1e3 * budget.before, 1e3 * budget.after], abs=6e-4)
+    said = [float(number) for number in re.findall(r"\d+\.\d+", facts["correction"])]
+    assert said == pytest.approx([1e3 * np.sqrt(budget.correction), 1e3 * budget.uncertainty], abs=6e-4)
+    shares = [int(number) for number in re.findall(r"(\d+)%", facts["uncertainty budget"])]
+    assert shares == [round(100 * share) for share in budget.shares.values()]
+    assert sum(budget.shares.values()) == pytest.approx(1.0)
+    moves, done, pieces, rejected, unchanged, unread = map(int, re.findall(r"\d+", facts["motions"]))
+    assert (moves, done + rejected + unchanged) == (len(corrected.program.moves), moves)
+    assert (rejected, unread) == (summary["refused"], summary["unresolved"])
+    assert facts["lines and arcs"].endswith(f": {pieces - done} more motions")
+    assert f"ratio {corrected.motion.conditioning:.3f} " in facts["nearest to singular"]
+    worst, share = max(budget.shares.items(), key=lambda item: item[1])
+    assert f"{share:.0%} is {worst}" in state_uncertain(corrected)
 
 
 def test_program_scene_has_every_target(scene: Scene) -> None:

@@ -1,11 +1,22 @@
 """Maps and tables of placements show each placement where it is, and mark what cannot be used."""
 
+import re
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
+import pytest
 
 from taskcal.correction.part_placement import PartPlacements, PlacedPart
-from taskcal.report.placement import draw_placements, placement_page, varied_axes
+from taskcal.report.placement import (
+    SHOWN,
+    draw_placements,
+    placement_page,
+    state_cost,
+    tabulate_obstacles,
+    tabulate_placements,
+    varied_axes,
+)
 from tests.report.drawn import series
 
 XS, YS, TURNS = (-0.2, 0.0, 0.2), (-0.1, 0.1), (-0.5, 0.5)
@@ -62,3 +73,25 @@ def test_placement_page_gives_reasons_of_rejection():
     page = placement_page(found, "robot", calibrated=True).html()
     assert "Rejected placements" in page
     assert "square.csv:2: out of reach" in page
+
+
+def test_tables_and_words_of_placements_are_their_figures():
+    """The best first; each reason counted; what the move to the best is, and by which share it reduces the error."""
+    every = tuple(placed(*at) for at in product(XS, YS, TURNS))
+    found = PartPlacements(name="square", now=placed(0.0), all=every)
+    table = tabulate_placements(found)
+    at = [table.header.index(name) for name in ("x mm", "y mm", "turn °", "after mm", "least joint margin °")]
+    rows = [[float(row[k]) for k in at] for row in table.rows]
+    possible = sorted((one for one in every if one.possible), key=lambda one: one.expected)
+    wanted = [
+        [1e3 * one.shift[0], 1e3 * one.shift[1], np.degrees(one.turn), 1e3 * one.after, np.degrees(one.margin)]
+        for one in possible
+    ]
+    np.testing.assert_allclose(rows, wanted[:SHOWN], atol=0.06)
+    assert tabulate_obstacles(found).rows == (("square.csv:2: out of reach", "4"),)
+    assert tabulate_obstacles(PartPlacements(name="square", now=placed(0.0), all=tuple(possible))) is None
+    best = replace(placed(-0.2, 0.0, 0.5), shift=np.array([-0.2, 0.1, 0.2]))
+    moved, turned, less = (float(number) for number in re.findall(r"\d+(?:\.\d+)?", state_cost(found.now, best)))
+    assert (moved, turned) == pytest.approx((300.0, np.degrees(0.5)), abs=0.06)
+    assert less == round(100 * (1 - best.expected / found.now.expected))
+    assert "%" not in state_cost(replace(found.now, before=np.nan, after=np.nan), best)
