@@ -8,26 +8,24 @@ import numpy as np
 import pytest
 
 import taskcal.studio
+from taskcal.report.scene import MATERIALS
 from taskcal.studio.pages.program_page import HIGH, LOW
 from taskcal.studio.views import (
     ARROW,
     AXES,
-    BACKGROUND,
+    BEAM,
     BOX,
     CONCERNED,
     CONE,
+    DARK_GAIN,
     INK,
-    JOINT,
+    INSTRUMENT,
     KEEP_OUT,
-    LINK,
-    LOOP,
-    PICKED,
-    SEEN,
-    TRACKER,
+    MARK,
     linear,
 )
 
-TEXT, MARK = 4.5, 3.0
+TEXT, DRAWN = 4.5, 3.0
 """Least contrast of text and of what is drawn (WCAG 2.2, 1.4.3 and 1.4.11)."""
 
 
@@ -53,25 +51,40 @@ def test_text_is_readable_in_grey_in_both_schemes(scheme: str) -> None:
             assert contrast(colours[name], colours[ground]) >= TEXT, (name, ground)
 
 
-def test_what_is_drawn_stands_out_from_the_ground_in_grey() -> None:
-    marks = {"link": LINK, "joint": JOINT, "loop": LOOP, "box": BOX, "cone": CONE, "arrow": ARROW, "point": INK}
-    marks |= {
-        "tracker": TRACKER,
-        "beam": SEEN,
-        "keep out": KEEP_OUT,
-        "concerned": CONCERNED,
-        "no error": tuple(LOW),
-        "largest error": tuple(HIGH),
+def brightened(colour: str | tuple[float, float, float]) -> float:
+    """Luminance of a colour of a scene on a dark ground."""
+    parts = colour if not isinstance(colour, str) else [int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
+    light = np.minimum(DARK_GAIN * linear(np.array([parts], dtype=float)), 1.0)
+    return float(light[0] @ [0.2126, 0.7152, 0.0722])
+
+
+def test_what_is_drawn_stands_out_from_both_grounds_in_grey() -> None:
+    marks = {
+        "box": BOX,
+        "cone": CONE,
+        "arrow": ARROW,
+        "point": INK,
+        "instrument": INSTRUMENT,
+        "beam": BEAM,
+        "mark": MARK,
     }
-    found = {name: contrast(colour, BACKGROUND) for name, colour in marks.items()}
-    found |= {f"axis {k}": contrast(colour, BACKGROUND) for k, colour in enumerate(AXES)}
-    assert {name: round(value, 2) for name, value in found.items() if value < MARK} == {}
+    marks |= {"keep out": KEEP_OUT, "concerned": CONCERNED, "no error": tuple(LOW), "largest error": tuple(HIGH)}
+    marks |= {f"axis {k}": colour for k, colour in enumerate(AXES)} | dict(MATERIALS)
+    css = (Path(taskcal.studio.__file__).parent / "studio.css").read_text()
+    light, dark = re.findall(r"--ground: (#\w{6})", css)
+    on_light = {name: contrast(colour, light) for name, colour in marks.items()}
+    on_dark = {name: (brightened(colour) + 0.05) / (luminance(dark) + 0.05) for name, colour in marks.items()}
+    found = {
+        (name, ground): value for ground, all in (("light", on_light), ("dark", on_dark)) for name, value in all.items()
+    }
+    assert {key: round(value, 2) for key, value in found.items() if value < DRAWN} == {}
+    in_reports = {name: contrast(colour, dark) for name, colour in MATERIALS.items()}  # which do not brighten them
+    assert {name: round(value, 2) for name, value in in_reports.items() if value < DRAWN} == {}
 
 
 def test_marks_that_mean_different_things_differ_in_grey() -> None:
-    for a, b in combinations({"link": LINK, "joint": JOINT}.items(), 2):
-        assert contrast(a[1], b[1]) >= 1.5, (a, b)
-    for a, b in combinations((INK, PICKED, CONCERNED), 2):
+    assert contrast(MATERIALS["link"], MATERIALS["joint"]) >= 1.5
+    for a, b in combinations((INK, MARK, CONCERNED), 2):
         assert contrast(a, b) >= 1.5, (a, b)
 
 
@@ -83,7 +96,7 @@ def test_errors_along_a_path_grow_darker_in_grey() -> None:
 
 def test_points_are_shown_in_the_colours_that_are_meant() -> None:
     """three.js takes a point's colour for light, and the screen shows that as sRGB."""
-    light = linear(np.array([INK, PICKED, LOW, HIGH]))
+    light = linear(np.array([INK, CONCERNED, LOW, HIGH]))
     np.testing.assert_allclose(
-        light @ [0.2126, 0.7152, 0.0722], [luminance(tuple(c)) for c in (INK, PICKED, LOW, HIGH)]
+        light @ [0.2126, 0.7152, 0.0722], [luminance(tuple(c)) for c in (INK, CONCERNED, LOW, HIGH)]
     )

@@ -25,8 +25,8 @@ FRAME_MS = """() => {
   return (performance.now() - begun) / frames;
 }"""
 
-MOST_CALLS = 2
-"""The points and the axes."""
+MOST_CALLS = 60
+"""The points are one; the parts of the robot, the axes, the tracker and the grid are the others."""
 
 MOST_MS = 16.0
 """Of the page's own work for a frame, for sixty a second; what the graphics processor does comes beside that."""

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nicegui import ui
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.cli import main
@@ -21,12 +22,14 @@ from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import write_campaign, write_joints
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
+from taskcal.studio.measured_rows import registered_rows
 from taskcal.studio.pages.weight_page import POSES
 from taskcal.studio.project import Project
 from taskcal.studio.results import examined
 from taskcal.studio.runs import CommandRun, Status
 from taskcal.studio.server import ROAD
 from taskcal.studio.texts import LANGUAGES, Texts
+from taskcal.studio.views import MARK
 from taskcal.task.task import load_task, reach_task
 from taskcal.virtual.cell import simulate
 from tests.studio.visitor import Visitor, visit
@@ -213,16 +216,50 @@ def test_the_first_rows_and_a_picked_point_are_the_file_s(worked) -> None:
         for row, one in zip(rows, written, strict=False):
             assert one.items() <= dict(zip(header, row, strict=True)).items()
         (scene,) = (e for e in user.all() if "click3d" in {one.type for one in e._event_listeners.values()})
-        seen = campaign.points[campaign.valid & np.isfinite(campaign.points).all(axis=2)]
-        middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+        measured = registered_rows(MODEL, campaign)
         for row, target in ((7, 0), (30, 1), (11, 0)):
-            x, y, z = campaign.points[row, target] - middle + [0.0, 1e-6, 0.0]
-            user.click_in(scene, x, y, z)
-            (said,) = (text for text in user.said("p") if text.startswith("row "))
-            assert said.startswith(f"{campaign.row(row)}, {campaign.targets[target]}: ")
-            np.testing.assert_allclose(numbers(said)[-3:], campaign.points[row, target] * 1e3, atol=1e-4)
+            user.click_in(scene, *measured.points[row, target] + [0.0, 1e-6, 0.0])
+            (said,) = (text for text in user.said("span") if text.startswith("row "))
+            assert said.startswith(f"{campaign.row(row)}: ")
+            of_target = next(
+                part for part in said.split(": ", 1)[1].split("; ") if part.startswith(campaign.targets[target])
+            )
+            np.testing.assert_allclose(numbers(of_target), campaign.points[row, target] * 1e3, atol=1e-4)
 
     visit(worked, look)
+
+
+def test_a_row_is_selected_by_clicks_keys_and_slider_alike(worked) -> None:
+    campaign = read_campaign(worked / "campaigns" / "one.csv", ROBOT)
+    measured = registered_rows(MODEL, campaign)
+
+    async def select(user: Visitor) -> None:
+        await user.open("measurements")
+        (area,) = (
+            e for e in user.elements("div") if {"click", "keydown"} <= {one.type for one in e._event_listeners.values()}
+        )
+        slider = user.named(TEXTS("player.pose"))
+        (scene,) = (e for e in user.all() if isinstance(e, ui.scene))
+
+        def is_selected(row: int) -> None:
+            assert slider.value == str(row)
+            assert [said for said in user.said("span") if said.startswith(f"{campaign.row(row)}: ")]
+            marks = [one for one in scene.objects.values() if one.color == MARK and one.visible_]
+            np.testing.assert_allclose([[one.x, one.y, one.z] for one in marks], measured.at(row))
+
+        is_selected(0)
+        for event, said, row in (
+            ("click", "7", 7), ("keydown", 1, 8), ("keydown", -1, 7), ("click", "40", 7), ("click", "-1", 7), ("click", "39", 39),
+            ("keydown", 1, 39), ("click", "0", 0), ("keydown", -1, 0),
+        ):  # fmt: skip
+            user.tell(area, event, said)
+            is_selected(row)
+        user.tell(slider, "moved", {"value": "5", "said": 1})
+        is_selected(5)
+        shown = {e.props["data-row"] for e in user.elements("tr") if "data-row" in e.props}
+        assert shown == {str(row) for row in range(len(shown))}
+
+    visit(worked, select)
 
 
 def written_rows(folder: Path) -> list[dict[str, str]]:

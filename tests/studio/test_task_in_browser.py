@@ -10,12 +10,9 @@ import pytest
 
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.mechanism import trace_skeleton
-from taskcal.studio.pages.task_page import posture
 from taskcal.studio.pages.weight_page import weigh
 from taskcal.studio.project import begin_example
 from taskcal.studio.task_box import box_of
-from taskcal.studio.views import VIEWS
 from taskcal.task.task import load_task
 from tests.studio.conftest import comes_true, open_tab, served, server_of
 from tests.studio.test_fit_in_browser import ROBOT, command_line
@@ -103,26 +100,25 @@ def test_a_task_is_moved_weighed_and_planned(chromium: Any, tmp_path: Path) -> N
         assert tab.complaints == []
 
 
-def pixel(view: Any, size: float, place: np.ndarray) -> dict[str, float]:
-    """Where the oblique view of a robot so large has a place of its base, in the picture's pixels."""
-    box = view.bounding_box()
-    middle = 0.4 * size
-    camera = 1.25 * size * np.array(VIEWS["oblique"]) + [0.0, 0.0, middle]
-    along = np.array([0.25 * size, 0.0, middle]) - camera
-    along /= np.linalg.norm(along)
-    right = np.cross(along, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    seen = place - camera
-    scale = 0.5 * box["height"] / np.tan(np.radians(37.5)) / (seen @ along)
-    up = np.cross(right, along)
-    return {"x": 0.5 * box["width"] + scale * (seen @ right), "y": 0.5 * box["height"] - scale * (seen @ up)}
+PIXEL = """(place) => {
+  const view = getElement(document.querySelector(".view").id.slice(1)), canvas = view.$el.querySelector("canvas");
+  const at = view.camera.position.clone().set(...place).project(view.camera);
+  return {x: 0.5 * (1 + at.x) * canvas.clientWidth, y: 0.5 * (1 - at.y) * canvas.clientHeight};
+}"""
+
+Z_BALL = """() => {
+  const view = getElement(document.querySelector(".view").id.slice(1));
+  const balls = view.draggable_objects.filter((one) => one.geometry.type === "SphereGeometry");
+  return balls.map((one) => one.position.toArray()).sort((a, b) => b[2] - a[2])[0];
+}"""
+"""Where the ball of the axis that points up is."""
 
 
-def drag(page: Any, size: float, start: np.ndarray, end: np.ndarray) -> None:
+def drag(page: Any, start: np.ndarray, end: np.ndarray) -> None:
     view = page.locator("canvas")
     view.scroll_into_view_if_needed()
     corner = view.bounding_box()
-    begin, stop = pixel(view, size, start), pixel(view, size, end)
+    begin, stop = (page.evaluate(PIXEL, place.tolist()) for place in (start, end))
     page.mouse.move(corner["x"] + begin["x"], corner["y"] + begin["y"])
     page.wait_for_timeout(300)
     page.mouse.down()
@@ -164,10 +160,9 @@ def test_a_box_is_turned_and_the_tool_s_orientations_are_edited(chromium: Any, t
         box = box_of(load_task(file))
         assert box is not None
         robot = load_robot(ROBOT)
-        size = max(np.linalg.norm(line, axis=-1).max() for line in trace_skeleton(robot, posture(robot)[None]).links)
         T = box.T_base_box
-        ball = T[:3, 3] + T[:3, 2] * (0.5 * box.workspace.size[2] + 0.08 * size)
-        drag(page, size, ball, ball + np.array([0.3, 0.3, 0.0]))
+        ball = np.array(page.evaluate(Z_BALL))
+        drag(page, ball, ball + np.array([0.3, 0.3, 0.0]))
         page.wait_for_timeout(1000)
         turned = box_of(load_task(file))
         assert turned is not None

@@ -105,10 +105,11 @@ class Visitor:
         """Settle on a value of an input."""
         self.tell(self.named(label, **props), "left", {"value": value, "said": 1})
 
-    def click_in(self, scene: Element, x: float, y: float, z: float) -> None:
-        """Click something in a scene."""
+    def click_in(self, scene: ui.scene, x: float, y: float, z: float) -> None:
+        """Click the points of a scene."""
+        (cloud,) = (one for one in scene.objects.values() if isinstance(one, ui.scene.point_cloud))
         keys = dict.fromkeys(("alt_key", "ctrl_key", "meta_key", "shift_key"), False)
-        hit = {"object_id": "", "object_name": "", "point": {"x": x, "y": y, "z": z}}
+        hit = {"object_id": cloud.id, "object_name": "", "point": {"x": x, "y": y, "z": z}}
         self.tell(scene, "click3d", {"click_type": "click", "button": 0, "hits": [hit], **keys})
 
     def tell(self, element: Element, event: str, args: object = None) -> None:

@@ -180,8 +180,8 @@ class Scene:
     title: str
     poses: tuple[Mapping[str, Any], ...] = ()
     """A robot at some poses, as `robot_scene.draw_robot` has them; one is shown at a time."""
-    radius: float = 0.0
-    """Of the robot's first link."""
+    look: Mapping[str, Any] | None = None
+    """Radii and colours of the robot's parts, as `scene.robot_look` has them."""
     layers: tuple[Mapping[str, Any], ...] = ()
     """Strokes, arrows, points and markers, each with a label and a colour."""
     shown: int = 0
@@ -201,7 +201,7 @@ class Scene:
         """Content that the page draws."""
         return {
             "poses": self.poses,
-            "radius": self.radius,
+            "look": self.look,
             "layers": self.layers,
             "shown": self.shown,
             "scale": None if self.scale is None else {"start": self.scale},

@@ -23,7 +23,7 @@ from taskcal.report.scene import (
     MAX_POSES,
     coloured_points,
     draw_robot,
-    link_radius,
+    robot_look,
     spread_rows,
     strokes,
     workspace_layer,
@@ -147,7 +147,7 @@ def plan_scene(model: ErrorModel, plan: Plan, space: Workspace | None) -> Scene:
     return Scene(
         title="The robot at the planned poses",
         poses=draw_robot(robot, plan.q[rows], [f"id {row}" for row in rows]),
-        radius=link_radius(robot) * 1e3,
+        look=robot_look(robot),
         layers=tuple(layers),
         floor=True,
         note="Poses all around the workspace, with many tool orientations, determine the most. A bare side is out of the robot's "

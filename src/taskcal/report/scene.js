@@ -45,23 +45,23 @@
       }
     }
   }
-  function robot(out, pose, radius, colours) {
+  function robot(out, pose, look, colours) {
     pose.links.forEach((corners, number) => {
-      const thick = radius * (1 - (0.55 * number) / pose.links.length);
+      const thick = look.links[number];
       for (let k = 0; k + 1 < corners.length; k++) tube(out, corners[k], corners[k + 1], thick, colours.link, false);
       for (let k = 1; k + 1 < corners.length; k++) ball(out, corners[k], thick, colours.link);
     });
     pose.joints.forEach(([centre, axis], number) => {
-      const thick = radius * (1.25 - (0.65 * number) / pose.links.length), half = 1.2 * thick;
-      tube(out, add(centre, axis, -half), add(centre, axis, half), thick, colours.joint, true);
+      const half = look.halves[number];
+      tube(out, add(centre, axis, -half), add(centre, axis, half), look.drums[number], colours.joint, true);
     });
     for (const [from, to] of pose.loop) {
-      tube(out, from, to, 0.4 * radius, colours.loop, true);
-      ball(out, from, 0.6 * radius, colours.loop);
-      ball(out, to, 0.6 * radius, colours.loop);
+      tube(out, from, to, look.bar, colours.loop, true);
+      ball(out, from, look.pin, colours.loop);
+      ball(out, to, look.pin, colours.loop);
     }
     const tool = pose.links[pose.links.length - 1];
-    ball(out, tool[tool.length - 1], 0.35 * radius, colours.tool);
+    ball(out, tool[tool.length - 1], look.tool, colours.tool);
   }
 
   function extent(scene) {
@@ -93,6 +93,7 @@
     const scene = JSON.parse(holder.textContent), box = document.getElementById(holder.dataset.scene);
     const canvas = box.querySelector("canvas"), tip = box.querySelector(".tip"), label = box.querySelector(".legend");
     const view = { turn: -0.9, tilt: 0.35, zoom: 1 }, hidden = new Set(), room = extent(scene);
+    const material = Object.fromEntries(Object.entries(scene.look?.colours ?? {}).map(([part, hex]) => [part, [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16))]));
     let number = scene.shown || 0, scale = scene.scale ? scene.scale.start : 1, seen = [];
 
     function grid(out) {
@@ -137,7 +138,7 @@
       };
       const parts = [];
       const step = grid(parts);
-      if (scene.poses.length && !hidden.has("robot")) robot(parts, scene.poses[number], scene.radius, { link: [205, 211, 218], joint: [96, 110, 124], loop: [222, 165, 60], tool: isDark() ? [240, 244, 248] : [20, 26, 32] });
+      if (scene.poses.length && !hidden.has("robot")) robot(parts, scene.poses[number], scene.look, material);
       for (const one of scene.layers) if (!hidden.has(one.label)) layer(parts, one);
       const size = 0.12 * room.radius;
       if (scene.floor) [["x", [1, 0, 0]], ["y", [0, 1, 0]], ["z", [0, 0, 1]]].forEach(([name, axis]) => {

@@ -92,8 +92,14 @@ MAX_ARROWS = 400
 LINK_RADIUS = 0.025
 """Radius at which the first link is drawn, over the robot's reach: thin, so that it hides little."""
 
+MATERIALS: Mapping[str, str] = {"link": "#8291a0", "joint": "#5f6d7a", "loop": "#a8741a", "tool": "#c24e08"}
+"""Colours of a robot's parts, each with a contrast of 3 to a white and to a dark ground (WCAG 2.2, 1.4.11)."""
+
 ARROW = 0.06
 """Length at which the median error is drawn at first, over the robot's reach."""
+
+AT_ORIGIN = 0.1
+"""Of the origin of a measuring frame from the robot's base, over its reach, below which no tracker stands there."""
 
 MAX_DISTANCE = 1.6
 """Of a tracker that is drawn where it is, over the robot's reach; the scene would shrink for one farther away."""
@@ -137,7 +143,7 @@ def robot_scene(calibration: Calibration, errors: MeasuredErrors, space: Workspa
     return Scene(
         title="Measured points and errors",
         poses=draw_robot(robot, errors.q[rows], names),
-        radius=link_radius(robot) * 1e3,
+        look=robot_look(robot),
         layers=tuple(layers),
         shown=len(rows) // 2,
         scale=nice_scale(ARROW * robot.reach / typical) if typical > 0.0 else None,
@@ -189,9 +195,24 @@ def _corners(link: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "m 3"]:
     return link[np.concatenate([[True], apart])]
 
 
-def link_radius(robot: Robot) -> float:
-    """Radius of the first link as drawn, metres: thin, so that it hides little."""
-    return LINK_RADIUS * robot.reach
+def robot_look(robot: Robot) -> Mapping[str, Any]:
+    """How thick a robot's parts are drawn, millimetres, thinner towards the tool, and in which colours: the same in every scene.
+
+    Returns:
+        radii of links, radii and half lengths of the joints' drums, radii of a loop's bars and pins and of the tool; and colours.
+    """
+    first = LINK_RADIUS * robot.reach * 1e3
+    share = np.arange(len(robot.joints) + 1) / (len(robot.joints) + 1)
+    links, drums = first * (1.0 - 0.55 * share), first * (1.25 - 0.65 * share[:-1])
+    return {
+        "links": links.round(2).tolist(),
+        "drums": drums.round(2).tolist(),
+        "halves": (1.2 * drums).round(2).tolist(),
+        "bar": round(0.4 * first, 2),
+        "pin": round(0.6 * first, 2),
+        "tool": round(0.35 * first, 2),
+        "colours": MATERIALS,
+    }
 
 
 def _tracker(calibration: Calibration) -> Mapping[str, Any]:
@@ -200,7 +221,7 @@ def _tracker(calibration: Calibration) -> Mapping[str, Any]:
     at = -T[:3, :3].T @ T[:3, 3]
     away = float(np.linalg.norm(at))
     if away <= MAX_DISTANCE * reach:
-        label = "origin of the measuring frame" if away < 0.1 * reach else "tracker"
+        label = "origin of the measuring frame" if away < AT_ORIGIN * reach else "tracker"
         return {"kind": "marker", "label": label, "colour": INK, "at": to_mm(at[None])}
     end = at / away * MAX_DISTANCE * reach
     return {"kind": "marker", "label": f"to the tracker, {away:.1f} m away", "colour": INK, "at": to_mm(end[None])}

@@ -211,8 +211,13 @@ def button(label: str, on_click: Callable[[], Any], *, plain: bool = False) -> T
     return made
 
 
-def tabulated(shown: Table) -> Element:
-    """A table as reports and the command line have it."""
+def tabulated(shown: Table, rows: Sequence[int] = ()) -> Element:
+    """A table as reports and the command line have it.
+
+    Args:
+        shown: the table.
+        rows: that each of its rows stands for, by which a page selects it.
+    """
 
     def cell(tag: str, column: int, content: str) -> TextElement:
         kind = "words long" if len(content) > MAX_CELL else "words"
@@ -220,14 +225,18 @@ def tabulated(shown: Table) -> Element:
 
     with ui.element("div").classes("scroll").props("tabindex=0 role=region") as around:
         set_attribute(around, "aria-label", shown.title)
+        if len(rows):
+            around.props("data-steps")
         with ui.element("table").classes("plain dense" if len(shown.header) > MAX_COLUMNS else "plain"):
             text("caption", shown.title)
             with ui.element("thead"), ui.element("tr"):
                 for column, name in enumerate(shown.header):
                     cell("th", column, name).props("scope=col")
             with ui.element("tbody"):
-                for row in shown.rows:
-                    with ui.element("tr"):
+                for number, row in enumerate(shown.rows):
+                    with ui.element("tr") as line:
+                        if len(rows):
+                            line.props(f"data-row={rows[number]}")
                         for column, content in enumerate(row):
                             cell("td", column, content)
     if shown.note:

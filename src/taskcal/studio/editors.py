@@ -18,11 +18,14 @@ from taskcal.io.files import write_whole
 from taskcal.observations.point import Station, load_station
 from taskcal.robot.robot import Robot
 from taskcal.studio.controls import ANGLES, MAX_DISTANCE_MM, Dial, button, drop_zone, facts, number, text
+from taskcal.studio.measured_rows import MeasuredRows
 from taskcal.studio.project import LAYOUT, STATION_ENDINGS, Project
+from taskcal.studio.robot_meshes import RobotMeshes
+from taskcal.studio.selection import Selection
 from taskcal.studio.steps import choose_file, show_error
 from taskcal.studio.task_box import FREE, TENTHS, THOUSANDTHS, TaskBox, ToolRoom
 from taskcal.studio.texts import Texts
-from taskcal.studio.views import UPDATES_S, BoxView, Part, RobotView, add_views
+from taskcal.studio.views import UPDATES_S, BoxView, CellView, OnDrag, Part, RowPlayer, add_views
 
 # A robot and the box of its task, moved, stretched and turned by sliders and numbers, and dragged in the scene.
 
@@ -42,6 +45,7 @@ class BoxEditor:
         q: np.ndarray,
         box: TaskBox,
         texts: Texts,
+        cell: tuple[RobotMeshes | None, MeasuredRows | None],
         *,
         on_move: Callable[[TaskBox], None],
         on_release: Callable[[TaskBox], TaskBox],
@@ -50,9 +54,10 @@ class BoxEditor:
 
         Args:
             robot: drawn beside it.
-            q: its joint positions, radians or metres.
+            q: its joint positions where nothing was measured, radians or metres.
             box: to begin with.
             texts: of the page.
+            cell: meshes of the robot, and what was measured.
             on_move: called with every place of the box while it is dragged.
             on_release: called with the place where it is left; gives the box as it was saved.
         """
@@ -62,10 +67,8 @@ class BoxEditor:
         reach = float(np.ceil(robot.reach * 10.0) * 100.0)
         with ui.element("div").classes("side-by-side"):
             with ui.element("div"):
-                view = RobotView(robot, q)
-                self._view = BoxView(view.scene, view.size, len(box.rooms), self._drag)
-                with ui.element("div").classes("row"):
-                    add_views(view.scene, view.look, texts("task.space_of", robot=robot.title), texts)
+                meshes, measured = cell
+                self._view = _show_cell(robot, q, box, meshes, measured, self._drag, texts)
                 text("p", texts("task.drag")).classes("quiet")
             with ui.element("div"):
                 ranges: dict[Property, tuple[tuple[float, float], float]] = {
@@ -130,6 +133,43 @@ class BoxEditor:
         R = workspace.T_base_frame[:3, :3]
         tools = [(R @ room.rotation, room) for room in workspace.orientations]
         self._view.place(self.box.T_base_box, workspace.size, tools, held)
+
+
+def _show_cell(
+    robot: Robot,
+    q: Float[np.ndarray, " joints"],
+    box: TaskBox,
+    meshes: RobotMeshes | None,
+    measured: MeasuredRows | None,
+    on_drag: OnDrag,
+    texts: Texts,
+) -> BoxView:
+    """The scene with the box, and a slider over the measured rows where there are any."""
+    label = texts("task.space_of", robot=robot.title)
+    if measured is None:
+        view = CellView(robot, q[None], meshes=meshes, workspace=box.workspace)
+        with ui.element("div").classes("row"):
+            add_views(view, label, texts)
+        return BoxView(view.scene, view.size, len(box.rooms), on_drag)
+    points, rows, _ = measured.cloud
+    with Selection(len(measured.q)) as selection:
+        view = CellView(
+            robot,
+            measured.q,
+            meshes=meshes,
+            cloud=points,
+            on_pick=lambda number: selection.choose(int(rows[number])),
+            instruments=measured.standing,
+            targets=measured.points.shape[1],
+            workspace=box.workspace,
+        )
+        RowPlayer(
+            *(view, measured.q, selection, label, texts),
+            tell=lambda row: texts("player.at", id=row, count=len(measured.q)),
+            beams=lambda row, _: measured.beams(row),
+            points=measured.at,
+        )
+    return BoxView(view.scene, view.size, len(box.rooms), on_drag)
 
 
 # The orientations of the tool in a task: their angles, the cone in which it may tilt, and how far it may turn about

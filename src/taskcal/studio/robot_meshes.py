@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
@@ -31,6 +32,8 @@ MAX_TRIANGLES = 400_000
 class RobotMeshes:
     """Meshes of a robot's links."""
 
+    robot: str
+    """Path of the robot's file in its project."""
     looks: Looks
     drawn: tuple[tuple[int, Visual], ...]
     """Those that are there, with their numbers among the visuals."""
@@ -65,7 +68,14 @@ def meshes_of(project: Project, robot: str) -> RobotMeshes | None:
         if triangles > MAX_TRIANGLES:
             raise FileError(project.path(robot), f"has meshes of more than {MAX_TRIANGLES} triangles; simplify them")
         drawn.append((number, visual))
-    return RobotMeshes(looks=looks, drawn=tuple(drawn), missing=tuple(missing)) if looks.visuals else None
+    return RobotMeshes(robot=robot, looks=looks, drawn=tuple(drawn), missing=tuple(missing)) if looks.visuals else None
+
+
+def meshes_if_sound(project: Project) -> RobotMeshes | None:
+    """The meshes of a project's robot, for pages that show it beside other things; its own page says what is wrong with them."""
+    with suppress(TaskcalError):
+        return meshes_of(project, project.choices.robot)
+    return None
 
 
 def triangles_of(project: Project, robot: str, visual: Visual) -> tuple[bytes, int]:

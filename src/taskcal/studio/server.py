@@ -280,7 +280,8 @@ def _surroundings(
     ui.add_css(here / "studio.css")
     ui.add_css(chart.STYLE + chart.dark_style("body.body--dark"))
     ui.add_head_html(f"<script>document.documentElement.lang = '{texts.language}';</script>")
-    ui.add_head_html(f"<script>{(here / 'drop.js').read_text(encoding='utf-8')}</script>")
+    for script in ("drop.js", "scene.js"):
+        ui.add_head_html(f"<script>{(here / script).read_text(encoding='utf-8')}</script>")
     text("a", texts("frame.skip")).props("href=#content").classes("skip")
     with ui.element("header").classes("top"):
         text("span", "Taskcal").classes("brand")

@@ -20,15 +20,19 @@ from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import campaign_text
 from taskcal.report.chart import SERIES, SHAPES, Axis, Figure, Panel, Series
 from taskcal.report.content import Column, Table
+from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.studio.column_editor import ColumnEditor
 from taskcal.studio.controls import button, drop_zone, facts, message, tabulated, text
+from taskcal.studio.measured_rows import MeasuredRows, registered_rows
 from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT, ROBOT_ENDINGS, free_name
 from taskcal.studio.results import examined, robot_of
+from taskcal.studio.robot_meshes import RobotMeshes, meshes_if_sound
 from taskcal.studio.runs import Status, Studio
+from taskcal.studio.selection import Selection
 from taskcal.studio.steps import begin, choose_file, is_running, show_error, show_run
 from taskcal.studio.texts import LIBRARY_LANGUAGE, Texts
-from taskcal.studio.views import CONCERNED, INK, MAX_PICKED, PointView, add_views, figure
+from taskcal.studio.views import CONCERNED, INK, MAX_PICKED, CellView, RowPlayer, figure
 
 # Whether anything moved while it was measured, and how well poses repeat: figures of a campaign over its rows.
 
@@ -42,7 +46,7 @@ def show_course(campaign: Campaign, texts: Texts) -> None:
     if campaign.reference_points:
         for remark in compensate_drift(campaign).remarks:
             message(remark, fine=True)
-        figure(texts("course.drift"), draw_drift(campaign, texts), texts, texts("course.drift_note"))
+        figure(texts("course.drift"), draw_drift(campaign, texts), texts, texts("course.drift_note"), selects=True)
     if repeated is not None:
         said = repeated.summary()
         facts(
@@ -51,7 +55,8 @@ def show_course(campaign: Campaign, texts: Texts) -> None:
                 (texts("course.rp"), f"{said['RP_l_mean_mm']:.3f}, {said['RP_l_max_mm']:.3f} mm"),
             ]
         )
-        figure(texts("course.scatter"), draw_repeatability(repeated, texts), texts, texts("course.scatter_note"))
+        drawn = draw_repeatability(repeated, texts)
+        figure(texts("course.scatter"), drawn, texts, texts("course.scatter_note"), selects=True)
     if repeated is None and not campaign.reference_points:
         text("p", texts("course.no_references")).classes("quiet")
 
@@ -111,13 +116,16 @@ async def build(studio: Studio, texts: Texts) -> None:
     findings = await _mistakes(studio, texts)
     text("h2", texts("measurements.understood"))
     show_run(studio, "convert", texts, about=choices.campaign)
-    _understood(campaign, robot, texts)
-    ColumnEditor(studio, robot, texts)
-    concerned = concerned_rows(findings, campaign)
-    _list_concerned(concerned, campaign, robot, texts)
-    _in_space(campaign, concerned, texts)
-    if not campaign.observations:
-        show_course(campaign, texts)
+    measured = await asyncio.to_thread(registered_rows, ErrorModel(robot), campaign)
+    meshes = await asyncio.to_thread(meshes_if_sound, project)
+    with Selection(len(campaign)) as selection:
+        _understood(campaign, robot, texts)
+        ColumnEditor(studio, robot, texts)
+        concerned = concerned_rows(findings, campaign)
+        _list_concerned(concerned, campaign, robot, texts)
+        _in_space(campaign, measured, robot, meshes, concerned, selection, texts)
+        if not campaign.observations:
+            show_course(campaign, texts)
 
 
 async def _unread(error: TaskcalError, studio: Studio, robot: Robot, texts: Texts) -> None:
@@ -153,7 +161,8 @@ def _understood(campaign: Campaign, robot: Robot, texts: Texts) -> None:
         return
     first = campaign.take(slice(MAX_FIRST_ROWS))
     header, *rows = csv.reader(campaign_text(first, robot).splitlines())
-    tabulated(Table.of_rows(texts("measurements.first_rows", count=len(rows)), tuple(header), map(tuple, rows)))
+    shown = Table.of_rows(texts("measurements.first_rows", count=len(rows)), tuple(header), map(tuple, rows))
+    tabulated(shown, range(len(rows)))
 
 
 async def _mistakes(studio: Studio, texts: Texts) -> Sequence[Mapping[str, Any]]:
@@ -299,29 +308,57 @@ def _list_concerned(concerned: Mapping[int, str], campaign: Campaign, robot: Rob
         for number, row in zip(listed, rows, strict=True)
     ]
     names = (texts("measurements.finding"), texts("measurements.row"), *header[1:])
-    tabulated(Table.of_rows(texts("measurements.concerned", count=len(concerned)), names, told, text_columns=(0, 1)))
+    title = texts("measurements.concerned", count=len(concerned))
+    tabulated(Table.of_rows(title, names, told, text_columns=(0, 1)), listed)
 
 
-def _in_space(campaign: Campaign, concerned: Mapping[int, str], texts: Texts) -> None:
-    """The points, to be turned and picked; those of rows that a finding concerns stand out."""
-    rows, targets = np.nonzero(campaign.valid & np.isfinite(campaign.points).all(axis=2))
-    if not len(rows):
+def _in_space(
+    campaign: Campaign,
+    measured: MeasuredRows,
+    robot: Robot,
+    meshes: RobotMeshes | None,
+    concerned: Mapping[int, str],
+    selection: Selection,
+    texts: Texts,
+) -> None:
+    """The robot at the selected row, and all points; those of rows that a finding concerns stand out."""
+    points, rows, _ = measured.cloud
+    if not len(points):
         return
-    points = campaign.points[rows, targets]
     text("h2", texts("measurements.space"))
+    view = CellView(
+        robot if measured.in_base else None,
+        campaign.q,
+        meshes=meshes,
+        cloud=points,
+        colours=np.where(np.isin(rows, list(concerned))[:, None], CONCERNED, INK),
+        on_pick=lambda number: selection.choose(int(rows[number])),
+        instruments=measured.standing,
+        targets=len(campaign.targets),
+    )
 
-    def pick(number: int) -> None:
-        view.mark([number])
-        row, target = int(rows[number]), int(targets[number])
-        x, y, z = points[number] * 1e3
-        picked.set_text(f"{campaign.row(row)}, {campaign.targets[target]}: {x:.4f} {y:.4f} {z:.4f} mm")
+    def tell(row: int) -> str:
+        places = campaign.points[row] * 1e3
+        seen = [(name, at) for name, at in zip(campaign.targets, places, strict=True) if np.isfinite(at).all()]
+        return ": ".join(
+            (campaign.row(row), "; ".join(f"{name} {x:.4f} {y:.4f} {z:.4f} mm" for name, (x, y, z) in seen))
+        )
 
-    colours = np.where(np.isin(rows, list(concerned))[:, None], CONCERNED, INK)
-    view = PointView(points, pick, colours)
-    with ui.element("div").classes("row"):
-        add_views(view.scene, view.look, texts("measurements.space_of", count=len(points)), texts)
+    label = texts("measurements.space_of", count=len(points))
+    RowPlayer(
+        view,
+        campaign.q,
+        selection,
+        label,
+        texts,
+        tell=tell,
+        beams=lambda row, _: measured.beams(row),
+        points=measured.at,
+    )
     size = np.ptp(points, axis=0) * 1e3
     hint = texts("measurements.pick") if len(points) <= MAX_PICKED else texts("measurements.too_many")
+    text("p", f"{size[0]:.0f} × {size[1]:.0f} × {size[2]:.0f} mm. {hint}").classes("quiet")
+    if not measured.in_base:
+        text("p", texts("measurements.not_placed")).classes("quiet")
     if concerned:
         text("p", texts("measurements.concerned_dark")).classes("quiet")
-    picked = text("p", f"{size[0]:.0f} × {size[1]:.0f} × {size[2]:.0f} mm. {hint}").props("role=status")

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,19 +10,24 @@ import numpy as np
 from jaxtyping import Float
 from nicegui import ui
 
+from taskcal.geometry import se3
+from taskcal.kinematics.clearance import place_links
 from taskcal.observations.point import Station
 from taskcal.report.chart import GREEN, ORANGE, Axis, Figure, Panel, Series
 from taskcal.report.content import Column, Table
 from taskcal.report.plan import MAX_OVER_BEFORE
+from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.studio.controls import button, facts, message, number, tabulated, text
 from taskcal.studio.editors import StationEditor
 from taskcal.studio.project import LAYOUT, Choices, Project
 from taskcal.studio.results import plan_of, read_result, robot_of
+from taskcal.studio.robot_meshes import meshes_if_sound
 from taskcal.studio.runs import Studio
+from taskcal.studio.selection import Selection
 from taskcal.studio.steps import begin, download, is_running, show_run
 from taskcal.studio.texts import Texts
-from taskcal.studio.views import PosePlayer, figure
+from taskcal.studio.views import NOWHERE, CellView, RowPlayer, figure
 from taskcal.tables.forms import read_csv
 
 RESULT_KEYS = (
@@ -128,19 +134,39 @@ async def _poses(
         )
         for i, name in enumerate(ids)
     ]
-    PosePlayer(robot, q, told, texts("plan.poses"), texts, station)
-    text("p", texts("plan.modelled" if robot.link_radii else "plan.no_radii")).classes("quiet")
-    if known:
-        with ui.element("details"):
-            text("summary", texts("plan.each_pose"))
-            columns = (
-                Column("id", ids.__getitem__),
-                *(
-                    Column(texts(f"plan.{key}"), values.__getitem__, "" if key == "visible" else "s")
-                    for key, values in known.items()
-                ),
-            )
-            tabulated(Table.of(texts("plan.poses"), columns, range(len(ids))))
+    meshes = await asyncio.to_thread(meshes_if_sound, project)
+    with Selection(len(q)) as selection:
+        view = CellView(
+            robot,
+            q,
+            meshes=meshes,
+            instruments=NOWHERE if station is None else station.position[None],
+            targets=0 if station is None else len(station.reflectors),
+            keep_out=() if station is None else station.keep_out,
+        )
+        beams = None if station is None else partial(_beams, station, ErrorModel(robot))
+        RowPlayer(view, q, selection, texts("plan.poses"), texts, tell=told.__getitem__, beams=beams)
+        text("p", texts("plan.modelled" if robot.link_radii else "plan.no_radii")).classes("quiet")
+        if known:
+            with ui.element("details"):
+                text("summary", texts("plan.each_pose"))
+                columns = (
+                    Column("id", ids.__getitem__),
+                    *(
+                        Column(texts(f"plan.{key}"), values.__getitem__, "" if key == "visible" else "s")
+                        for key, values in known.items()
+                    ),
+                )
+                tabulated(Table.of(texts("plan.poses"), columns, range(len(ids))), range(len(ids)))
+
+
+def _beams(
+    station: Station, model: ErrorModel, _: int | None, q: Float[np.ndarray, " joints"]
+) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "k 3"]]:
+    """Where the tracker stands, and the reflectors that it sees with the robot at q."""
+    T = model.nominal.poses(q[None])
+    seen = station.visible(T, place_links(model, q[None]))[0]
+    return station.position, se3.apply(T[0], station.offsets)[seen]
 
 
 def of_poses(result: Mapping[str, Any], count: int) -> Mapping[str, Sequence[str]]:

@@ -42,7 +42,7 @@ from taskcal.studio.steps import (
 from taskcal.studio.task_box import read_together
 from taskcal.studio.texts import Texts
 from taskcal.studio.verdict import is_lowered_by, show_verdict
-from taskcal.studio.views import PointView, add_views
+from taskcal.studio.views import CellView, add_views
 
 MAX_COMPARED_LINES = 20_000
 """Of a file; a comparison takes a time that grows with their square at worst."""
@@ -236,12 +236,13 @@ def _along(points: np.ndarray, errors: np.ndarray, places: list[str], texts: Tex
 
     def pick(number: int) -> None:
         before, after = errors[number]
+        view.mark(points[number : number + 1])
         picked.set_text(f"{places[number]}: {before:.4f} mm → {after:.4f} mm")
 
-    view = PointView(points, pick, colours[:, 0])
+    view = CellView(None, np.zeros((0, 0)), cloud=points, colours=colours[:, 0], on_pick=pick, targets=1)
     with ui.element("div").classes("row"):
         tick(texts("program.show_after"), False, lambda after: view.colour(colours[:, int(after)]))
-        add_views(view.scene, view.look, texts("program.along_of", count=len(points)), texts)
+        add_views(view, texts("program.along_of", count=len(points)), texts)
     colour_bar(LOW.tolist(), HIGH.tolist(), limit_mm)
     picked = text("p", texts("program.colours")).props("role=status")
 

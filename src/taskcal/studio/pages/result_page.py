@@ -2,11 +2,9 @@
 
 import asyncio
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
 from nicegui import ui
 
 from taskcal.correction.verdict import judge
@@ -25,13 +23,17 @@ from taskcal.report.calibration import (
 )
 from taskcal.report.content import Column, Table, millimetres
 from taskcal.studio.controls import ValueInput, facts, line_of_text, message, tabulated, text
+from taskcal.studio.measured_rows import MeasuredRows, fitted_rows
 from taskcal.studio.pages.identify_page import result_of_fit
 from taskcal.studio.project import Project
+from taskcal.studio.results import contents
+from taskcal.studio.robot_meshes import RobotMeshes, meshes_if_sound
 from taskcal.studio.runs import Studio
+from taskcal.studio.selection import Selection
 from taskcal.studio.steps import choose_calibration, link, show_error
 from taskcal.studio.texts import Texts
 from taskcal.studio.verdict import latest, show_verdict
-from taskcal.studio.views import PointView, add_views, figure
+from taskcal.studio.views import MAX_PICKED, CellView, RowPlayer, figure
 from taskcal.task.task import load_task
 
 MAX_ROWS = 20
@@ -64,25 +66,29 @@ async def build(studio: Studio, texts: Texts) -> None:
     if held_out is not None:
         drawn = draw_histogram(held_out.nominal_validation, held_out.validation, tolerance)
         figure(texts("result.histogram"), drawn, texts, texts("result.histogram_note"))
-    placed = await asyncio.to_thread(_place, calibration)
-    if placed is not None:
-        _in_space(placed, calibration, texts)
-    result = result_of_fit(project, choices.calibration)
-    if result is None:
-        message(texts("result.no_errors"), fine=True)
-    else:
-        _errors(result, calibration, texts)
-    for remark in calibration.remarks:
-        message(remark, fine=True)
-    for shown in (tabulate_left_out(calibration), tabulate_outliers(calibration)):
-        if len(shown):
-            tabulated(shown)
+    measured = await asyncio.to_thread(fitted_rows, calibration)
     errors = await asyncio.to_thread(measured_errors, calibration)
-    if errors is not None:
-        figure(texts("result.by_joint"), draw_over_joints(calibration, errors), texts, texts("result.by_joint_note"))
-    with ui.element("details"):
-        text("summary", texts("result.left"))
-        _by_row(calibration, texts)
+    result = result_of_fit(project, choices.calibration)
+    with Selection(len(calibration.q)) as selection:
+        if measured is not None:
+            same = await asyncio.to_thread(contents, project)
+            drawn_as = meshes_if_sound(project) if calibration.provenance.robot_digest == same["robot"] else None
+            _in_space(measured, calibration, drawn_as, selection, texts)
+        if result is None:
+            message(texts("result.no_errors"), fine=True)
+        else:
+            _errors(result, calibration, texts)
+        for remark in calibration.remarks:
+            message(remark, fine=True)
+        for shown in (tabulate_left_out(calibration), tabulate_outliers(calibration)):
+            if len(shown):
+                tabulated(shown)
+        if errors is not None:
+            drawn = draw_over_joints(calibration, errors)
+            figure(texts("result.by_joint"), drawn, texts, texts("result.by_joint_note"), selects=True)
+        with ui.element("details"):
+            text("summary", texts("result.left"))
+            _by_row(calibration, texts)
     with ui.element("details"):
         text("summary", texts("result.range"))
         tabulated(tabulate_range(calibration))
@@ -131,56 +137,51 @@ def _by_row(calibration: Calibration, texts: Texts) -> None:
         *(millimetres(f"{axis} mm", lambda at, k=k: residuals[at][k], "+.4f") for k, axis in enumerate("xyz")),
         millimetres(texts("result.size"), lambda at: sizes[at], ".4f"),
     )
-    tabulated(Table.of(texts("result.worst", count=len(rows)), columns, rows))
+    tabulated(Table.of(texts("result.worst", count=len(rows)), columns, rows), [int(row) for row, _ in rows])
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Left:
-    """Residuals, and where they were predicted to be."""
-
-    rows: Int[np.ndarray, " k"]
-    targets: Int[np.ndarray, " k"]
-    points: Float[np.ndarray, "k 3"]
-    """Predicted, in the tracker frame, metres."""
-    residuals: Float[np.ndarray, "k 3"]
-    """Measured less predicted, metres."""
-
-
-def _place(calibration: Calibration) -> _Left | None:
-    """Draw the residuals in 3D; None where that cannot be told, or nothing was seen."""
-    if calibration.layout.base_size == 0:  # measured without a tracker
-        return None
-    rows, targets = np.nonzero(np.isfinite(calibration.residuals[:, :, :3]).all(axis=2))
-    if not len(rows):
-        return None
-    points = calibration.target_poses(calibration.q)[rows, targets, :3, 3]
-    return _Left(rows=rows, targets=targets, points=points, residuals=calibration.residuals[rows, targets, :3])
-
-
-def _in_space(found: _Left, calibration: Calibration, texts: Texts) -> None:
-    """Residuals as lines from where the robot was predicted to be."""
-    rows, targets, points, left = found.rows, found.targets, found.points, found.residuals
+def _in_space(
+    measured: MeasuredRows, calibration: Calibration, meshes: RobotMeshes | None, selection: Selection, texts: Texts
+) -> None:
+    """The robot at the selected row, and residuals as lines from where its targets were predicted to be."""
+    points, rows, targets = measured.cloud
+    left = calibration.residuals[rows, targets, :3] @ calibration.T_tracker_base[:3, :3]
     sizes = np.linalg.norm(left, axis=1)
     largest = np.argsort(-sizes)[:MAX_ARROWS]
-
     text("h2", texts("result.space"))
+    view = CellView(
+        calibration.model.robot,
+        calibration.q,
+        meshes=meshes,
+        cloud=points,
+        on_pick=lambda number: selection.choose(int(rows[number])),
+        instruments=measured.standing,
+        targets=len(calibration.targets),
+    )
 
-    def pick(number: int) -> None:
-        view.mark([number])
-        x, y, z = left[number] * 1e3
-        name = f"{texts('result.row')} {calibration.ids[rows[number]]}, {calibration.targets[targets[number]]}"
-        picked.set_text(f"{name}: {x:+.4f} {y:+.4f} {z:+.4f} mm")
+    def tell(row: int) -> str:
+        seen = [
+            (name, at[:3] * 1e3)
+            for name, at in zip(calibration.targets, calibration.residuals[row], strict=True)
+            if np.isfinite(at[:3]).all()
+        ]
+        said = "; ".join(f"{name} {x:+.4f} {y:+.4f} {z:+.4f} mm" for name, (x, y, z) in seen)
+        return f"{texts('result.row')} {calibration.ids[row]}: {said}"
 
-    view = PointView(points, pick)
     fitting = LONGEST_ARROW * view.size / max(sizes.max(), 1e-9)
     step = max(int(np.searchsorted(SCALES, fitting, side="right")) - 1, 0)
     view.draw_arrows(largest.tolist(), left[largest], float(SCALES[step]))
-    with ui.element("div").classes("row"):
-        add_views(view.scene, view.look, texts("result.space_of", count=len(points)), texts)
-        with ui.element("label").classes("row"):
-            text("span", texts("result.scale"))
-            slider = ValueInput("range", texts("result.scale"), str(step), min="0", max=str(len(SCALES) - 1), step="1")
-            shown = text("span", f"× {SCALES[step]}")
+    label = texts("result.space_of", count=len(points))
+    RowPlayer(
+        *(view, calibration.q, selection, label, texts),
+        tell=tell,
+        beams=lambda row, _: measured.beams(row),
+        points=measured.at,
+    )
+    with ui.element("label").classes("row"):
+        text("span", texts("result.scale"))
+        slider = ValueInput("range", texts("result.scale"), str(step), min="0", max=str(len(SCALES) - 1), step="1")
+        shown = text("span", f"× {SCALES[step]}")
 
     def stretch(given: str) -> None:
         chosen = int(np.clip(round(float(given)), 0, len(SCALES) - 1))
@@ -189,5 +190,6 @@ def _in_space(found: _Left, calibration: Calibration, texts: Texts) -> None:
         view.stretch_arrows(float(SCALES[chosen]))
 
     slider.on_moved(stretch, STRETCH_S)
-    picked = text("p", texts("measurements.pick")).props("role=status")
+    hint = texts("measurements.pick") if len(points) <= MAX_PICKED else texts("measurements.too_many")
+    text("p", hint).classes("quiet")
     facts([(texts("result.drawn"), f"{len(largest)} / {len(points)}")])

@@ -25,7 +25,7 @@ from taskcal.studio.robot_meshes import RobotMeshes, meshes_of
 from taskcal.studio.runs import Studio
 from taskcal.studio.steps import begin, is_running, show_run
 from taskcal.studio.texts import Texts
-from taskcal.studio.views import RobotView, add_views
+from taskcal.studio.views import CellView, add_views
 
 # A table of Denavit–Hartenberg parameters that was dropped: shown, its convention asked for, and made into a robot
 # file.
@@ -119,7 +119,7 @@ async def build(studio: Studio, texts: Texts) -> None:
         meshes = await asyncio.to_thread(meshes_of, project, named)
     except TaskcalError as error:
         message(str(error))
-    _show(robot, model, texts, meshes, named)
+    _show(robot, model, texts, meshes)
 
 
 def warm_up(project: Project) -> None:
@@ -135,16 +135,18 @@ def _titles() -> dict[str, str]:
     return {name: f"{load_robot(name).title} ({name})" for name in catalogue_names()}
 
 
-def _show(robot: Robot, model: ErrorModel, texts: Texts, meshes: RobotMeshes | None, named: str) -> None:
+def _show(robot: Robot, model: ErrorModel, texts: Texts, meshes: RobotMeshes | None) -> None:
     ranges = slider_ranges(robot)
     q = np.clip(np.zeros(len(ranges)), ranges[:, 0], ranges[:, 1])
     with ui.element("div").classes("side-by-side"):
         with ui.element("div"):
             text("h2", texts("robot.drawing"))
-            view = RobotView(robot, q, meshes, named)
+            view = CellView(robot, q[None], meshes=meshes)
             with ui.element("div").classes("row"):
-                add_views(view.scene, view.look, texts("robot.drawing_of", robot=robot.title), texts)
+                add_views(view, texts("robot.drawing_of", robot=robot.title), texts)
             text("p", texts("robot.axes")).classes("quiet")
+            if meshes is None:
+                text("p", texts("robot.no_meshes")).classes("quiet")
             for missing in () if meshes is None else meshes.missing[:MAX_MISSING]:
                 text("p", missing).classes("quiet")
         with ui.element("div"):
@@ -165,7 +167,7 @@ def slider_ranges(robot: Robot) -> Float[np.ndarray, "joints 2"]:
 class _Jog:
     """A slider and a number for each joint, and where the tool is."""
 
-    def __init__(self, robot: Robot, model: ErrorModel, view: RobotView, q: np.ndarray, texts: Texts) -> None:
+    def __init__(self, robot: Robot, model: ErrorModel, view: CellView, q: np.ndarray, texts: Texts) -> None:
         self._robot, self._model, self._view, self._texts = robot, model, view, texts
         self._q = q.copy()
         self._scale = np.where(robot.prismatic, 1e3, 180.0 / np.pi)

@@ -15,9 +15,11 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.studio.controls import button, drop_zone, line_of_text, message, number, text
 from taskcal.studio.editors import BoxEditor, OrientationEditor
+from taskcal.studio.measured_rows import cell_of
 from taskcal.studio.pages.robot_page import slider_ranges
 from taskcal.studio.project import LAYOUT, PROGRAM_ENDINGS, TASK_ENDINGS, Project, free_name
 from taskcal.studio.results import robot_of
+from taskcal.studio.robot_meshes import RobotMeshes
 from taskcal.studio.runs import Studio
 from taskcal.studio.steps import choose_file, show_error
 from taskcal.studio.task_box import (
@@ -30,7 +32,7 @@ from taskcal.studio.task_box import (
     task_files,
 )
 from taskcal.studio.texts import Texts
-from taskcal.studio.views import PointView, add_views
+from taskcal.studio.views import CellView, add_views
 from taskcal.task.default_task import default_task, measured_task, task_text
 from taskcal.task.task import Task, load_task, reach_task
 
@@ -69,6 +71,7 @@ async def build(studio: Studio, texts: Texts) -> None:
     if box is None:
         text("p", texts("task.no_box")).classes("quiet")
     reached = _Reached(model, texts)
+    cell = await asyncio.to_thread(cell_of, project, robot)
     if box is not None:
 
         def save(moved: TaskBox) -> TaskBox:
@@ -79,19 +82,19 @@ async def build(studio: Studio, texts: Texts) -> None:
 
         if not np.array_equal(box.workspace.T_base_frame, np.eye(4)):
             text("p", texts("task.in_frame")).classes("quiet")
-        editor = BoxEditor(robot, posture(robot), box, texts, on_move=lambda _: None, on_release=save)
+        editor = BoxEditor(robot, posture(robot), box, texts, cell, on_move=lambda _: None, on_release=save)
         OrientationEditor(editor, texts)
     elif task.poses is not None:
-        _draw_poses(task.poses[:, :3, 3], texts)
+        _draw_poses(task.poses[:, :3, 3], robot, cell[0], texts)
     reached.show()
     reached.look(task)
     _offer_programs(project, model, texts)
 
 
-def _draw_poses(points: Float[np.ndarray, "n 3"], texts: Texts) -> None:
-    view = PointView(points, lambda _: None)
+def _draw_poses(points: Float[np.ndarray, "n 3"], robot: Robot, meshes: RobotMeshes | None, texts: Texts) -> None:
+    view = CellView(robot, posture(robot)[None], meshes=meshes, cloud=points)
     with ui.element("div").classes("row"):
-        add_views(view.scene, view.look, texts("task.poses_of", count=len(points)), texts)
+        add_views(view, texts("task.poses_of", count=len(points)), texts)
     text("p", texts("task.poses_of", count=len(points))).classes("quiet")
 
 

@@ -15,6 +15,7 @@ from taskcal.report.content import Table
 from taskcal.robot.error_model import ErrorModel
 from taskcal.studio.controls import command_line, facts, message, tabulated
 from taskcal.studio.editors import BoxEditor
+from taskcal.studio.measured_rows import cell_of
 from taskcal.studio.pages.task_page import posture
 from taskcal.studio.results import robot_of
 from taskcal.studio.runs import Studio
@@ -82,7 +83,8 @@ async def build(studio: Studio, texts: Texts) -> None:
         def move(moved: TaskBox) -> None:
             shown.want(moved.moved)
 
-        BoxEditor(robot, posture(robot), box, texts, on_move=move, on_release=release)
+        cell = await asyncio.to_thread(cell_of, project, robot)
+        BoxEditor(robot, posture(robot), box, texts, cell, on_move=move, on_release=release)
     command_line(f"taskcal sensitivity --robot {choices.robot} --task {choices.task} --count {POSES} --sort influence")
     shown.make_room()
     await shown.show(task)
