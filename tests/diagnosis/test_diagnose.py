@@ -37,7 +37,6 @@ def test_a_sound_campaign_of_poses_has_no_findings():
 @pytest.mark.parametrize(
     ("name", "mistake", "said"),
     [
-        ("ur5", "joint-zero", "J4 by 90"),
         ("fanuc-r2000ic-165f", "coupling", "J3 +1"),
         ("abb-irb6660-205-1.9", "joint-order", "J4 and J5"),
         ("ur5", "joints-in-radians", ""),
@@ -45,10 +44,8 @@ def test_a_sound_campaign_of_poses_has_no_findings():
         ("ur5", "left-handed", ""),
         ("ur5", "rows-shifted", "+3"),
         pytest.param("abb-irb120", "rows-shuffled", "", marks=pytest.mark.long),
-        ("ur5", "drift", ""),
         pytest.param("abb-irb120", "points-in-other-unit", "inches as m", marks=pytest.mark.long),
         pytest.param("ur5", "target-slipped", "5 mm at 40%", marks=pytest.mark.long),
-        ("abb-irb120", "station-moved", "20 mm"),
         ("ur5", "gross-rows", "50"),
         ("ur5", "duplicate-poses", ""),
     ],
@@ -111,8 +108,6 @@ def test_doctor_makes_two_stations_if_the_tracker_moved(said, tmp_path):
     apart, sound = identify(model, fixed), identify(model, part)
     assert apart.model_error[0] < 1.2 * sound.model_error[0]
     assert diagnose(fixed, robot).findings == ()
-    for rows in (slice(0, row - 10), slice(row - 10, 50)):
-        assert diagnose(wrong.campaign.take(np.arange(50)[rows]), robot).findings == ()
 
 
 def test_doctor_finds_the_row_of_a_move_in_many_rows():

@@ -63,6 +63,13 @@ def left(folder: Path) -> list[str]:
     return [path.name for path in folder.rglob("*.part")]
 
 
+@pytest.fixture(scope="module")
+def calls(tmp_path_factory):
+    """How many calls that write the files take."""
+    folder = tmp_path_factory.mktemp("calls")
+    return next(k for k in count() if at_point(lay_out(folder / str(k), "files"), k) == WROTE)
+
+
 @pytest.mark.parametrize("kind", ["files", "zip", "folder"])
 def test_kill_at_any_call_leaves_all_old_or_all_new(kind, tmp_path):
     """Also to who finds the folder elsewhere: what is left of a command names its files from where it lies."""
@@ -104,9 +111,8 @@ def test_full_disk_at_any_call_leaves_all_old(kind, tmp_path):
 
 
 @pytest.mark.parametrize(("after", "state"), [(0.5, "old"), (0.7, "new"), (0.8, "new")])
-def test_reader_that_is_killed_leaves_it_to_the_next(after, state, tmp_path):
+def test_reader_that_is_killed_leaves_it_to_the_next(after, state, calls, tmp_path):
     """A kill while a killed command's journal is finished, at every call of that."""
-    calls = next(k for k in count() if at_point(lay_out(tmp_path / f"n{k}", "files"), k) == WROTE)
     for point in count():
         folder = tmp_path / str(point)
         assert at_point(lay_out(folder, "files"), int(after * calls)) == KILLED
@@ -138,9 +144,8 @@ def test_everything_is_on_the_disk_before_the_mark_that_decides(tmp_path, monkey
     assert {folder, f"{folder}/pages"} <= set(synced[mark + 2 : mark + 4])
 
 
-def test_journal_that_cannot_be_finished_is_an_error(tmp_path, monkeypatch):
+def test_journal_that_cannot_be_finished_is_an_error(calls, tmp_path, monkeypatch):
     """Half of the files would be taken for all of them."""
-    calls = next(k for k in count() if at_point(lay_out(tmp_path / f"n{k}", "files"), k) == WROTE)
     folder = tmp_path / "x"
     assert at_point(lay_out(folder, "files"), int(0.65 * calls)) == KILLED
 

@@ -15,18 +15,19 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
 from taskcal.virtual.cell import simulate
 
-MANY = pytest.param(400, marks=pytest.mark.long)
+MANY = pytest.param(100, marks=pytest.mark.long)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("spread_deg", "campaigns"),
-    [(20.0, 100), *(pytest.param(spread, 1000, marks=pytest.mark.long) for spread in (20.0, 0.0))],
+    [(20.0, 60), *(pytest.param(spread, 300, marks=pytest.mark.long) for spread in (20.0, 0.0))],
 )
 def test_interval_coverage_is_nominal_and_error_is_near_bound(spread_deg, campaigns):
     """Intervals have their nominal coverage, and the error is near its lower bound.
 
-    Of 100 robots the coverage has a standard error of 0.006, and the ratio to the bound one of 3 %; of 1000, 0.002 and 1 %.
+    Of 300 robots the coverage has a standard error of 0.0035, a sixth of what is allowed, and the ratio to the bound one of 1.8 %;
+    of 60, 0.008 and 4 %.
     """
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     task = reference_task(np.radians(spread_deg))

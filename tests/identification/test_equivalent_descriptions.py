@@ -31,11 +31,6 @@ def assert_the_same(structure, *changes):
     np.testing.assert_allclose(again.predict_covariance(q), expected, rtol=0.0, atol=1e-3 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("change", EQUIVALENT, ids=lambda change: change.__name__)
-def test_each_equivalent_description_is_predicted_the_same(change):
-    assert_the_same("coupled axes", change)
-
-
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_prediction_is_invariant_to_description_of_cell(structure):
     """A cell of any structure is predicted the same in every equivalent description."""
