@@ -59,7 +59,7 @@ def with_called(
 # The form to which a language lowers its text. `line` is a statement of the language, for the language alone.
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Step:
     """A motion, an assignment, a call, or whatever else control goes on behind."""
 
@@ -705,7 +705,7 @@ M = TypeVar("M")
 """A motion of a language."""
 
 
-@dataclass(eq=False, kw_only=True)
+@dataclass(eq=False, kw_only=True, slots=True)
 class Occurrence(Generic[T, M]):
     """A motion that was resolved."""
 
@@ -715,7 +715,7 @@ class Occurrence(Generic[T, M]):
     """Numbers of the motions that may have been the last one; None for any."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Ordered(Generic[M]):
     """A motion among the others, in the order of the text."""
 

@@ -127,7 +127,7 @@ class Frame:
         return f"Frame({shortened(self.name, 60)!r}: {x:.4g}, {y:.4g}, {z:.4g} mm)"
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Target:
     """Target of a motion: a pose, or joint positions."""
 
@@ -151,7 +151,7 @@ class Target:
         return f"Target({shortened(self.name, 60)!r}: {kind}, {shortened(str(self.place), 120)})"
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Move:
     """One motion instruction whose target, tool and frame are known."""
 
@@ -225,7 +225,7 @@ class Move:
         )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Waypoint:
     """End of one motion of a rewritten program."""
 
@@ -242,7 +242,7 @@ class Waypoint:
     """How much of the motion is done there, of its length."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Diagnostic:
     """Something in a program that stays as it is, and why; or that the user should know."""
 
@@ -255,7 +255,7 @@ class Diagnostic:
         return f"{self.place}: {self.text}"
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Visit:
     """A motion, and a target to which its text leads, as it stands there or shifted."""
 

@@ -27,6 +27,7 @@ from robot_programs.krl.syntax import (
     bit_string,
     given_by_value,
     lines_of_words,
+    parse,
     passed_by_reference,
     passed_in_assignment,
     passed_in_motion,
@@ -47,6 +48,15 @@ class File:
     """Its place among the program's files."""
     source: Source
     statements: tuple[Statement, ...]
+    read: frozenset[str] = frozenset()
+    """Names of variables, and others, that its lines read."""
+
+    @classmethod
+    def of(cls, number: int, source: Source) -> "File":
+        """The statements of a text."""
+        read = set[str]()
+        statements = tuple(parse(source.text, read))
+        return cls(number=number, source=source, statements=statements, read=frozenset(read))
 
     @property
     def module(self) -> str:

@@ -65,7 +65,6 @@ from robot_programs.krl.syntax import (
     Tree,
     Word,
     lines_of_words,
-    parse,
     passed_by_reference,
     passed_in_motion,
     tree_of,
@@ -878,9 +877,7 @@ def read_krl(sources: Sequence[Source]) -> KrlProgram:
     Raises:
         FileError: a file is no KRL, or none holds a program.
     """
-    files = tuple(
-        File(number=i, source=source, statements=tuple(parse(source.text))) for i, source in enumerate(sources)
-    )
+    files = tuple(File.of(i, source) for i, source in enumerate(sources))
     for file in files:
         if not any(isinstance(line, Begin) for line in file.statements):
             raise FileError(file.source.path, f"is not a KRL file: no {'DEFDAT' if file.holds_data else 'DEF'} line")

@@ -17,7 +17,6 @@ from robot_programs.krl.syntax import (
     Motion,
     Statement,
     Word,
-    lines_of_words,
     passed_by_reference,
     passed_in_motion,
 )
@@ -169,12 +168,7 @@ _BY_BAS = frozenset({"LDAT_ACT", "PDAT_ACT", "TOOL_DATA", "BASE_DATA", *_VARIABL
 
 def read_names(files: Iterable[File]) -> frozenset[str]:
     """Variables, and other names, that code reads anywhere."""
-    out = set(_BY_BAS)
-    for file in files:
-        for words in lines_of_words(file.source.text) if not file.holds_data else ():
-            assigns = len(words) > 1 and words[1].text in ("=", "[", ".") and words[0].kind == "name"
-            out |= {word.upper for word in words[assigns:] if word.kind == "name"}
-    return frozenset(out)
+    return _BY_BAS.union(*(file.read for file in files if not file.holds_data))
 
 
 def matters(line: Statement, read: frozenset[str], routines: Container[str]) -> bool:

@@ -538,9 +538,20 @@ _ENDS = {"END", "ENDFCT", "ENDDAT"}
 _BEGINS = {"DEF", "DEFFCT", "DEFDAT"}
 
 
-def parse(text: str) -> list[Statement]:
-    """The statements of a file, in order."""
-    return [_statement(words) for words in lines_of_words(text)]
+def parse(text: str, read: set[str] | None = None) -> list[Statement]:
+    """The statements of a file, in order.
+
+    Args:
+        text: the file.
+        read: names that the lines read are added here.
+    """
+    statements: list[Statement] = []
+    for words in lines_of_words(text):
+        statements.append(_statement(words))
+        if read is not None:
+            assigns = len(words) > 1 and words[1].text in ("=", "[", ".") and words[0].kind == "name"
+            read.update([word.text.upper() for word in words[assigns:] if word.kind == "name"])
+    return statements
 
 
 def parse_operand(words: Sequence[Word]) -> Operand:

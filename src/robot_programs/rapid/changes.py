@@ -36,6 +36,7 @@ from robot_programs.rapid.syntax import (
     Parameter,
     Reference,
     Routine,
+    Tail,
     Token,
     Unparsed,
     expressions_of,
@@ -176,15 +177,15 @@ def _only_reads(instruction: Instruction, scope: Scope) -> bool:
     return (
         is_read(instruction, scope)
         and instruction.name.key not in CHANGED_BY
-        and all(
-            argument.option not in RETURNING
-            and (
-                instruction.plain
-                or argument.value is None
+        and RETURNING.isdisjoint(instruction.options)
+        and (
+            instruction.plain
+            or all(
+                argument.value is None
                 or (isinstance(argument.value, Reference) and not argument.value.selectors)
                 or (isinstance(argument.value, Aggregate) and argument.value.is_literal)
+                for argument in instruction.arguments
             )
-            for argument in instruction.arguments
         )
     )
 
@@ -300,7 +301,7 @@ def _assigned_by_change(tokens: Sequence[Token]) -> frozenset[int]:
 # Where a program names its data, and where it may change them.
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Mention:
     """A reference to data."""
 
@@ -320,7 +321,7 @@ class Mention:
         return self.scope.known(self.reference.name.text)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Use:
     """A reference to data, with what it covers."""
 
@@ -374,7 +375,7 @@ def changes(everywhere: Iterable[Context]) -> Changes:
 
 
 def uses(everywhere: Iterable[Context], values: Values) -> Mapping[Symbol, tuple[Use, ...]]:
-    """All references to each piece of data and each parameter."""
+    """All references to each piece of data and each parameter, but for data without targets in the tails of motions."""
     uses_of: dict[Symbol, list[Use]] = {}
     for mention in mentions(everywhere):
         symbol = mention.symbol
@@ -428,6 +429,15 @@ class _Walker:
 
     def __init__(self, file: File, changed: frozenset[tuple[str, str]], *, changing: bool):
         self.file, self.changed, self.changing = file, changed, changing
+        self._naming: dict[tuple[Tail | None, Scope], bool] = {}
+
+    def names_targets(self, tail: Tail | None, scope: Scope) -> bool:
+        """Whether a tail names data that may be or hold targets."""
+        if (tail, scope) not in self._naming:
+            named = (argument.value for argument in (() if tail is None else tail.arguments))
+            types = [type_of(node.name.text, scope) for node in named if isinstance(node, Reference)]
+            self._naming[tail, scope] = not all(scope.holds_no_target(type_) for type_ in types)
+        return self._naming[tail, scope]
 
     def mention(self, reference: Reference, scope: Scope, changes: bool, *, lent_to: str = "") -> Iterator[Mention]:
         yield Mention(reference=reference, scope=scope, file=self.file, changes=changes, lent_to=lent_to)
@@ -440,7 +450,7 @@ class _Walker:
             match line:
                 case Instruction() if _only_reads(line, scope):
                     if not self.changing:
-                        for argument in line.arguments:
+                        for argument in line.arguments if self.names_targets(line.tail, scope) else line.first:
                             if isinstance(argument.value, Reference):
                                 yield from self.mention(argument.value, scope, False)
                 case Instruction():

@@ -168,7 +168,7 @@ class File:
     modules: tuple[Module, ...]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Symbol:
     """Data that a name can stand for."""
 
@@ -220,6 +220,11 @@ class Scope:
             return self.find(name)
         except Unresolved:
             return None
+
+    def holds_no_target(self, type_: str) -> bool:
+        """Whether data of a type are one of the system's, and neither are a target nor hold one."""
+        own = TYPES.get(type_)
+        return own is not None and self.types.get(type_) is own and type_ not in ("robtarget", "jointtarget")
 
     def with_counter(self, counter: Token | None) -> "Scope":
         """The scope inside a FOR, which declares its counter."""

@@ -27,6 +27,7 @@ from robot_programs.rapid.syntax import (
     Record,
     Reference,
     Routine,
+    Tail,
     Text,
     Token,
     TooMuch,
@@ -34,6 +35,7 @@ from robot_programs.rapid.syntax import (
     Unparsed,
     Words,
     list_end,
+    moved,
     named,
     number,
     words,
@@ -120,7 +122,7 @@ class ExpressionParser(Words):
 
     def expression(self) -> Expression:
         """Read an expression."""
-        self.count_value()
+        self.count_values()
         self.enter()
         try:
             return self._operation(0)
@@ -292,6 +294,15 @@ _ARGUMENT = re.compile(
 """An argument that is a name, or begins a list."""
 _CLOSING = re.compile(r"\s*;")
 
+_DECLARED = re.compile(r"\s+([^\W\d]\w*)\s+([^\W\d]\w*)\s*:=\s*(?=\[)")
+"""Type and name of data that a list follows."""
+
+_TARGETS = {"movej": 1, "movel": 1, "movec": 2, "moveabsj": 1}
+"""Arguments in front of the tail, of motions that make up long programs."""
+
+MAX_TAIL_LENGTH = 200
+"""Characters of a tail; longer ones are read each time."""
+
 
 class StatementParser(ExpressionParser):
     """Takes declarations and statements from tokens."""
@@ -302,6 +313,8 @@ class StatementParser(ExpressionParser):
         self._unparsed = 0
         """Words so far that are not understood."""
         self._statements = 0
+        self._tails: dict[str, Tail] = {}
+        """By their texts."""
 
     def note(self, position: int, text: str) -> Problem:
         """Record a statement that cannot be parsed.
@@ -361,6 +374,9 @@ class StatementParser(ExpressionParser):
         start = self.next.start
         local = self.skip("local")
         self.skip("task")
+        plain = self._plain_declaration(start, local)
+        if plain is not None:
+            return plain
         storage = self.take().key
         type_, name = self.name(), self.name()
         array = self.next.key == "{"
@@ -370,6 +386,24 @@ class StatementParser(ExpressionParser):
         self.expect(";")
         return Declaration(
             start=start, end=self.end, storage=storage, local=local, type=type_, name=name, array=array, value=value
+        )
+
+    def _plain_declaration(self, start: int, local: bool) -> Declaration | None:
+        """A declaration with a list of numbers, not word by word; None where there is another, of which nothing is read."""
+        storage, text = self.next, self.text
+        found = None if self.looked_ahead else _DECLARED.match(text, storage.end)
+        at = self._numbers(found.end()) if found else 0
+        closing = _CLOSING.match(text, at) if at else None
+        if found is None or closing is None:
+            return None
+        type_, name = named(found[1], found.start(1)), named(found[2], found.start(2))
+        if type_.key in RESERVED or name.key in RESERVED:
+            return None
+        self.count_values()
+        self.jump(closing.end())
+        value = Aggregate(start=found.end(), end=at, content=text)
+        return Declaration(
+            start=start, end=self.end, storage=storage.key, local=local, type=type_, name=name, array=False, value=value
         )
 
     def body(self, declarations: list[Declaration]) -> Block:
@@ -442,7 +476,7 @@ class StatementParser(ExpressionParser):
             return Step(line=Assignment(start=start, end=self.end, target=target, value=value))
         arguments = self.arguments(";")
         self.expect(";")
-        return Step(line=Instruction(start=start, end=self.end, name=name, arguments=arguments))
+        return Step(line=Instruction(start=start, end=self.end, name=name, first=arguments))
 
     def _plain(self) -> Instruction | None:
         """An instruction that is given names and lists of numbers alone, most lines of long programs, not word by word.
@@ -453,8 +487,9 @@ class StatementParser(ExpressionParser):
         if first.kind != "name" or first.key in RESERVED or self.looked_ahead or self.depth + 4 > MAX_DEPTH:
             return None
         arguments: list[Argument] = []
+        targets, behind, tail = _TARGETS.get(first.key, 0), 0, None
         while (found := _ARGUMENT.match(text, at)) and len(arguments) < MAX_ARGUMENTS:
-            comma, option, word = found["comma"], found["option"], found["name"]
+            comma, option, word = found.group("comma", "option", "name")
             start = found.start("value")
             at = found.end() if word else self._numbers(start)
             if not at or (comma and not arguments) or (arguments and not comma and not option):
@@ -468,13 +503,30 @@ class StatementParser(ExpressionParser):
                 value = Aggregate(start=start, end=at, content=text)
             begin, key = (found.start("begin"), sys.intern(option.lower())) if option else (start, "")
             arguments.append(Argument(start=begin, end=at, option=key, value=value))
+            if len(arguments) == targets and not any(argument.option for argument in arguments):
+                behind, end = at, text.find(";", at, at + MAX_TAIL_LENGTH) + 1
+                tail = self._tails.get(text[at:end])
+                if tail is not None:
+                    return self._instruction(first, arguments, tail, end)
         closing = _CLOSING.match(text, at)
         if closing is None:
             return None
-        for _ in arguments:
-            self.count_value()
-        self.jump(closing.end())
-        return Instruction(start=first.start, end=closing.end(), name=first, arguments=tuple(arguments), plain=True)
+        if behind and all(isinstance(argument.value, Reference) for argument in arguments[targets:]):
+            tail = self._tail(arguments[targets:], behind, closing.end())
+        return self._instruction(first, arguments[:targets] if tail else arguments, tail, closing.end())
+
+    def _tail(self, arguments: Sequence[Argument], start: int, end: int) -> Tail:
+        """Keep arguments for other lines that have the same text from some character on."""
+        options = frozenset(argument.option for argument in arguments if argument.option)
+        tail = Tail(arguments=moved(arguments, -start), options=options)
+        self._tails[self.text[start:end]] = tail
+        return tail
+
+    def _instruction(self, name: Token, first: Sequence[Argument], tail: Tail | None, end: int) -> Instruction:
+        """An instruction of names and lists of numbers, behind which the next word is."""
+        self.count_values(len(first) + (0 if tail is None else len(tail.arguments)))
+        self.jump(end)
+        return Instruction(start=name.start, end=end, name=name, first=tuple(first), tail=tail, plain=True)
 
     def _leave(self) -> Node:
         keyword = self.take()
@@ -490,7 +542,7 @@ class StatementParser(ExpressionParser):
         self.expect("with")
         self.name()
         self.expect(";")
-        return Step(line=Instruction(start=name.start, end=self.end, name=name, arguments=()))
+        return Step(line=Instruction(start=name.start, end=self.end, name=name, first=()))
 
     def _late_bound(self) -> Node:
         """``%"name"% arguments;`` calls a procedure whose name is known only at run time."""
@@ -499,7 +551,7 @@ class StatementParser(ExpressionParser):
         self.expect("%")
         arguments = self.arguments(";")
         self.expect(";")
-        return Step(line=Instruction(start=name.start, end=self.end, name=name, arguments=arguments))
+        return Step(line=Instruction(start=name.start, end=self.end, name=name, first=arguments))
 
     def _placeholder(self) -> Node:
         """``<SMT>`` and the like, where a statement is still to be written."""

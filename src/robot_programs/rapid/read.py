@@ -55,6 +55,7 @@ from robot_programs.rapid.resolve import (
     TargetArgument,
     base_frame,
     motion_of,
+    poses_of,
     resolve,
 )
 from robot_programs.rapid.rewrite import RapidProgram
@@ -389,7 +390,8 @@ class _Walk(form.Walk[State, Routine]):
         if is_read(instruction, scope):
             number = self._resolve(instruction, scope, state)
             state = state.forgotten(self._changed_by(node))
-            return replace(state, last=number if MOTION_FORMS[key].ends_there else None)
+            last = number if MOTION_FORMS[key].ends_there else None
+            return State(last=last, reached=state.reached, variables=state.variables)
         if key in scope.routines:
             return self._call(instruction, node, state)
         if (counted := counting(instruction)) is not None:
@@ -508,11 +510,21 @@ class Findings(form.Findings[Instruction, Resolved]):
         """All that can be rewritten, in the order of the text."""
         order = {id(file): i for i, file in enumerate(self.files)}
         file_of = {found.text: order[id(found.motion.file)] for found in self.occurrences}
-        found = self.ordered(lambda found: not self._is_torn(found.motion), lambda text: (file_of[text], text.start))
+        found = list(
+            self.ordered(lambda found: not self._is_torn(found.motion), lambda text: (file_of[text], text.start))
+        )
+        ends, vias = poses_of([one.motion.end for one in found]), poses_of([one.motion.via for one in found])
         # those of calls that nobody could follow count, too
         return [
-            motion_of(one.motion, one.follows, self.settings, one.same_text + (one.motion.instruction in self.reasons))
-            for one in found
+            motion_of(
+                one.motion,
+                end,
+                via,
+                one.follows,
+                self.settings,
+                one.same_text + (one.motion.instruction in self.reasons),
+            )
+            for one, end, via in zip(found, ends, vias, strict=True)
         ]
 
     def _is_torn(self, motion: Resolved) -> bool:
@@ -537,6 +549,8 @@ class Findings(form.Findings[Instruction, Resolved]):
 
 
 def _meaning(target: TargetArgument) -> tuple[object, ...]:
+    if target.origin is None and target.passed is None and target.literal is not None and not target.shifted:
+        return (target.argument,)  # whose text says all of it
     origin = None if target.origin is None else (target.origin.symbol, target.origin.path)
     return (target.argument, origin, target.shifted, target.meant, target.external, target.read_at)
 
@@ -746,8 +760,7 @@ def _words(everywhere: Iterable[Context]) -> Iterator[tuple[File, Token, frozens
         for statement in context.lines:
             match statement:
                 case Instruction():
-                    options = frozenset(a.option for a in statement.arguments if a.option)
-                    yield context.file, statement.name, options
+                    yield context.file, statement.name, statement.options
                 case Unparsed():
                     options = frozenset(token.key for token in statement.tokens if token.kind == "name")
                     for token in statement.tokens:

@@ -2,9 +2,9 @@
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Literal
 
 import numpy as np
@@ -16,7 +16,17 @@ from robot_programs.core.program import THROUGH_TARGET, Move, MoveKind, Target, 
 from robot_programs.core.robot import Robot, arm_bends
 from robot_programs.core.source import Source
 from robot_programs.rapid.names import DATA, File, Scope, Value
-from robot_programs.rapid.syntax import Aggregate, Argument, Call, Expression, Instruction, Number, Reference, listed
+from robot_programs.rapid.syntax import (
+    Aggregate,
+    Argument,
+    Call,
+    Expression,
+    Instruction,
+    Number,
+    Reference,
+    Tail,
+    listed,
+)
 from robot_programs.rapid.values import (
     UNIT_TOLERANCE,
     Frames,
@@ -146,7 +156,7 @@ TargetType = Literal["robtarget", "jointtarget"]
 JOINTS = 6
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class TargetArgument:
     """A target argument: what it means, and where its numbers stand."""
 
@@ -177,7 +187,7 @@ class TargetArgument:
     external: tuple[float, ...]
     """Positions of external axes, as the program gives them."""
 
-    @cached_property
+    @property
     def T(self) -> Float[np.ndarray, "4 4"]:
         """The pose that is meant."""
         return pose_of(self.meant[:3], self.meant[3:7])
@@ -201,13 +211,19 @@ class TargetArgument:
         T[:3, 3] += self.T[:3, 3] - self.base.T[:3, 3]
         return T
 
-    def target(self, posture_counts: bool, posture_binds: bool = True) -> Target:
-        """Target of a motion, without its posture where the controller is told to ignore that and it is not needed."""
+    def target(self, T: Float[np.ndarray, "4 4"] | None, posture_counts: bool, posture_binds: bool = True) -> Target:
+        """Target of a motion, without its posture where the controller is told to ignore that and it is not needed.
+
+        Args:
+            T: the pose that is meant; None for joint positions.
+            posture_counts: whether the posture is needed.
+            posture_binds: as in `Target`.
+        """
         name, place = self.origin.name if self.origin else "", self.file.source.place(self._written)
         if self.type == "jointtarget":
             return Target(name=name, T=None, q=np.radians(self.meant), posture=None, place=place)
         posture = configuration(self.meant[7:]) if posture_counts else None
-        return Target(name=name, T=self.T, q=None, posture=posture, place=place, posture_binds=posture_binds)
+        return Target(name=name, T=T, q=None, posture=posture, place=place, posture_binds=posture_binds)
 
     @property
     def _written(self) -> int:
@@ -218,8 +234,20 @@ class TargetArgument:
 
 def configuration(cf: Iterable[float]) -> Configuration:
     """The configuration that four numbers of confdata state."""
-    cf1, cf4, cf6, cfx = (int(v) for v in cf)
+    return _configuration(*map(int, cf))
+
+
+@lru_cache(maxsize=1024)
+def _configuration(cf1: int, cf4: int, cf6: int, cfx: int) -> Configuration:
     return Configuration(cf1=cf1, cf4=cf4, cf6=cf6, cfx=cfx)
+
+
+def poses_of(targets: Sequence[TargetArgument | None]) -> Iterator[Float[np.ndarray, "4 4"] | None]:
+    """The poses that targets mean; None for joint positions, and where there is no target."""
+    meant = [t.meant[:7] for t in targets if t is not None and t.type == "robtarget"]
+    own = np.array(meant).reshape(-1, 7)
+    T = iter(se3.pose(se3.from_quaternion(own[:, [4, 5, 6, 3]]), own[:, :3] / 1e3))
+    return (next(T) if t is not None and t.type == "robtarget" else None for t in targets)
 
 
 def resolve_target(argument: Argument, type_: TargetType, scope: Scope, values: Values, file: File) -> TargetArgument:
@@ -489,18 +517,22 @@ class Layout:
         return max([own, *(self.options[name].end for name in ("z", "inpos") if name in self.options)])
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Motion:
     """A motion with its text."""
 
     move: Move
     file: File
     instruction: Instruction
-    layout: Layout
     end: TargetArgument
     via: TargetArgument | None
     redefined: frozenset[str]
     """Motion instructions whose names the program gives to routines of its own, by key."""
+
+    @property
+    def layout(self) -> Layout:
+        """The arguments by their meaning."""
+        return layout(self.instruction)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -521,8 +553,12 @@ class Settings:
     """Frames as the program states them, and counted in the robot's base: made once, so that one frame is one object."""
     notes: dict[str, tuple[File, int]] = field(default_factory=dict[str, tuple[File, int]])
     """Warnings that came up, each with the file and character where it did first."""
-    manners: dict[tuple[Scope, str, str], "Manner"] = field(default_factory=dict[tuple[Scope, str, str], "Manner"])
-    """How motions move, by the text in front of their targets and behind them: that of most lines is alike."""
+    meanings: dict[tuple[object, ...], int] = field(default_factory=dict[tuple[object, ...], int])
+    """As in `Manner`."""
+    manners: dict[tuple[Scope, str, str | Tail], "Manner"] = field(
+        default_factory=dict[tuple[Scope, str, str | Tail], "Manner"]
+    )
+    """How motions move, by the text in front of their targets and behind them, or their tail: that of most lines is alike."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -540,24 +576,26 @@ class Manner:
     external_offset: str
     redefined: frozenset[str]
     """As in `Motion`."""
+    meanings: dict[tuple[object, ...], int]
+    """Numbers of all that motions of the program do."""
 
     @cached_property
-    def meaning(self) -> tuple[object, ...]:
+    def meaning(self) -> object:
         """Equal for those that do the same."""
         tool, part = self.frames.tool, self.frames.part
-        return (
+        own = (
             tool.name, tool.T.tobytes(), part.name, part.T.tobytes(), self.frames.part_in_hand, self.frames.carrier, self.speed,
             self.turn_speed, self.stops, self.zone,
         )  # fmt: skip
+        return self.meanings.setdefault(own, len(self.meanings))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Resolved:
     """What the text of a motion means; what comes before it is still to be said."""
 
     file: File
     instruction: Instruction
-    layout: Layout
     end: TargetArgument
     via: TargetArgument | None
     manner: Manner
@@ -596,6 +634,19 @@ def layout(instruction: Instruction) -> Layout:
     return Layout(via=via, to=to, speed=speed, zone=zone, tool=tool, options=options)
 
 
+def target_arguments(instruction: Instruction) -> tuple[Argument | None, Argument]:
+    """Via point, if there is one, and target of a motion.
+
+    Raises:
+        Unresolved: arguments are missing, or there is one that is not provided for.
+    """
+    if instruction.tail is None:
+        where = layout(instruction)
+        return where.via, where.to
+    *via, to = instruction.first
+    return via[0] if via else None, to
+
+
 def resolve(
     instruction: Instruction, scope: Scope, file: File, settings: Settings, values: Values, routine: str
 ) -> Resolved:
@@ -604,18 +655,22 @@ def resolve(
     Raises:
         Unresolved: it does not give a target, a tool or a frame.
     """
-    kind = MOTION_FORMS[instruction.name.key].kind
-    where, text = layout(instruction), file.source.text
+    key, text, (by, to) = instruction.name.key, file.source.text, target_arguments(instruction)
+    kind = MOTION_FORMS[key].kind
+    behind = instruction.tail or text[to.end : instruction.end]
+    alike = scope, key if instruction.tail else text[instruction.start : (by or to).start], behind
+    manner = settings.manners.get(alike)
+    where = layout(instruction) if manner is None or manner.variables is not values.variables else None
     if kind != "axes" and settings.shift:
         raise Unresolved(settings.shift)
-    alike = scope, text[instruction.start : (where.via or where.to).start], text[where.to.end : instruction.end]
-    manner = settings.manners.get(alike)
-    if manner is None or manner.variables is not values.variables:
-        manner = settings.manners[alike] = _manner(instruction, where, scope, file, settings, values)
+    if manner is None or where is not None:
+        manner = settings.manners[alike] = _manner(
+            instruction, where or layout(instruction), scope, file, settings, values
+        )
     type_ = "jointtarget" if kind == "axes" else "robtarget"
-    end = resolve_target(where.to, type_, scope, values, file)
-    via = resolve_target(where.via, type_, scope, values, file) if where.via else None
-    return Resolved(file=file, instruction=instruction, layout=where, end=end, via=via, manner=manner, routine=routine)
+    end = resolve_target(to, type_, scope, values, file)
+    via = resolve_target(by, type_, scope, values, file) if by else None
+    return Resolved(file=file, instruction=instruction, end=end, via=via, manner=manner, routine=routine)
 
 
 def _manner(
@@ -635,15 +690,24 @@ def _manner(
         speed=speed if form.speed_counts or "on" in where.options else None, turn_speed=turn_speed,
         divisible=form.repeats and not where.options.keys() & {"on", "off"},
         external_offset="" if "noeoffs" in where.options else settings.external_offset,
-        redefined=frozenset(MOTION_FORMS.keys() & scope.routines.keys()),
+        redefined=frozenset(MOTION_FORMS.keys() & scope.routines.keys()), meanings=settings.meanings,
     )  # fmt: skip
 
 
-def motion_of(found: Resolved, follows: int | None, settings: Settings, texts_motions: int) -> Motion:
+def motion_of(
+    found: Resolved,
+    end: Float[np.ndarray, "4 4"] | None,
+    via: Float[np.ndarray, "4 4"] | None,
+    follows: int | None,
+    settings: Settings,
+    texts_motions: int,
+) -> Motion:
     """A motion whose place among the others is known.
 
     Args:
         found: as it was resolved.
+        end: pose of its target; None for joint positions.
+        via: pose of its via point; None where it has none.
         follows: number of the one before; None where that is not known.
         settings: of the program.
         texts_motions: how many motions its text stands for.
@@ -654,18 +718,23 @@ def motion_of(found: Resolved, follows: int | None, settings: Settings, texts_mo
     counts = binds or follows is None
     frames = manner.frames
     move = Move(
-        kind=kind, end=found.end.target(counts, binds), via=found.via.target(counts) if found.via else None,
+        kind=kind, end=found.end.target(end, counts, binds), via=found.via.target(via, counts) if found.via else None,
         tool=frames.tool, part=frames.part, part_in_hand=frames.part_in_hand, speed=manner.speed,
         turn_speed=manner.turn_speed, divisible=manner.divisible and texts_motions == 1, stops=manner.stops,
         zone=manner.zone, follows=follows, texts_motions=texts_motions, routine=found.routine,
         place=found.file.source.place(found.instruction.start), carrier=frames.carrier,
-        external=tuple([axis if abs(axis) < MAX_AXIS_POSITION else math.nan for axis in found.end.external]),
+        external=_axes(found.end.external),
         external_offset=manner.external_offset,
     )  # fmt: skip
     return Motion(
-        move=move, file=found.file, instruction=found.instruction, layout=found.layout, end=found.end, via=found.via,
-        redefined=manner.redefined,
+        move=move, file=found.file, instruction=found.instruction, end=found.end, via=found.via, redefined=manner.redefined,
     )  # fmt: skip
+
+
+@lru_cache(maxsize=1024)
+def _axes(external: tuple[float, ...]) -> tuple[float, ...]:
+    """Positions of external axes; NaN for those that are not there."""
+    return tuple([axis if abs(axis) < MAX_AXIS_POSITION else math.nan for axis in external])
 
 
 def _in_base(frames: Frames, settings: Settings) -> Frames:

@@ -5,6 +5,7 @@ from bisect import bisect_left, bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import islice, zip_longest
 
 import numpy as np
@@ -38,6 +39,7 @@ from robot_programs.rapid.resolve import (
     configuration,
     leaves,
     pose_numbers,
+    target_arguments,
 )
 from robot_programs.rapid.syntax import Argument, Assignment, Declaration, Instruction, Node, Routine, tokenize
 from robot_programs.rapid.values import (
@@ -196,7 +198,7 @@ Home = tuple[object, ...]
 """Where the numbers of a target stand."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Want:
     """New numbers for a target argument."""
 
@@ -259,29 +261,45 @@ class Sharing:
 
     def unwritable(self, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> dict[int, str]:
         """Motions that cannot be rewritten as they should, by number, and why."""
+        sharing = self._sharing()
         ends: dict[TargetArgument, Waypoint] = {}
-        for i, path in waypoints.items():
-            motion, last = self.motions[i], path[-1]
-            if last.kind == motion.move.kind:
+        for i in sharing:
+            motion, last = self.motions[i], waypoints[i][-1] if i in waypoints else None
+            if last is not None and last.kind == motion.move.kind:
                 ends[motion.end] = last
                 if motion.via is not None and last.via is not None:
                     ends[motion.via] = last.via
         texts = new_texts(ends, self.robot)
-        return reject_in_turn(waypoints, lambda rest: self._conflicts(rest, texts))
+        return reject_in_turn(waypoints, lambda rest: self._conflicts(rest, sharing, texts))
+
+    def _sharing(self) -> list[int]:
+        """Motions whose texts stand for several or are given by calls, and all that have a target in common with these."""
+        others = [motion for motion in self.motions if not _stands_alone(motion)]
+        homes = {
+            home_of(one) for motion in others for target in _targets(motion) for one in (target, target.base or target)
+        }
+        return [
+            i
+            for i, motion in enumerate(self.motions)
+            if homes and (not _stands_alone(motion) or any(home_of(target) in homes for target in _targets(motion)))
+        ]
 
     def _conflicts(
-        self, waypoints: Mapping[int, tuple[Waypoint, ...]], texts: Mapping[TargetArgument, Texts]
+        self,
+        waypoints: Mapping[int, tuple[Waypoint, ...]],
+        sharing: Sequence[int],
+        texts: Mapping[TargetArgument, Texts],
     ) -> Iterator[tuple[int, str]]:
-        for i, path in waypoints.items():
+        for i in sharing:
             motion = self.motions[i]
             count = motion.move.texts_motions
-            (*before, last) = path
-            if count > 1 and (before or last.kind != motion.move.kind):
+            (*before, last) = waypoints.get(i, (None,))
+            if count > 1 and (before or (last is not None and last.kind != motion.move.kind)):
                 yield i, f"its text stands for {count} motions, and cannot become other ones for one of them"
         by_argument: dict[object, list[tuple[int, Want]]] = defaultdict(list)
         by_home: dict[Home, list[tuple[int, Want]]] = defaultdict(list)
         carried: list[tuple[int, Want]] = []
-        for i in range(len(self.motions)):
+        for i in sharing:
             for want in _wants(self.motions[i], texts if i in waypoints else {}):
                 if want.is_carried:
                     carried.append((i, want))
@@ -400,9 +418,19 @@ class Sharing:
 
 
 def _wants(motion: Motion, texts: Mapping[TargetArgument, Texts]) -> Iterator[Want]:
-    for target in (motion.end, motion.via):
-        if target is not None:
-            yield Want(target=target, motion=motion, texts=texts.get(target) or (None,) * len(target.meant))
+    for target in _targets(motion):
+        yield Want(target=target, motion=motion, texts=texts.get(target) or (None,) * len(target.meant))
+
+
+def _targets(motion: Motion) -> list[TargetArgument]:
+    return [motion.end] if motion.via is None else [motion.end, motion.via]
+
+
+def _stands_alone(motion: Motion) -> bool:
+    """Whether a motion has its text for itself, so that another name or other numbers may stand there."""
+    return motion.move.texts_motions == 1 and all(
+        target.passed is None and target.root.passed is None for target in _targets(motion)
+    )
 
 
 def home_of(target: TargetArgument) -> Home:
@@ -451,7 +479,7 @@ def _places(group: Iterable[tuple[int, Want]]) -> str:
     return ", ".join(shown) + (" …" if len(places) > len(shown) else "")
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class _Stop:
     """A motion of a routine, with data of which its targets are made."""
 
@@ -489,6 +517,11 @@ class _RoutineText:
     motions: Sequence[Motion]
     numbers: Mapping[Instruction, Sequence[int]]
 
+    @cached_property
+    def starts(self) -> list[int]:
+        """First characters of the references."""
+        return [start for start, _, _ in self.read]
+
     def stops(self, routine: Routine, unresolved: Container[Instruction]) -> Iterator[_Stop]:
         """Motions in the order of the text."""
         made_of: dict[Symbol, frozenset[tuple[Symbol, tuple[int, ...] | None]]] = {}
@@ -504,9 +537,9 @@ class _RoutineText:
                 named = frozenset(name for argument in statement.arguments for name in self._names(argument))
                 yield self._stop(statement, None, named, made_of)
             for i in self.numbers.get(statement, ()):
-                where = self.motions[i].layout
-                named = self._names(where.to) | (frozenset() if where.via is None else self._names(where.via))
-                yield self._stop(statement, i, named, made_of)
+                named = frozenset(name for a in target_arguments(statement) if a is not None for name in self._names(a))
+                if named:  # numbers alone are shared with no other motion
+                    yield self._stop(statement, i, named, made_of)
 
     def _stop(
         self,
@@ -531,9 +564,8 @@ class _RoutineText:
 
     def _names(self, node: Node) -> frozenset[tuple[Symbol, tuple[int, ...] | None]]:
         """Targets that are read in a part of the text."""
-        first = bisect_left(self.read, node.start, key=lambda one: one[0])
-        last = bisect_left(self.read, node.end, key=lambda one: one[0])
-        return frozenset((symbol, use.path) for _, symbol, use in self.read[first:last])
+        own = self.read[bisect_left(self.starts, node.start) : bisect_left(self.starts, node.end)]
+        return frozenset((symbol, use.path) for _, symbol, use in own)
 
 
 MAX_NAME_LENGTH = 32
@@ -632,17 +664,14 @@ def _type(kind: MoveKind) -> TargetType:
 
 def _ends(motion: Motion, waypoint: Waypoint, robot: Robot, edits: _Edits) -> Ends:
     """Edit the instruction's name and arguments as the kind of its last waypoint needs; the numbers are left to do."""
-    where, source = motion.layout, motion.file.source
-    kind, own = waypoint.kind, motion.move.kind
-    ends: dict[TargetArgument, Waypoint] = {}
-    if kind != own:
-        name = motion.instruction.name
-        edits.add(source, name.start, name.end, _name(motion, kind))
-    if where.via is not None and motion.via is not None:
-        if kind == "circular":
-            ends[motion.via] = _via(waypoint)
-        else:
-            edits.add(source, where.via.start, where.to.start, "")
+    kind, ends = waypoint.kind, dict[TargetArgument, Waypoint]()
+    if kind == motion.move.kind:
+        own = [] if motion.via is None else [(motion.via, _via(waypoint))]
+        return dict([*own, (motion.end, waypoint)])
+    where, source, name = motion.layout, motion.file.source, motion.instruction.name
+    edits.add(source, name.start, name.end, _name(motion, kind))
+    if where.via is not None:
+        edits.add(source, where.via.start, where.to.start, "")
     elif kind == "circular":
         via = fresh_text("robtarget", _via(waypoint), robot, motion.end)
         edits.add(source, where.to.start, where.to.start, f"{via},")

@@ -2,8 +2,8 @@
 
 import re
 import sys
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 from robot_programs.core.flow import Block, lines_in
@@ -316,15 +316,60 @@ class Record:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Tail:
+    """What motions have behind their targets, names alone: that of most lines is alike, and is read once."""
+
+    arguments: tuple[Argument, ...]
+    """As if the text began with them."""
+    options: frozenset[str]
+    """Names of the optional ones."""
+
+
+def moved(arguments: Iterable[Argument], by: int) -> tuple[Argument, ...]:
+    """Arguments that are names, as they are so many characters further on."""
+    out: list[Argument] = []
+    for given in arguments:
+        value = given.value
+        if isinstance(value, Reference):
+            name = value.name._replace(start=value.name.start + by)
+            value = Reference(start=name.start, end=name.end, name=name, selectors=())
+        out.append(Argument(start=given.start + by, end=given.end + by, option=given.option, value=value))
+    return tuple(out)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Instruction(Node):
     """Calls an instruction or a procedure; its text ends behind the semicolon."""
 
     name: Token
-    arguments: tuple[Argument, ...]
+    first: tuple[Argument, ...]
+    """Arguments in front of the tail; all where there is none."""
+    tail: Tail | None = None
     compact: bool = False
     """It is all that an IF without THEN governs."""
     plain: bool = False
     """It is known to be given names and lists of numbers alone."""
+    _arguments: tuple[Argument, ...] | None = field(init=False, default=None)
+
+    def __repr__(self) -> str:
+        own = ("start", "end", "name", "arguments", "compact", "plain")
+        return f"Instruction({', '.join(f'{name}={getattr(self, name)!r}' for name in own)})"
+
+    @property
+    def arguments(self) -> tuple[Argument, ...]:
+        """All arguments, the same objects each time."""
+        if self.tail is None:
+            return self.first
+        if self._arguments is None:
+            object.__setattr__(self, "_arguments", (*self.first, *moved(self.tail.arguments, self.first[-1].end)))
+        return self._arguments or ()
+
+    @property
+    def options(self) -> frozenset[str]:
+        """Names of the optional arguments."""
+        own = [argument.option for argument in self.first if argument.option]
+        tail = frozenset[str]() if self.tail is None else self.tail.options
+        return tail.union(own) if own else tail
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -502,15 +547,15 @@ class Words:
         """Whether the word behind the next one has been looked at."""
         return self._later is not None
 
-    def count_value(self) -> None:
-        """Count a value.
+    def count_values(self, count: int = 1) -> None:
+        """Count values.
 
         Raises:
             TooMuch: there are more than in any program.
         """
-        if not self._values:
+        if self._values < count:
             raise TooMuch(self.next.start, f"has more than {MAX_VALUES:,} values; divide it into several files")
-        self._values -= 1
+        self._values -= count
 
     def behind_next(self) -> Token:
         """The word behind the next one, of which there has to be one."""

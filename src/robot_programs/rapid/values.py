@@ -167,7 +167,11 @@ def numbers(value: Value, count: int, what: str) -> tuple[float, ...]:
     Raises:
         Unresolved: there are more or fewer, or something else.
     """
-    if not isinstance(value, tuple) or len(value) != count or not all(isinstance(v, float) for v in value):
+    if (
+        not isinstance(value, tuple)
+        or len(value) != count
+        or not (set(map(type, value)) == {float} or all(isinstance(v, float) for v in value))
+    ):
         raise Unresolved(f"{what} is not made of {count} numbers")
     return cast("tuple[float, ...]", value)
 
@@ -189,10 +193,10 @@ def position(value: Value, what: str) -> tuple[float, ...]:
     Raises:
         Unresolved: it is none.
     """
-    xyz = numbers(value, 3, f"the position of {what}")
-    if not all(abs(v) <= MAX_COORDINATE_MM for v in xyz):
-        raise Unresolved(f"the position of {what} is out of any range")
-    return xyz
+    xyz = x, y, z = numbers(value, 3, f"the position of {what}")
+    if abs(x) <= MAX_COORDINATE_MM and abs(y) <= MAX_COORDINATE_MM and abs(z) <= MAX_COORDINATE_MM:
+        return xyz
+    raise Unresolved(f"the position of {what} is out of any range")
 
 
 def quaternion(value: Value, what: str) -> tuple[float, ...]:
@@ -201,11 +205,11 @@ def quaternion(value: Value, what: str) -> tuple[float, ...]:
     Raises:
         Unresolved: it is none.
     """
-    q = numbers(value, 4, f"the orientation of {what}")
-    length = math.hypot(*q)
+    w, x, y, z = numbers(value, 4, f"the orientation of {what}")
+    length = math.hypot(w, x, y, z)
     if not abs(length - 1.0) <= UNIT_TOLERANCE:
         raise Unresolved(f"the orientation of {what} is not a unit quaternion: its length is {length:.4g}")
-    return tuple(v / length for v in q)
+    return (w / length, x / length, y / length, z / length)
 
 
 def pose_of(xyz_mm: tuple[float, ...], wxyz: tuple[float, ...]) -> Float[np.ndarray, "4 4"]:
@@ -389,7 +393,7 @@ COMPUTED: Mapping[str, Function] = {
 # What data hold at some place of a program, as far as its flow tells.
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Origin:
     """Declaration of a value."""
 
@@ -526,7 +530,7 @@ MAX_ELEMENTS = 1e7
 """No array has more."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Found:
     """Data that a reference names."""
 

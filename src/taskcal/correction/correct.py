@@ -476,10 +476,10 @@ class RewrittenProgram:
     """The corrected program."""
 
     sources: tuple[Source, ...]
-    program: Program
-    """As read again from its sources."""
+    moves: tuple[Move, ...]
+    """Motions as read again from its sources."""
     refused: dict[int, str]
-    """Its motions of which it is not known where they lead."""
+    """Those of which it is not known where they lead."""
     pieces: Int[np.ndarray, " m"]
     """Into how many motions each of the given program became."""
     origin: tuple[tuple[int, float, float], ...]
@@ -496,6 +496,7 @@ def rewrite_program(
     *,
     into: str | Path | None,
     tolerance: float,
+    progress: Callable[[str], None],
 ) -> RewrittenProgram:
     """Write the corrected files, and read the program from them again.
 
@@ -508,12 +509,15 @@ def rewrite_program(
         trajectory: of the controller in the program.
         into: file of a new program; None to rewrite the program's own files.
         tolerance: how far a target may be off that goes with another one, metres.
+        progress: told what is being done.
 
     Raises:
         TaskcalError: it cannot be written, or does not read as what was written.
     """
+    progress("writing the corrected program")
     if into is None:
         sources = program.rewrite(robot, waypoints)
+        progress("reading the corrected program")
         again = program.reread(sources)
     else:
         first = given.moves[0]
@@ -523,6 +527,7 @@ def rewrite_program(
         sources = (compose_new_program(Path(into), robot, framed, waypoints, trajectory),)
         declares = language_of(Path(into)).declares_frames
         tool, part = (None, None) if declares else (first.tool, first.part)
+        progress("reading the corrected program")
         again = parse_program(sources, robot=robot, tool=tool, part=part)
     pieces = np.array([len(waypoints.get(i, (1,))) for i in range(len(program.moves))], dtype=np.int64)
     origin = _origins(len(program.moves), waypoints)
@@ -536,7 +541,7 @@ def rewrite_program(
     if into is None:
         check_reading(mounted.program.moves, pieces, waypoints, tolerance)
     return RewrittenProgram(
-        sources=sources, program=mounted.program, refused=mounted.refused, pieces=pieces, origin=origin
+        sources=sources, moves=mounted.program.moves, refused=mounted.refused, pieces=pieces, origin=origin
     )
 
 
@@ -612,6 +617,7 @@ def correct(
     directions = drive_directions(robot, moves, trajectory) if uses_directions(calibration.model) else None
     placed = place_motions(calibration, frames, number, directions)
     path = trajectory.path_on(placed, moves)
+    progress("the uncertainty at the targets")
     uncertainty = uncertainty_at(frames, number, trajectory.end, directions)
     progress("the joints of the calibrated robot")
     tolerance, widest = _tolerances(uncertainty) if bounds.tolerance is None else (bounds.tolerance, 0.0)
@@ -624,11 +630,19 @@ def correct(
     waypoints, rejected = choose_waypoints(
         problem, subdivision, changes, bounds, keep_joints=keep_joints, program=program if into is None else None
     )
-    progress("the corrected program")
     rewritten = rewrite_program(
-        given, program, robot, cell, waypoints, trajectory, into=into, tolerance=subdivision.tolerance
+        given,
+        program,
+        robot,
+        cell,
+        waypoints,
+        trajectory,
+        into=into,
+        tolerance=subdivision.tolerance,
+        progress=progress,
     )
-    written_moves, written = rewritten.program.moves, np.isin(np.arange(len(moves)), list(waypoints))
+    progress("the joints of the corrected program")
+    written_moves, written = rewritten.moves, np.isin(np.arange(len(moves)), list(waypoints))
     near = trajectory.end[[number for number, _, _ in rewritten.origin]]
     new_trajectory = simulate_controller(robot, written_moves, rewritten.refused, near)
     motion = joint_motion(robot, written_moves, new_trajectory)

@@ -417,6 +417,18 @@ CHUNK_POSES = 4096
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class MovedFrame:
+    """The grasped frame at some poses."""
+
+    J: Float[np.ndarray, "n 3 z"]
+    """Derivatives of its origin by the estimate, in tracker axes."""
+    T: Float[np.ndarray, "n 4 4"]
+    """In the tracker's frame, metres."""
+    growth: Float[np.ndarray, " n"]
+    """Factor of the covariance of what is predicted there."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class FrameCalibration:
     """A tool and a part, on the robot as calibrated."""
 
@@ -453,17 +465,23 @@ class FrameCalibration:
         relative = self.causes(q, conditions)
         return relative @ np.swapaxes(relative, 1, 2)
 
-    def _in_tracker(
-        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None
-    ) -> Float[np.ndarray, "n 3 3"]:
+    def moved(self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None) -> "MovedFrame":
+        """The grasped frame at some poses; arguments as of `causes`."""
+        return MovedFrame(
+            J=self.grasped.twists(q, conditions)[:, :3], T=self._grasped_poses(q), growth=self.calibration.growth_at(q)
+        )
+
+    def _in_tracker(self, moved: "MovedFrame") -> Float[np.ndarray, "n 3 3"]:
         """Covariance of the grasped frame's origin in the tracker's frame, metres²."""
-        J, R = self.grasped.twists(q, conditions)[:, :3], self._grasped_poses(q)[:, :3, :3]
-        growth = self.calibration.growth_at(q)[:, None, None]
-        by_estimate = growth * (J @ self.calibration.z_covariance @ np.swapaxes(J, 1, 2))
+        J, R = moved.J, moved.T[:, :3, :3]
+        by_estimate = moved.growth[:, None, None] * (J @ self.calibration.z_covariance @ np.swapaxes(J, 1, 2))
         return by_estimate + R @ self.grasped.covariance @ np.swapaxes(R, 1, 2)
 
     def causes(
-        self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+        self,
+        q: Float[np.ndarray, "n joints"],
+        conditions: Conditions | None = None,
+        moved: "MovedFrame | None" = None,
     ) -> Float[np.ndarray, "n 3 k"]:
         """Errors of the grasped frame's origin against the fixed frame by independent causes of one standard deviation each.
 
@@ -473,16 +491,17 @@ class FrameCalibration:
         Args:
             q: joint positions, radians.
             conditions: how the poses are reached, for effects that depend on it.
+            moved: as `moved` gives it, where it is known.
         """
-        calibration, fixed, T = self.calibration, self.fixed, self._grasped_poses(q)
-        J = self.grasped.twists(q, conditions)[:, :3]
+        moved = moved or self.moved(q, conditions)
+        calibration, fixed, T, J = self.calibration, self.fixed, moved.T, moved.J
         if fixed.follows_base:
             J = J.copy()
             J[:, :, columns_of(calibration, "base.")] = 0.0
         elif fixed.twist is not None:
             twist = np.broadcast_to(fixed.twist, (len(q), *fixed.twist.shape))
             J = J - se3.carry(twist, T[:, :3, 3])[:, :3]
-        by_estimate = np.sqrt(calibration.growth_at(q))[:, None, None] * (J @ root_of(calibration.z_covariance))
+        by_estimate = np.sqrt(moved.growth)[:, None, None] * (J @ root_of(calibration.z_covariance))
         held = T[:, :3, :3] @ root_of(self.grasped.covariance)
         arm = se3.carry(np.broadcast_to(np.eye(6), (len(q), 6, 6)), T[:, :3, 3])[:, :3]
         R_fixed = (calibration.T_tracker_base @ fixed.T_base_fixed)[:3, :3]
@@ -514,6 +533,7 @@ class FrameCalibration:
         self,
         q: Float[np.ndarray, "n joints"],
         conditions: Conditions | None = None,
+        moved: "MovedFrame | None" = None,
         causes: Float[np.ndarray, "n 3 k"] | None = None,
     ) -> Float[np.ndarray, "n sources"]:
         """The square of the uncertainty by where it comes from, in the order of `SOURCES`, metres².
@@ -525,13 +545,15 @@ class FrameCalibration:
         Args:
             q: joint positions, radians.
             conditions: how the poses are reached, for effects that depend on it.
+            moved: as `moved` gives it, where it is known.
             causes: as `causes` gives them, where they are known.
         """
         q = np.asarray(q, dtype=float)
-        causes = self.causes(q, conditions) if causes is None else causes
+        moved = moved or self.moved(q, conditions)
+        causes = self.causes(q, conditions, moved) if causes is None else causes
         covariance = self.calibration.predict_covariance(q, conditions, model_error=False)[..., :3, :3]
         geometry = _total(covariance).mean(axis=1)
-        grasped, total = _total(self._in_tracker(q, conditions)), (causes**2).sum(axis=(1, 2))
+        grasped, total = _total(self._in_tracker(moved)), (causes**2).sum(axis=(1, 2))
         parts = np.stack([geometry, grasped - geometry, total - grasped], axis=1)
         parts = np.maximum(parts, 0.0)
         parts *= (total / np.maximum(parts.sum(axis=1), 1e-300))[:, None]
@@ -655,8 +677,9 @@ def uncertainty_at(
         for first in range(0, len(rows), CHUNK_POSES):
             some = rows[first : first + CHUNK_POSES]
             conditions = None if directions is None else directions.at(some, np.ones(len(some)))
-            causes = frame.causes(q[some], conditions)
-            variances[some] = frame.variances(q[some], conditions, causes)
+            moved = frame.moved(q[some], conditions)
+            causes = frame.causes(q[some], conditions, moved)
+            variances[some] = frame.variances(q[some], conditions, moved, causes)
             flat = (np.sqrt(counts[some])[:, None, None] * causes).reshape(-1, len(columns))
             common[np.ix_(columns, columns)] += flat.T @ flat
     return Uncertainty(variances=variances, weights=counts, common=common)

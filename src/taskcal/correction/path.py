@@ -289,14 +289,15 @@ def find_corners(
     length, angle = segments.length, np.linalg.norm(segments.turn, axis=1)
     before, after = corners.before.copy(), corners.after.copy()
     entry, exit_ = corners.entry.copy(), corners.exit.copy()
+    lengths, angles = length.tolist(), angle.tolist()
     for i, j in enumerate(_followers(moves)):
         zone = moves[i].zone
         if j < 0 or moves[i].stops or zone is None or not zone.rounds:
             continue
         if not (known[i] and known[j] and _in_common(moves[i], moves[j])):
             continue
-        exit_[i], entry[j] = _shares(zone, length[[i, j]], angle[[i, j]])
-        if exit_[i].max() > 0.0:
+        exit_[i], entry[j] = _shares(zone, lengths[i], lengths[j], angles[i], angles[j])
+        if exit_[i, 0] > 0.0 or exit_[i, 1] > 0.0:
             after[i], before[j] = j, i
     chords = []
     by_joints = np.array([move.kind in ("joint", "axes") for move in moves], dtype=bool)
@@ -330,20 +331,17 @@ def _in_common(first: Move, second: Move) -> bool:
 
 
 def _shares(
-    zone: Zone, length: Float[np.ndarray, " 2"], angle: Float[np.ndarray, " 2"]
+    zone: Zone, length: float, next_length: float, angle: float, next_angle: float
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Shares of two motions that a corner between them takes: of the first and of the second, by point and orientation."""
-    if (length > MIN_LENGTH_M).all():
-        most = min(length.min() / 2.0, zone.share * length[0])
-        sizes = [min(zone.distance, most), min(max(zone.distance, zone.turn_distance), most)]
-        measure = length
-    elif (length <= MIN_LENGTH_M).all() and (angle > 0.0).all():
-        sizes = [min(zone.angle, angle.min() / 2.0, zone.share * angle[0])] * 2
-        measure = angle
-    else:  # between a path and a turn on the spot, half of which is no way at all
-        return (0.0, 0.0), (0.0, 0.0)
-    first, second = ((float(sizes[0] / whole), float(sizes[1] / whole)) for whole in measure)
-    return first, second
+    if length > MIN_LENGTH_M and next_length > MIN_LENGTH_M:
+        most = min(length / 2.0, next_length / 2.0, zone.share * length)
+        point, turn = min(zone.distance, most), min(max(zone.distance, zone.turn_distance), most)
+        return (point / length, turn / length), (point / next_length, turn / next_length)
+    if length <= MIN_LENGTH_M and next_length <= MIN_LENGTH_M and angle > 0.0 and next_angle > 0.0:
+        size = min(zone.angle, angle / 2.0, next_angle / 2.0, zone.share * angle)
+        return (size / angle, size / angle), (size / next_angle, size / next_angle)
+    return (0.0, 0.0), (0.0, 0.0)  # between a path and a turn on the spot, half of which is no way at all
 
 
 # The path of a tool that rounds its corners.

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from jaxtyping import Bool, Float, Inexact, Int
@@ -149,7 +150,11 @@ class FourBarDrive:
         """∂²δs/∂q² of the nominal loop."""
         alpha, kappa = q @ self.arm, q @ self.crank
         second = curvature(self.bar, close_four_bar(self.bar, alpha, kappa), alpha, kappa)
-        return np.einsum("c,nab,ai,bj->ncij", self.output, second, self.angles, self.angles)
+        out = np.zeros((len(q), len(self.output), q.shape[1], q.shape[1]))
+        for (a, by_i), (b, by_j) in product(enumerate(self.angles), repeat=2):
+            of_loop = second[:, a, b, None] * self.output[self.moved]
+            out[:, self.moved] += of_loop[:, :, None, None] * by_i[:, None] * by_j
+        return out
 
     def closes(self, q: Float[np.ndarray, "n joints"], xi: Float[np.ndarray, " 3"]) -> Bool[np.ndarray, " n"]:
         """Whether the loop closes at each pose on the side it is built on.

@@ -1,5 +1,5 @@
 import time
-from unittest.mock import patch
+from unittest.mock import Mock, patch
 
 import pytest
 from hypothesis import given
@@ -62,6 +62,9 @@ def test_the_time_to_read_grows_with_the_length(piece):
 
 
 PIECES = [
+    "MoveL p,v,z,t\\WObj:=w;",
+    "MoveC p,[1],v,z,t;",
+    "VAR num a:=[1];",
     "a",
     "MoveL",
     "TRUE",
@@ -91,7 +94,8 @@ PIECES = [
 )
 def test_plain_instructions_mean_the_same_word_by_word(text):
     at_once = repr(parse(text)).replace("plain=True", "plain=False")
-    with patch.object(StatementParser, "_plain", return_value=None):
+    word_by_word = {"_plain": Mock(return_value=None), "_plain_declaration": Mock(return_value=None)}
+    with patch.multiple(StatementParser, **word_by_word):
         assert repr(parse(text)) == at_once
 
 

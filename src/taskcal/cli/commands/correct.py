@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from taskcal.correction.verdict import Verdict
 
 
+STEPS = 8
+"""Of the bar: reading, those that `taskcal.correct` names, and the verdict."""
+
 MAX_SHOWN_TARGETS = 12
 """Targets of the table; the JSON result and the page have all of them."""
 
@@ -166,13 +169,13 @@ def command(
     from robot_programs.backup import check_place
 
     calibrated = read_calibration(calibration, unsealed=unsealed)
-    cell, program = _read(programs, around, calibrated)
     described = None if task is None else taskcal.load_task(task)
-    if not again:
-        check_not_corrected(program.sources)
-    if program.backup is not None and destination.output is not None and not destination.dry_run:
-        check_place(program.backup, destination.output)
-    with bar_over(["reading the program"], 4) as begin:
+    with bar_over(["reading the program"], STEPS) as begin:
+        cell, program = _read(programs, around, calibrated)
+        if not again:
+            check_not_corrected(program.sources)
+        if program.backup is not None and destination.output is not None and not destination.dry_run:
+            check_place(program.backup, destination.output)
         correction = taskcal.correct(
             calibrated,
             program,
@@ -183,11 +186,11 @@ def command(
             accept_uncertain=destination.accept_uncertain or destination.dry_run,
             progress=begin,
         )
-    from taskcal.correction.verdict import judge
-    from taskcal.report.correction import correction_page, state_uncertain
+        begin("the verdict")
+        from taskcal.correction.verdict import judge
+        from taskcal.report.correction import correction_page, state_uncertain
 
-    verdict = judge(calibrated, described, correction, cell)
-
+        verdict = judge(calibrated, described, correction, cell)
     withheld, out = destination.withholds(correction), destination.output
     contents, lay = ({}, None) if out is None or destination.dry_run or withheld else correction.parts(out)
     made = page.write(outputs, contents, lambda: correction_page(correction, calibrated, verdict), lay)
