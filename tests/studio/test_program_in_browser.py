@@ -61,7 +61,7 @@ def test_program_is_corrected_in_browser_as_on_command_line(chromium: Any, tmp_p
         tab.ready()
         tab.picture("program")
         page = tab.open("report")
-        page.get_by_role("button", name="Make the report").click()
+        page.get_by_role("button", name="Make the report", exact=True).click()
         page.get_by_role("link", name="c.html", exact=True).wait_for(timeout=300_000)
         tab.picture("report")
         assert serious(page) == []
