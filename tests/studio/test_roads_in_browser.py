@@ -69,7 +69,7 @@ class Road:
     def next(self, what: str, to: str) -> None:
         """Take the step that is named as the next, as soon as it is; its page keeps nobody out and needs no scrolling sideways."""
         label = self.texts("next.next", what=self.texts(what))
-        self.page.locator(".next .act").get_by_text(label, exact=True).wait_for(timeout=300_000)
+        self.page.locator(".next").get_by_text(label, exact=True).wait_for(timeout=300_000)
         self.enter(label)
         self.page.wait_for_url(f"**/{to}")
         self.page.locator("h1", has_text=self.texts(f"{to}.title")).wait_for()
