@@ -590,7 +590,8 @@ class _Walk(flow.Walk[State, Routine]):
             raise Unresolved(value.reason)
         posture = None
         if isinstance(value, Inverse):
-            posture = None if value.near is None else NearPosture(q=np.array(value.near))
+            # a line keeps the posture in which it begins
+            posture = NearPosture(q=np.array(value.near)) if value.near is not None and kind == "joint" else None
             value = value.pose
         slot, framed = slot_of(expression)
         if isinstance(slot, Name):
@@ -733,6 +734,6 @@ def _diagnosed(findings: Findings) -> Iterator[tuple[tuple[int, int], str]]:
         times = f" ({len(places)} times)" if len(places) > 1 else ""
         yield (
             min(places),
-            f"{name} is not in the files given{times}; it is taken to leave TCP and variables as they are, and behind it is not "
-            "known where the robot is",
+            f"{name} is not in the files given{times}; it is taken to leave TCP and variables as they are; where the robot is "
+            "after it is not known",
         )

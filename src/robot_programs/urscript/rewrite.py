@@ -5,6 +5,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -32,8 +33,9 @@ METRES, RADIANS = 7, 8
 NUMBER_TOLERANCE = 1e-8
 """Metres and radians that differ by less are written alike."""
 
-PASSING_M = 1e-3
-"""Blend radius of points that are put on a path, metres: with none the robot would stop in them."""
+PASSING_M, PASSING_SHARE = 1e-3, 0.3
+"""Largest blend radius of points that are put on a path, metres: with none the robot would stop in them; and its share of the
+way between two of them, for blends cannot overlap (Universal Robots, *User manual*, waypoints)."""
 
 POINTS = {"movej": ("q",), "movel": ("pose",), "movep": ("pose",), "movec": ("pose_via", "pose_to")}
 """Names of the arguments that are targets, which come first."""
@@ -240,24 +242,24 @@ class UrscriptProgram(Program):
             site, move = self.sites[number], self.moves[number]
             source, start = self.sources[site.file.number], site.call.start
             parting = source.newline + source.indent(start)
-            texts = [self._inserted(site, move, waypoint) + parting for waypoint in path[:-1]]
+            radius = _passing(path)
+            texts = [self._inserted(site, move, waypoint, radius) + parting for waypoint in path[:-1]]
             if texts:
                 edits[site.file.number].insert(0, Edit(start=start, end=start, text="".join(texts)))
         return tuple(source.edited(e) for source, e in zip(self.sources, edits, strict=True))
 
-    def _inserted(self, site: Site, move: Move, waypoint: Waypoint) -> str:
+    def _inserted(self, site: Site, move: Move, waypoint: Waypoint, radius: float) -> str:
         """The motion's own text with another target, passing by it."""
         source, call = self.sources[site.file.number], site.call
         edits = [
             Edit(start=point.slot.start, end=point.slot.end, text=_text(point, wanted))
             for point, wanted in _wanted(site, waypoint, own=True)
         ]
-        if move.stops or move.zone is None or move.zone.distance > PASSING_M:
-            order = [*POINTS[call.name], "a", "v", *(("t",) if call.name in ("movej", "movel") else ()), "r"]
-            given = dict(zip(order, [value for name, value in call.arguments if not name], strict=False))
-            given |= {name: value for name, value in call.arguments if name}
-            at = (given["r"].start, given["r"].end) if "r" in given else (call.end - 1, call.end - 1)
-            edits.append(Edit(start=at[0], end=at[1], text=f"{PASSING_M:g}" if "r" in given else f", r={PASSING_M:g}"))
+        order = [*POINTS[call.name], "a", "v", *(("t",) if call.name in ("movej", "movel") else ()), "r"]
+        given = dict(zip(order, [value for name, value in call.arguments if not name], strict=False))
+        given |= {name: value for name, value in call.arguments if name}
+        at = (given["r"].start, given["r"].end) if "r" in given else (call.end - 1, call.end - 1)
+        edits.append(Edit(start=at[0], end=at[1], text=f"{radius:.5f}" if "r" in given else f", r={radius:.5f}"))
         return source.piece(call.start, call.end, edits)
 
     def unwritable(
@@ -313,6 +315,20 @@ class UrscriptProgram(Program):
 
 
 _WORD = re.compile(r"[A-Za-z_]\w*")
+
+
+def _passing(path: Sequence[Waypoint]) -> float:
+    """Blend radius with which a motion passes by its waypoints, metres."""
+    points = [waypoint.T[:3, 3] for waypoint in path if waypoint.T is not None]
+    ways = [float(np.linalg.norm(b - a)) for a, b in pairwise(points)]
+    if ways and path[1].share > path[0].share:  # the first way begins where the motion before ended
+        ways.append(ways[0] * path[0].share / (path[1].share - path[0].share))
+    return _blend(ways)
+
+
+def _blend(ways: Iterable[float]) -> float:
+    """Blend radius between ways of some lengths, metres."""
+    return min([PASSING_M, *(PASSING_SHARE * way for way in ways)])
 
 
 def _names(expression: Expression) -> Iterator[str]:
@@ -461,6 +477,8 @@ def _motions(program: Composition) -> Iterator[str]:
         return f"{stated.name} = {text}", stated.name
 
     tool: Frame | None = None
+    points = [None if move.end.T is None else (move.part.T @ move.end.T)[:3, 3] for move in program.moves]
+    ways = [np.inf if a is None or b is None else float(np.linalg.norm(b - a)) for a, b in pairwise(points)]
     for i, move in enumerate(program.moves):
         if program.notes:
             yield f"# {program.note(i)}"
@@ -473,13 +491,13 @@ def _motions(program: Composition) -> Iterator[str]:
                 yield from (line, f"set_tcp({text})") if line else (f"set_tcp({text})",)
         line, part = frame(move.part) if move.kind != "axes" else ("", "")
         yield from (line,) if line else ()
-        yield _motion(program, i, move, part)
+        yield _motion(program, i, move, part, _blend(ways[max(i - 1, 0) : i + 1]))
         if waits_s := program.waits_s(i):
             yield f"sleep({waits_s:g})"
 
 
-def _motion(program: Composition, number: int, move: Move, part: str) -> str:
-    passing = "" if move.stops else f", r={PASSING_M:g}"
+def _motion(program: Composition, number: int, move: Move, part: str, radius: float) -> str:
+    passing = "" if move.stops else f", r={radius:.5f}"
     if move.kind == "axes":
         assert move.end.q is not None
         speed = f", v={program.joint_speed_percent / 100.0 * FULL_SPEED_RAD_S:.4g}"

@@ -393,7 +393,7 @@ class Evaluator:
             if q is None or self.forward is None:
                 return Lost(reason="get_forward_kin is not given six joint positions")
             return self.forward(q, given.get("tcp"))
-        if "tcp" in given:
+        if "tcp" in given and self(given["tcp"]) != "active_tcp":
             return Lost(reason="get_inverse_kin is given a TCP of its own")
         near = self(given["qnear"]) if "qnear" in given else None
         q = None if near is None else numbers(near, 6)

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from scipy.spatial.transform import Rotation
 
-from robot_programs.core.program import Waypoint
+from robot_programs.core.program import Composition, Waypoint
 from robot_programs.urscript.read import read_urscript
+from robot_programs.urscript.rewrite import compose_urscript
 from robot_programs.urscript.values import matrix, six_of
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
@@ -56,7 +57,7 @@ def test_rewrite_is_read_back_and_keeps_the_rest(rng):
             else:
                 base = [m.part.T @ T for m, T in ((new, new.end.T), (move, waypoint.T))]
                 np.testing.assert_allclose(base[0], base[1], atol=2e-7)
-            assert new.stops == (move.stops and waypoint is path[-1])
+            assert new.stops == move.stops or waypoint is not path[-1]
     assert next(moves, None) is None
 
 
@@ -136,11 +137,12 @@ def test_joints_of_a_line_are_written_as_joints():
 @pytest.mark.parametrize("blend", ["", ", r=0.05", ", r=0.0002"])
 def test_points_between_are_passed_by(blend):
     program = read(f"movel(Waypoint_1_p, 1.2, 0.2{blend})")
-    (move,), (last,) = program.moves, shifted(program)[0]
-    again = program.reread(program.rewrite(UR5, {0: (last, last, last)}))
+    (move,) = program.moves
+    path = [shifted(program, by=se3.translation(x, 0, 0))[0][0] for x in (-0.02, -0.002, 0.0)]
+    again = program.reread(program.rewrite(UR5, {0: tuple(path)}))
     assert [m.stops for m in again.moves] == [False, False, move.stops]
     assert [m.speed for m in again.moves] == [0.2] * 3
-    assert max(m.zone.distance for m in again.moves[:2]) <= 1e-3
+    assert all(0 < m.zone.distance < 0.5 * 0.002 for m in again.moves[:2])  # the blends of two points do not overlap
     assert again.moves[2].zone == move.zone
 
 
@@ -153,3 +155,16 @@ def test_motions_to_one_waypoint_and_beside_it_are_corrected_together():
     targets = [{v.target for v in program.visits() if v.number == number} for number in (0, 1, 2, 3, None)]
     assert targets[0] & targets[1] & targets[4]
     assert not (targets[2] | targets[3]) & (targets[0] | targets[4])
+
+
+def test_blends_of_a_new_program_do_not_overlap():
+    """Points of a dense path are passed by within less than half of the way between them."""
+    x = [0.0, 0.1, 0.1003, 0.2]
+    lines = [f"movel(p[{value}, 0.2, 0.3, 0, 3, 0], v=0.1, r=0.01)" for value in x]
+    moves = read(*lines).moves
+    again = read_urscript((compose_urscript(Composition(name="dense", robot=UR5, moves=moves)),), robot=UR5).moves
+    np.testing.assert_allclose([move.end.T for move in again], [move.end.T for move in moves], atol=1e-9)
+    np.testing.assert_allclose([m.tool.T for m in again], [m.tool.T for m in moves], atol=1e-9)
+    radii = [move.zone.distance for move in again]
+    assert all(a + b < way for a, b, way in zip(radii, radii[1:], np.diff(x), strict=False))
+    assert min(radii) > 0
