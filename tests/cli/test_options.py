@@ -113,13 +113,20 @@ def test_commands_share_the_options_of_a_campaign(name: str) -> None:
         assert parameters[one.name] == [f"--{one.name.replace('_', '-')}", *second]
 
 
-def test_no_command_takes_a_count_of_no_poses(run: Run) -> None:
-    counted = [name for name, command in commands().items() if any("--count" in one.opts for one in command.params)]
-    assert len(counted) > 4
-    for name in counted:
-        ended = run(name, "--count", "0")
-        assert ended.status == 2
-        assert "--count" in ended.err
+def test_no_command_takes_a_number_of_no_things(run: Run) -> None:
+    """Nor parts of which one is held out by itself; a seed and a port may be zero."""
+    too_few = {"N": "0", "K": "1"}
+    counted = [
+        (name, one.opts[0], too_few[one.metavar])
+        for name, command in commands().items()
+        for one in command.params
+        if one.metavar in too_few and not {"--seed", "--port"}.intersection(one.opts)
+    ]
+    assert len(counted) > 15
+    for name, counting, number in counted:
+        ended = run(name, counting, number)
+        assert ended.status == 2, (name, counting)
+        assert counting in ended.err
         assert "Missing" not in ended.err
 
 

@@ -22,7 +22,10 @@ def test_plan_figure_is_in_millimetres() -> None:
     traces = {one.name.split(":")[0]: one for one in series(figure)}
     assert list(traces["greedy selection"].x) == [2, 3, 4]  # one pose alone says nothing, and is left out
     assert traces["random poses"].y[0] == pytest.approx(0.03)
-    assert traces["random poses"].high[0] == pytest.approx(0.04)
+    assert (traces["random poses"].low[0], traces["random poses"].high[0]) == pytest.approx((0.02, 0.04))
+    assert traces["space-filling poses"].y[0] == pytest.approx(0.03, rel=1e-9)
+    assert traces["this plan, after exchange and refinement"].y[0] == pytest.approx(0.01, rel=1e-9)
+    assert {traces[name].x[0] for name in traces if name != "greedy selection"} == {4}
     assert levels(figure)["accuracy that the task needs"] == pytest.approx(0.05)
     with_error = levels(draw_by_count(replace(made, model_error=4e-5 / 3.0**0.5)))
     assert with_error["accuracy that the task needs, less the model error"] == pytest.approx(0.03)

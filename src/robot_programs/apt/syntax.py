@@ -1,6 +1,5 @@
 """What an APT program is made of: statements."""
 
-import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -29,7 +28,7 @@ class Token:
         if not _NUMBER.fullmatch(self.text):
             return None
         value = float(self.text)
-        return value if math.isfinite(value) and abs(value) <= _MAX_NUMBER else None
+        return value if abs(value) <= _MAX_NUMBER else None
 
 
 def tokenize(text: str, start: int, end: int) -> list[Token]:

@@ -69,3 +69,10 @@ def test_arguments_that_are_not_so_simple_are_none(text: str) -> None:
 def test_a_word_alone_has_no_arguments() -> None:
     (statement,) = parse("RAPID")
     assert statement.arguments == ()
+
+
+@pytest.mark.parametrize("sign", ["", "+", "-"])
+def test_a_number_that_no_path_has_is_none(sign):
+    """Too large with either sign, or for a number at all."""
+    (statement,) = parse(f"GOTO/{sign}1E9,{sign}1.1E9,{sign}1E999\n")
+    assert [token.number is None for token in statement.tokens[2::2]] == [False, True, True]
