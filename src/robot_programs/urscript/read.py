@@ -600,8 +600,8 @@ class _Walk(flow.Walk[State, Routine]):
         if q is not None and isinstance(value, Array):
             literal = value.literal
             point = Point(
-                slot=slot, framed=False, literal=literal, values=q, joints=True, feature=None, T=self.flow.part.T
-            )
+                slot=slot, framed=False, named=False, literal=literal, values=q, joints=True, feature=None, T=self.flow.part.T
+            )  # fmt: skip
             if kind == "joint":
                 return Target(name=name, T=None, q=np.array(q), posture=None, place=place), point
             T = None if state.tool is None else self._forward(q, state.tool)
@@ -611,8 +611,8 @@ class _Walk(flow.Walk[State, Routine]):
         elif isinstance(value, Pose):
             feature = value.feature
             point = Point(
-                slot=slot, framed=framed and feature is not None, literal=value.literal, values=value.stated, joints=False,
-                feature=feature, T=self.flow.part.T if feature is None else matrix(feature[1]),
+                slot=slot, framed=framed, named=framed or self._holds(feature, state), literal=value.literal, joints=False,
+                values=value.stated, feature=feature, T=self.flow.part.T if feature is None else matrix(feature[1]),
             )  # fmt: skip
             T = matrix(value.stated)
         else:
@@ -622,6 +622,13 @@ class _Walk(flow.Walk[State, Routine]):
         if point.feature is None:
             T = se3.inverse(self.flow.part.T) @ T
         return Target(name=name, T=T, q=None, posture=posture, posture_binds=False, place=place), point
+
+    def _holds(self, feature: tuple[str, Six] | None, state: State) -> bool:
+        """Whether the variable of a feature has its pose at a place."""
+        if feature is None:
+            return False
+        value = state.variables.get(self.flow.names.key(feature[0], self.routine))
+        return isinstance(value, Pose) and value.values == feature[1]
 
 
 def _with_element(value: Value | None, index: Value, element: Value) -> Value:

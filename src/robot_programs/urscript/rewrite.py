@@ -49,6 +49,8 @@ class Point:
     """What stands for it in the motion, inside of ``get_inverse_kin`` and ``pose_trans``."""
     framed: bool
     """The slot counts in the feature, which the motion names."""
+    named: bool
+    """The feature is what its variable holds where the motion stands."""
     literal: Literal | None
     """The numbers that state it, in the motion or elsewhere, in the feature if it has one; None where it is computed."""
     values: Six
@@ -58,12 +60,12 @@ class Point:
     T: Float[np.ndarray, "4 4"]
     """Its part's frame in the base, as it was read."""
 
-    def wanted(self, waypoint: Waypoint, *, in_feature: bool) -> Six:
+    def wanted(self, waypoint: Waypoint) -> Six:
         """Numbers for a waypoint, in the feature or in the base."""
         if self.joints:
             return tuple(float(angle) for angle in waypoint.q)
         assert waypoint.T is not None
-        return six_of(waypoint.T if in_feature and self.feature else self.T @ waypoint.T, self.values)
+        return six_of(waypoint.T if self.feature else self.T @ waypoint.T, self.values)
 
 
 def slot_of(argument: Expression) -> tuple[Expression, bool]:
@@ -253,7 +255,7 @@ class UrscriptProgram(Program):
         source, call = self.sources[site.file.number], site.call
         edits = [
             Edit(start=point.slot.start, end=point.slot.end, text=_text(point, wanted))
-            for point, wanted in _wanted(site, waypoint, own=True)
+            for point, wanted in _wanted(site, waypoint)
         ]
         order = [*POINTS[call.name], "a", "v", *(("t",) if call.name in ("movej", "movel") else ()), "r"]
         given = dict(zip(order, [value for name, value in call.arguments if not name], strict=False))
@@ -336,11 +338,11 @@ def _names(expression: Expression) -> Iterator[str]:
     return (plain_name(one.name) for one in inside(expression) if isinstance(one, Name))
 
 
-def _wanted(site: Site, waypoint: Waypoint, *, own: bool) -> Iterator[tuple[Point, Six]]:
-    """Numbers for the points of a motion at a waypoint: for what stands in the motion, or for where the text states them."""
+def _wanted(site: Site, waypoint: Waypoint) -> Iterator[tuple[Point, Six]]:
+    """Numbers for the points of a motion at a waypoint."""
     points = (waypoint,) if waypoint.via is None else (waypoint.via, waypoint)
     for point, one in zip(site.points, points, strict=True):
-        values = point.wanted(one, in_feature=point.framed if own else True)
+        values = point.wanted(one)
         if one is not waypoint:  # an arc's first point has no orientation
             values = (*values[:3], *point.values[3:])
         yield point, values
@@ -348,7 +350,8 @@ def _wanted(site: Site, waypoint: Waypoint, *, own: bool) -> Iterator[tuple[Poin
 
 def _text(point: Point, values: Six) -> str:
     decimals = [RADIANS] * 6 if point.joints else [METRES] * 3 + [RADIANS] * 3
-    return ("" if point.joints else "p") + _brackets(values, decimals)
+    text = ("" if point.joints else "p") + _brackets(values, decimals)
+    return text if point.feature is None or point.framed else f"pose_trans({point.feature[0]}, {text})"
 
 
 def _brackets(values: Six, decimals: Sequence[int]) -> str:
@@ -371,7 +374,7 @@ class _Plan:
         paths = {i: path for i, path in waypoints.items() if not program.moves[i].stays(path)}
         at_literals: dict[Literal, list[tuple[int, int, Six | None]]] = defaultdict(list)
         for i, site in enumerate(program.sites):
-            wanted = list(_wanted(site, paths[i][-1], own=False)) if i in paths else []
+            wanted = list(_wanted(site, paths[i][-1])) if i in paths else []
             for k, point in enumerate(site.points):
                 if point.literal is not None:
                     at_literals[point.literal].append((i, k, wanted[k][1] if wanted else None))
@@ -409,15 +412,20 @@ class _Plan:
         """Write numbers into the text of a motion, if all that it stands for want the same."""
         program = self.program
         changing = [i for i in group if i in paths]
-        several = len(group) > 1
-        if several and any(len(paths[i]) > 1 for i in changing):
-            self.conflicts += [(i, _several(group)) for i in changing if len(paths[i]) > 1]
+        divided = [i for i in changing if len(paths[i]) > 1]
+        if len(group) > 1 and divided:
+            self.conflicts += [(i, _several(group)) for i in divided]
             return
         for k in range(len(program.sites[group[0]].points)):
             left = [i for i in changing if (i, k) not in by_literal]
+            point = program.sites[group[0]].points[k]
+            if point.feature is not None and not point.named and (left or divided):
+                why = f"its feature {point.feature[0]} is not known where it stands, so that it cannot state its own target there"
+                self.conflicts += [(i, why) for i in left or divided]
+                continue
             if not left:
                 continue
-            wanted = [list(_wanted(program.sites[i], paths[i][-1], own=True))[k] for i in left]
+            wanted = [list(_wanted(program.sites[i], paths[i][-1]))[k] for i in left]
             point, values = wanted[0]
             if len(left) < len(group) or not all(_alike(values, other) for _, other in wanted):
                 self.conflicts += [(i, _several(group)) for i in left]

@@ -103,6 +103,27 @@ def test_a_point_in_a_feature_stays_in_it():
     )]  # fmt: skip
 
 
+def test_a_motion_that_states_its_own_point_stays_in_the_feature():
+    """And is refused where the feature's variable is not that of the motion."""
+    program = read("target = pose_trans(Plane_1, p[.1, 0, .2, 0, 3, 0])", "textmsg(target)", "movel(target)")
+    assert changes(program, shifted(program)) == [(
+        "movel(target)", "movel(pose_trans(Plane_1, p[0.1001000, 0.0000000, 0.2000000, 0.00000000, 3.00000000, 0.00000000]))"
+    )]  # fmt: skip
+    lines = (
+        "def f(plane):",
+        "return pose_trans(plane, p[.1, 0, .2, 0, 3, 0])",
+        "end",
+        "textmsg(f(Plane_1))",
+        "movel(f(Plane_1))",
+    )
+    program = read(*lines)
+    assert "its feature plane is not known" in program.unwritable(UR5, shifted(program), 1e-6)[0]
+    program = read(*(line for line in lines if "textmsg" not in line))
+    assert len(changes(program, shifted(program))) == 1
+    divided = {0: shifted(program)[0] * 2}
+    assert "its feature plane is not known" in program.unwritable(UR5, divided, 1e-6)[0]
+
+
 def test_what_a_function_is_given_is_written_at_its_calls():
     lines = ("def goto(target):", "movel(target)", "end", "goto(p[.1,.2,.3,0,0,0])", "goto(p[.2,.2,.3,0,0,0])")
     program = read(*lines)
