@@ -146,6 +146,8 @@ def test_marks_name_their_value_and_their_row():
     marks = [part for part in image.iter(f"{SVG}path") if part.get("data-row")]
     assert [mark.get("data-row") for mark in marks] == ["7", "9"]
     assert [mark[0].text for mark in marks] == ["pose 1: 0.25 mm, calibrated", "pose 3: 0.5 mm, calibrated"]
+    narrow = ElementTree.fromstring(svg(figure, "title", width=NARROW, selects=True))
+    assert [part.get("data-row") for part in narrow.iter(f"{SVG}path") if part.get("data-row")] == ["7", "9"]
 
 
 def test_numbers_are_written_as_the_caller_does():

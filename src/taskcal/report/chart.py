@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from html import escape
 from typing import Any, Literal
 
@@ -437,7 +438,7 @@ class _Canvas:
         hollow = np.broadcast_to(np.asarray(one.hollow, dtype=bool), x.shape).tolist()
         fills = {True: ' fill="none"', False: ""}
         seen = [k for k, path in enumerate(paths) if "nan" not in path]
-        if not self.named or not (named or (self.selects and len(one.rows))):
+        if not (self.named and named) and not (self.selects and len(one.rows)):
             for empty, fill in fills.items():
                 whole = "".join(paths[k] for k in seen if hollow[k] is empty)
                 yield self.mark(whole, "", more=fill) if whole else ""
@@ -693,10 +694,8 @@ def html(figure: "Figure | Mapping[str, Figure]", title: str, say: Say = plain, 
         selects: as of `svg`.
     """
     views = {"": figure} if isinstance(figure, Figure) else dict(figure)
-    images = [
-        f'<div class="chart">{svg(one, title, say=say, selects=selects)}{svg(one, title, width=NARROW, say=say)}</div>'
-        for one in views.values()
-    ]
+    draw = partial(svg, title=title, say=say, selects=selects)
+    images = [f'<div class="chart">{draw(one)}{draw(one, width=NARROW)}</div>' for one in views.values()]
     if len(images) == 1:
         return images[0]
     folds = (
