@@ -101,10 +101,10 @@ class Site:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Holders:
-    """Variables by the numbers that they may hold, whatever function they are of; those that hold the same are one group."""
+    """Which variables may hold which numbers, by the names of the variables, whatever function they are of."""
 
-    joined: dict[str, str] = field(default_factory=dict[str, str])
-    """Another variable of the group, as long as there is one."""
+    sources: dict[str, set[str]] = field(default_factory=lambda: defaultdict[str, set[str]](set))
+    """By variable: others whose value it is given as it is."""
     read: set[str] = field(default_factory=set[str])
     """Variables that are read for something else than a motion's target."""
     of_literal: dict[tuple[int, int], str] = field(default_factory=dict[tuple[int, int], str])
@@ -130,23 +130,27 @@ class Holders:
                         flows.to(line.value, target.get(line.kind))
         return holders
 
-    def group(self, name: str) -> str:
-        """The group of a variable."""
-        while (other := self.joined.get(name, name)) != name:
-            name = other
-        return name
+    def behind(self, names: Iterable[str]) -> set[str]:
+        """Variables whose value some variables may hold, these included."""
+        waiting, seen = list(names), set[str]()
+        while waiting:
+            name = waiting.pop()
+            if name not in seen:
+                seen.add(name)
+                waiting += self.sources.get(name, ())
+        return seen
 
     @cached_property
-    def read_groups(self) -> frozenset[str]:
-        """Groups of which a variable is read for something else."""
-        return frozenset(map(self.group, self.read))
+    def read_at_last(self) -> set[str]:
+        """Variables whose value is read for something else, there or where it is given to."""
+        return self.behind(self.read)
 
     @cached_property
     def literals(self) -> Mapping[str, Sequence[tuple[int, int]]]:
-        """Numbers in brackets by the group of their variable."""
+        """Numbers in brackets by the variable that they are given to."""
         out: dict[str, list[tuple[int, int]]] = defaultdict(list)
         for literal, name in self.of_literal.items():
-            out[self.group(name)].append(literal)
+            out[name].append(literal)
         return out
 
 
@@ -184,7 +188,7 @@ class _Flows:
         if target is None:
             self.holders.read.add(name)
         elif target:
-            self.holders.joined[self.holders.group(name)] = self.holders.group(target)
+            self.holders.sources[target].add(name)
 
     def _call(self, call: Call, target: str | None) -> None:
         parameters = self.functions.get(call.name)
@@ -313,7 +317,7 @@ class UrscriptProgram(Program):
                 seen.add(name)
                 waiting += made_of.get(name, ())
         holders = self._holders
-        return {literal for name in seen for literal in holders.literals.get(holders.group(name), ())}
+        return {literal for name in holders.behind(seen) for literal in holders.literals.get(name, ())}
 
 
 _WORD = re.compile(r"[A-Za-z_]\w*")
@@ -392,7 +396,7 @@ class _Plan:
         """Write numbers where the text states them, if all motions to them want the same."""
         holders = self.program._holders  # pyright: ignore[reportPrivateUsage]
         given = holders.of_literal.get(literal[:2])
-        if given is not None and holders.group(given) in holders.read_groups:
+        if given in holders.read_at_last:
             return False
         (first, k, values), *others = wants
         if values is None or any(want is None or not _alike(values, want) for _, _, want in others):

@@ -189,3 +189,14 @@ def test_blends_of_a_new_program_do_not_overlap():
     radii = [move.zone.distance for move in again]
     assert all(a + b < way for a, b, way in zip(radii, radii[1:], np.diff(x), strict=False))
     assert min(radii) > 0
+
+
+def test_what_is_read_of_one_point_leaves_others_of_the_same_function():
+    """Points that go through one function are written where they stand, but for those of which more is read."""
+    lines = ("def goto(q):", "movel(q)", "end", "def up(wp):", "goto(p[wp[0], wp[1], wp[2] + 0.1, 0, 0, 0])", "end")
+    program = read(*lines, "one = p[.1,.2,.3,0,0,0]", "two = p[.2,.2,.3,0,0,0]", "goto(one)", "goto(two)", "up(two)")
+    waypoints = shifted(program)
+    assert set(program.unwritable(UR5, waypoints, 1e-6)) == {1}
+    del waypoints[1]
+    before = {line for line, _ in changes(program, waypoints)}
+    assert before == {"one = p[.1,.2,.3,0,0,0]", "goto(p[wp[0], wp[1], wp[2] + 0.1, 0, 0, 0])"}
