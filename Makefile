@@ -46,8 +46,8 @@ test-all: $(VENV)/.test  ## run all tests and all experiments, but for those in 
 fuzz: $(VENV)/.test  ## damage some files of every kind at random, other ones than the tests do
 	$(BIN)/python -m tests.readers.fuzz
 
-browser: $(VENV)/.dev  ## open reports, documents and studio in a real browser (Debian's chromium); screenshots in build/pictures
-	TASKCAL_PICTURES="$${TASKCAL_PICTURES:-build/pictures}" timeout 2100 $(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m browser
+browser: $(VENV)/.dev  ## open reports, documents and studio in a real browser (Debian's chromium); TASKCAL_PICTURES=build/pictures keeps screenshots
+	timeout 2100 $(BIN)/python -m pytest --numprocesses 2 --dist loadfile -m browser
 
 lint: $(VENV)/.dev  ## rules and format (ruff), spelling (codespell), dead code (vulture)
 	$(BIN)/ruff check .

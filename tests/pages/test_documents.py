@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from tests.pages.test_pages import SIZES
-from tests.studio.conftest import PICTURES
+from tests.studio.conftest import keep_picture
 from tests.studio.test_robot_in_browser import serious
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]
@@ -27,6 +27,9 @@ LOOKED_AT = (
     "reference/api/taskcal.identify.html",
 )
 """Pages of which screenshots are kept."""
+
+KIND = re.compile(r'<(\w+)(?:[^>]*? class="([^"]*)")?')
+"""Element and class, on which the style sheets decide its colours."""
 
 FEWEST = 40
 """Pages; fewer, and something was not built."""
@@ -71,8 +74,7 @@ def test_search_for_option_finds_page_of_command(address: str, reader: Any) -> N
 def test_every_page_opens_without_complaint(built: Path, address: str, reader: Any) -> None:
     pages = [page for page in sorted(built.rglob("*.html")) if not {"_static", "_modules"} & set(page.parts)]
     assert len(pages) >= FEWEST
-    PICTURES.mkdir(parents=True, exist_ok=True)
-    found: list[str] = []
+    found, seen = list[str](), set[tuple[str, str]]()
     for page in pages:
         name = page.relative_to(built).as_posix()
         reader.goto(f"{address}/{name}")
@@ -81,6 +83,9 @@ def test_every_page_opens_without_complaint(built: Path, address: str, reader: A
             if reader.evaluate("document.documentElement.scrollWidth") > width:
                 found.append(f"{name}: wider than {width}")
             if name in LOOKED_AT:
-                reader.screenshot(path=PICTURES / f"docs-{name.replace('/', '-')}-{size}.png", full_page=True)
-        found += [f"{name}: {one}" for one in serious(reader)]
+                keep_picture(reader, f"docs-{name.replace('/', '-')}-{size}")
+        kinds = set(KIND.findall(page.read_text("utf-8")))
+        # contrast takes longest, and colours are the same wherever an element of the same kind is
+        found += [f"{name}: {one}" for one in serious(reader, **{"color-contrast": {"enabled": not kinds <= seen}})]
+        seen |= kinds
     assert found == []

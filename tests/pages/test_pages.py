@@ -13,7 +13,7 @@ from taskcal.report.page import Page
 from tests.pages.conftest import quiet_tab
 from tests.pages.made_pages import PAGES
 from tests.pages.printed import Printed, squeezed
-from tests.studio.conftest import PICTURES
+from tests.studio.conftest import PICTURES, keep_picture
 from tests.studio.test_robot_in_browser import serious
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]
@@ -45,7 +45,6 @@ def opened(tab: Any, page: Path) -> None:
 @pytest.fixture(scope="module", params=PAGES)
 def shown(request: Any, made: Callable[[str], Path], chromium: Any) -> Generator[tuple[str, Any], None, None]:
     """The name of a page and the tab in which it is open, for all tests of that page: to draw it takes longest."""
-    PICTURES.mkdir(parents=True, exist_ok=True)
     with quiet_tab(chromium) as tab:
         opened(tab, made(request.param))
         yield request.param.replace(" ", "-"), tab
@@ -61,12 +60,13 @@ def test_a_page_on_screens(shown: tuple[str, Any]) -> None:
         drawn = tab.evaluate(DRAWN)
         assert drawn
         assert [title for title, there in drawn if not there] == []
-        tab.screenshot(path=PICTURES / f"{name}-{size}.png", full_page=True)
+        keep_picture(tab, f"{name}-{size}")
 
 
-def test_a_page_on_paper(shown: tuple[str, Any]) -> None:
+def test_a_page_on_paper(shown: tuple[str, Any], tmp_path: Path) -> None:
     name, tab = shown
-    sheet = PICTURES / f"{name}.pdf"
+    sheet = (PICTURES or tmp_path) / f"{name}.pdf"
+    sheet.parent.mkdir(parents=True, exist_ok=True)
     width, height = SIZES["desk"]
     tab.set_viewport_size({"width": width, "height": height})
     tab.wait_for_timeout(400)

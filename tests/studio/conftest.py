@@ -11,8 +11,8 @@ from typing import Any
 import psutil
 import pytest
 
-PICTURES = Path(os.environ.get("TASKCAL_PICTURES", "/tmp/taskcal-pictures"))
-"""Screenshots of every page, to be looked at."""
+PICTURES = Path(os.environ["TASKCAL_PICTURES"]) if os.environ.get("TASKCAL_PICTURES") else None
+"""Where screenshots of every page are kept, for those who want to look at them; no test judges them."""
 
 SIZES = {"desk": (1440, 900), "tablet": (820, 1180)}
 
@@ -60,6 +60,13 @@ def comes_true(page: Any, happened: Callable[[], bool]) -> bool:
     return False
 
 
+def keep_picture(page: Any, name: str) -> None:
+    """Keep a screenshot of a whole page, if somebody wants to look at it."""
+    if PICTURES is not None:
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        page.screenshot(path=PICTURES / f"{name}.png", full_page=True, timeout=300_000)
+
+
 class Tab:
     """A page in a browser, and what its console said."""
 
@@ -86,16 +93,17 @@ class Tab:
         return self.page
 
     def picture(self, name: str) -> None:
-        """Keep a screenshot at each size."""
-        PICTURES.mkdir(parents=True, exist_ok=True)
+        """Keep a screenshot at each size, if they are wanted; what follows is at the last one."""
         for size, (width, height) in SIZES.items():
             self.page.set_viewport_size({"width": width, "height": height})
+            if PICTURES is None:
+                continue
             self.page.wait_for_timeout(300)
             # a scene is empty from when the page changes its size until it is drawn again: not in the midst of the picture
             whole = max(height, self.page.evaluate("document.documentElement.scrollHeight"))
             self.page.set_viewport_size({"width": width, "height": whole})
             self.page.wait_for_timeout(1000)
-            self.page.screenshot(path=PICTURES / f"{name}-{size}.png", timeout=300_000)
+            keep_picture(self.page, f"{name}-{size}")
 
 
 @contextmanager

@@ -14,11 +14,11 @@ from tests.studio.conftest import Tab, open_tab, served
 pytestmark = [pytest.mark.browser, pytest.mark.long]
 
 
-def serious(page: Any) -> list[str]:
+def serious(page: Any, **rules: dict[str, bool]) -> list[str]:
     """What axe finds that keeps people out; to gather what is right as well would take a third longer."""
     from axe_playwright_python.sync_playwright import Axe
 
-    found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
+    found = Axe().run(page, options={"resultTypes": ["violations"], "rules": rules}).response["violations"]
     return [f"{v['id']}: {v['nodes'][0]['html']}" for v in found if v["impact"] in ("serious", "critical")]
 
 
