@@ -228,7 +228,7 @@ def steps_of(project: Project) -> Mapping[str, Step]:
     planned, reported = ((project.folder / path).is_file() for path in (plan, report))
     return {
         "robot": _step(there=not robot),
-        "measurements": _step(*robot, there=not measurements),
+        "measurements": _step(*robot, there=not measurements and not choices.points),
         "task": _step(*robot, there=not task),
         "weight": _step(*robot, *task, there=False, waits=False),
         "plan": _step(
