@@ -1,4 +1,5 @@
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,6 +13,13 @@ from taskcal.identification.identify import identify
 from taskcal.identification.validation import examine, validate
 from taskcal.virtual.cell import simulate
 from tests.laws.observations import KINDS_WITHOUT_TRACKER, observed, observed_with_points
+
+
+@cache
+def identified(kind):
+    """Model, campaign, true robot and calibration of a robot that is measured without a tracker."""
+    model, campaign, truth = observed(kind, 2, rows=60)
+    return model, campaign, truth, identify(model, campaign)
 
 
 def tool_error(calibration, truth, seed=0, *, sized=False):
@@ -28,8 +36,7 @@ def tool_error(calibration, truth, seed=0, *, sized=False):
 @pytest.mark.parametrize("kind", KINDS_WITHOUT_TRACKER)
 def test_identify_recovers_robot_without_tracker_or_guess(kind):
     """The robot is identified without a tracker and without initial values."""
-    model, campaign, truth = observed(kind, 2, rows=80)
-    calibration = identify(model, campaign)
+    model, campaign, truth, calibration = identified(kind)
     nominal = identify(model, campaign, keep=[], prior=None)
     assert not calibration.left_out
     sized = not campaign.observations[0].tells_scale
@@ -64,10 +71,13 @@ def test_a_tracker_beside_it_makes_neither_worse(kind):
     assert whole < min(parts)
 
 
-@pytest.mark.parametrize("kind", KINDS_WITHOUT_TRACKER)
+@pytest.mark.parametrize("kind", [*KINDS_WITHOUT_TRACKER, "beside a tracker"])
 def test_a_calibration_is_saved_and_loaded_with_what_stands(kind, tmp_path):
-    model, campaign, _ = observed_with_points(kind, 4, rows=40)
-    calibration = identify(model, campaign)
+    if kind == "beside a tracker":
+        model, campaign, _ = observed_with_points("socket", 4, rows=40)
+        calibration = identify(model, campaign)
+    else:
+        _, campaign, _, calibration = identified(kind)
     calibration.save(tmp_path / "cal.json")
     loaded = load_calibration(tmp_path / "cal.json")
     np.testing.assert_array_equal(loaded.residuals_on(campaign), calibration.residuals_on(campaign))
