@@ -711,8 +711,10 @@ class Occurrence(Generic[T, M]):
 
     text: T
     motion: M
-    before: set[int | None]
-    """Numbers of the motions that may have been the last one; None for any."""
+    first: int | None
+    """Number of a motion that may have been the last one; None for any."""
+    others: set[int | None] | None = None
+    """Further ones."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -755,9 +757,10 @@ class Findings(Generic[T, M]):
         """
         number = self.by_meaning.setdefault(meaning, len(self.occurrences))
         if number == len(self.occurrences):
-            self.occurrences.append(Occurrence(text=text, motion=motion, before={before}))
-        else:
-            self.occurrences[number].before.add(before)
+            self.occurrences.append(Occurrence(text=text, motion=motion, first=before))
+        elif (found := self.occurrences[number]).first != before:
+            found.others = found.others or set()
+            found.others.add(before)
         return number
 
     def close(self) -> None:
@@ -777,7 +780,7 @@ class Findings(Generic[T, M]):
         count = Counter(self.occurrences[i].text for i in kept)
         for i in kept:
             found = self.occurrences[i]
-            before = {None if old is None else number.get(old) for old in found.before}
+            before = {None if old is None else number.get(old) for old in (found.first, *(found.others or ()))}
             (first, *others) = before
             yield Ordered(
                 motion=found.motion,

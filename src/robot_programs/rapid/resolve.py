@@ -14,7 +14,7 @@ from robot_programs.core import se3
 from robot_programs.core.errors import FileError
 from robot_programs.core.program import THROUGH_TARGET, Move, MoveKind, Target, Unresolved, Zone
 from robot_programs.core.robot import Robot, arm_bends
-from robot_programs.core.source import Source
+from robot_programs.core.source import Place, Source
 from robot_programs.rapid.names import DATA, File, Scope, Value
 from robot_programs.rapid.syntax import (
     Aggregate,
@@ -155,6 +155,9 @@ TargetType = Literal["robtarget", "jointtarget"]
 
 JOINTS = 6
 
+NO_AXES = (9e9,) * 6
+"""External axes of most targets: none is there."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class TargetArgument:
@@ -211,15 +214,19 @@ class TargetArgument:
         T[:3, 3] += self.T[:3, 3] - self.base.T[:3, 3]
         return T
 
-    def target(self, T: Float[np.ndarray, "4 4"] | None, posture_counts: bool, posture_binds: bool = True) -> Target:
+    def target(
+        self, T: Float[np.ndarray, "4 4"] | None, near: Place, posture_counts: bool, posture_binds: bool = True
+    ) -> Target:
         """Target of a motion, without its posture where the controller is told to ignore that and it is not needed.
 
         Args:
             T: the pose that is meant; None for joint positions.
+            near: place of the motion, in whose line its numbers may stand.
             posture_counts: whether the posture is needed.
             posture_binds: as in `Target`.
         """
-        name, place = self.origin.name if self.origin else "", self.file.source.place(self._written)
+        name, source, at = self.origin.name if self.origin else "", self.file.source, self._written
+        place = near if near.line == source.line(at) and near.path is source.path else source.place(at)
         if self.type == "jointtarget":
             return Target(name=name, T=None, q=np.radians(self.meant), posture=None, place=place)
         posture = configuration(self.meant[7:]) if posture_counts else None
@@ -345,7 +352,9 @@ def _numbers(value: Value, type_: TargetType, what: str) -> tuple[tuple[float, .
     cf = numbers(conf, 4, f"the configuration of {what}")
     if not max(map(abs, cf)) < 100:
         raise Unresolved(f"the configuration of {what} is out of any range")
-    return (*position(trans, what), *quaternion(rot, what), *cf), numbers(extax, 6, f"the external axes of {what}")
+    external = numbers(extax, 6, f"the external axes of {what}")
+    meant = (*position(trans, what), *quaternion(rot, what), *cf)
+    return meant, NO_AXES if external == NO_AXES else external
 
 
 def leaves(literal: Aggregate) -> Iterator[tuple[int, int, float]]:
@@ -716,13 +725,14 @@ def motion_of(
     # where the motion before is not known, the configuration is the best there is even if the controller does not check it
     binds = kind not in settings.postures_off
     counts = binds or follows is None
-    frames = manner.frames
+    frames, place = manner.frames, found.file.source.place(found.instruction.start)
     move = Move(
-        kind=kind, end=found.end.target(end, counts, binds), via=found.via.target(via, counts) if found.via else None,
+        kind=kind, end=found.end.target(end, place, counts, binds),
+        via=found.via.target(via, place, counts) if found.via else None,
         tool=frames.tool, part=frames.part, part_in_hand=frames.part_in_hand, speed=manner.speed,
         turn_speed=manner.turn_speed, divisible=manner.divisible and texts_motions == 1, stops=manner.stops,
         zone=manner.zone, follows=follows, texts_motions=texts_motions, routine=found.routine,
-        place=found.file.source.place(found.instruction.start), carrier=frames.carrier,
+        place=place, carrier=frames.carrier,
         external=_axes(found.end.external),
         external_offset=manner.external_offset,
     )  # fmt: skip

@@ -122,7 +122,7 @@ def _quaternion_texts(target: TargetArgument, texts: Texts) -> Texts:
     """Texts of a quaternion, but for those that say what is written."""
     if target.literal is None or target.shifted:
         return texts
-    raw = [value for _, _, value in islice(leaves(target.literal), 3, 7)]
+    raw = (value for _, _, value in islice(leaves(target.literal), 3, 7))
     return tuple(
         None if text is None or abs(float(text) - value) <= TEXT_TOLERANCE_QUATERNION else text
         for text, value in zip(texts, raw, strict=True)

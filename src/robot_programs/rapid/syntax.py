@@ -32,7 +32,6 @@ _LIST = re.compile(rf"\[ \s* {_SIGNED} \s* (?: , \s* {_SIGNED} \s* ){{0,99}} \]"
 # a target that is written out: lists of numbers in one, each tried in one way only
 _NESTED = re.compile(rf"\[ \s* (?>{_LIST.pattern}) \s* (?: , \s* (?>{_LIST.pattern}) \s* ){{0,9}} \]", re.VERBOSE)
 _BEGINS_NESTED = re.compile(r"\[\s*\[")
-_IN_LIST = re.compile(rf"(?: ([+-]) \s* )? ({_NUMBER})", re.VERBOSE)
 
 HEADER = "%%%"
 """Encloses what a controller writes in front of a module: version and language."""
@@ -94,9 +93,13 @@ def list_end(text: str, start: int) -> int:
 
 def listed(text: str, start: int, end: int) -> Iterator[tuple[int, int, float]]:
     """First character, end and value of each number of such a list."""
-    for found in _IN_LIST.finditer(text, start, end):
-        value = float(found[2])
-        yield found.start(), found.end(), -value if found[1] == "-" else value
+    for piece in text[start:end].split(","):
+        opened = piece.rfind("[") + 1
+        own = piece[opened:].partition("]")[0]
+        word = own.strip()
+        first = start + opened + len(own) - len(own.lstrip())
+        yield first, first + len(word), float("".join(word.split()))  # a sign may stand apart
+        start += len(piece) + 1
 
 
 def number(token: Token) -> float:
@@ -343,7 +346,7 @@ class Instruction(Node):
 
     name: Token
     first: tuple[Argument, ...]
-    """Arguments in front of the tail; all where there is none."""
+    """Arguments in front of the tail, none of them optional; all where there is none."""
     tail: Tail | None = None
     compact: bool = False
     """It is all that an IF without THEN governs."""
@@ -367,9 +370,9 @@ class Instruction(Node):
     @property
     def options(self) -> frozenset[str]:
         """Names of the optional arguments."""
-        own = [argument.option for argument in self.first if argument.option]
-        tail = frozenset[str]() if self.tail is None else self.tail.options
-        return tail.union(own) if own else tail
+        if self.tail is not None:
+            return self.tail.options
+        return frozenset([argument.option for argument in self.first if argument.option])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)

@@ -1,5 +1,6 @@
 """Correcting a program: every target becomes the pose at which a nominal controller moves to the joints the true robot needs."""
 
+import gc
 from collections.abc import Callable, Container, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -566,6 +567,9 @@ def _origins(m: int, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[tup
     return tuple(out)
 
 
+MANY_MOVES = 10_000
+"""Of so many, what was read again is given back at once: its syntax refers to itself, and takes as much memory as all else."""
+
 MAX_REASONS = 3
 """Diagnostics that are shown where no motion could be resolved."""
 
@@ -641,6 +645,8 @@ def correct(
         tolerance=subdivision.tolerance,
         progress=progress,
     )
+    if len(moves) > MANY_MOVES:
+        gc.collect()
     progress("the joints of the corrected program")
     written_moves, written = rewritten.moves, np.isin(np.arange(len(moves)), list(waypoints))
     near = trajectory.end[[number for number, _, _ in rewritten.origin]]

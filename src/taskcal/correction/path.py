@@ -258,7 +258,7 @@ class Corners:
     @classmethod
     def none(cls, m: int) -> "Corners":
         """Corners of a program that meets all its targets."""
-        nobody, nothing, nowhere = np.full(m, -1), np.zeros((m, 2)), np.full((m, 4, 4), np.nan)
+        nobody, nothing, nowhere = np.full(m, -1), np.zeros((m, 2)), np.broadcast_to(np.nan, (m, 4, 4))
         return cls(before=nobody, after=nobody, entry=nothing, exit=nothing, joined=nowhere, left=nowhere)
 
     def only(self, kept: Bool[np.ndarray, " m"]) -> "Corners":
@@ -302,9 +302,9 @@ def find_corners(
     chords = []
     by_joints = np.array([move.kind in ("joint", "axes") for move in moves], dtype=bool)
     for partner, share in ((before, entry.max(axis=1, initial=0.0)), (after, 1.0 - exit_.max(axis=1, initial=0.0))):
-        T = corners.left.copy()
-        rows = np.flatnonzero((partner >= 0) & by_joints)
+        T, rows = corners.left, np.flatnonzero((partner >= 0) & by_joints)
         if len(rows):
+            T = T.copy()
             T[rows] = driven(rows, share[rows])
         chords.append(T)
     return Corners(before=before, after=after, entry=entry, exit=exit_, joined=chords[0], left=chords[1])
