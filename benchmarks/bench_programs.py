@@ -1,12 +1,17 @@
-"""Reading of long robot programs: time of twice as many lines over time of as many."""
+"""Long robot programs, read and corrected: time of twice as many lines over time of as many."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from jaxtyping import Float
 
 from robot_programs import read_program
+from taskcal.correction.correct import correct
+from taskcal.geometry import se3
+from taskcal.identification.identify import identify
+from taskcal.robot.error_model import ErrorModel
 
 RAPID = """MODULE Long
 PERS tooldata tGun:=[TRUE,[[10,20,300],[1,0,0,0]],[5,[0,0,100],[1,0,0,0],0,0,0]];
@@ -26,16 +31,30 @@ MOST = 3.0
 beside other work."""
 
 
+LINE = (
+    "MoveL [[{:.3f},{:.3f},{:.3f}],[{:.6f},{:.6f},{:.6f},{:.6f}],[0,-1,0,1],"
+    "[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]],v200,z1,tGun\\WObj:=wPart;\n"
+)
+
+
 def rapid(n: int) -> str:
     """Motions to targets that are written out, with a declared tool and work object."""
     rng = np.random.default_rng(0)
     q = rng.normal(size=(n, 4))
     rows = np.hstack([rng.uniform(-500.0, 500.0, (n, 3)), q / np.linalg.norm(q, axis=1, keepdims=True)])
-    line = (
-        "MoveL [[{:.3f},{:.3f},{:.3f}],[{:.6f},{:.6f},{:.6f},{:.6f}],[0,-1,0,1],"
-        "[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]],v200,z1,tGun\\WObj:=wPart;\n"
-    )
-    return RAPID.format("".join(line.format(*row) for row in rows.tolist()))
+    return RAPID.format("".join(LINE.format(*row) for row in rows.tolist()))
+
+
+def meander(n: int, T: Float[np.ndarray, "4 4"]) -> str:
+    """Motions a millimetre apart about a pose of the robot's flange, without a tool: there and back, row by row."""
+    row, column = np.divmod(np.arange(n), 100)
+    xyz = T[:3, 3] * 1e3 + np.stack([np.where(row % 2, 99 - column, column), row % 100, 0 * row], axis=1)
+    qx, qy, qz, qw = se3.to_quaternion(T[:3, :3])
+    lines = (LINE.format(*place, qw, qx, qy, qz) for place in xyz.tolist())
+    return f"MODULE m\nPROC main()\n{''.join(lines).replace(TOOL, 'tool0')}ENDPROC\nENDMODULE\n"
+
+
+TOOL = "tGun\\WObj:=wPart"
 
 
 def krl(n: int) -> str:
@@ -60,3 +79,18 @@ def test_lines_against_half_as_many(race, tmp_path: Path, smoke, request, writte
 
     language = request.node.callspec.id
     race(f"{language}, {2 * n} lines", reads(2 * n), {f"{n} lines": reads(n)}, below=MOST, rounds=3)
+
+
+@pytest.mark.guard
+def test_correcting_lines_against_half_as_many(race, tmp_path: Path, smoke, model: ErrorModel, campaign):
+    n, calibration = 20 if smoke else 1500, identify(model, campaign)
+    flange = model.poses(campaign.q[:1])[0] @ np.linalg.inv(model.robot.T_flange_tool)
+
+    def corrects(lines: int) -> Callable[[], object]:
+        path = tmp_path / f"m{lines}.mod"
+        path.write_text(meander(lines, flange), encoding="utf-8")
+        program = read_program(path)
+        assert len(correct(calibration, program, accept_uncertain=True).corrected) == lines
+        return lambda: correct(calibration, program, accept_uncertain=True)
+
+    race(f"correct, {2 * n} lines", corrects(2 * n), {f"{n} lines": corrects(n)}, below=MOST, rounds=3)

@@ -14,6 +14,7 @@ from robot_programs.core.source import Place, Source
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Correction
 from taskcal.identification.identify import identify
+from taskcal.report import correction
 from taskcal.report.content import Scene
 from taskcal.report.correction import (
     MIN_DRAWN_MM,
@@ -67,6 +68,14 @@ def test_figures_of_a_program_are_its_errors_in_millimetres(corrected: Correctio
             np.testing.assert_allclose(
                 np.asarray(one.x)[np.asarray(one.y) == axis], 1e3 * own.error[own.at_target, axis]
             )
+
+
+def test_a_long_program_is_drawn_by_its_largest_errors(corrected: Correction, monkeypatch) -> None:
+    monkeypatch.setattr(correction, "MAX_POINTS_ON_LINE", 3)
+    lines = {"before": corrected.before, "after": corrected.after}
+    for one, own in zip(series(draw_errors(corrected.program, lines, "error")), lines.values(), strict=True):
+        assert len(one.y) == 3 < len(own.length)
+        assert max(one.y) == pytest.approx(1e3 * own.length.max())
 
 
 def test_tables_of_a_program_are_its_errors_in_millimetres(corrected: Correction) -> None:

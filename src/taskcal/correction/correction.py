@@ -47,7 +47,10 @@ class Deviations:
 
     def of_moves(self, moves: Bool[np.ndarray, " m"]) -> "Deviations":
         """Deviations in some of the motions."""
-        rows = moves[self.move]
+        return self.rows(np.flatnonzero(moves[self.move]))
+
+    def rows(self, rows: Int[np.ndarray, " r"]) -> "Deviations":
+        """Some of the deviations."""
         return Deviations(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     @property

@@ -31,8 +31,25 @@ MAX_POINTS_IN_SPACE = 4000
 """Points in space; more would only hide each other."""
 
 
+MAX_POINTS_ON_LINE = 2000
+"""Points of a line; of a longer program the largest error of each of as many sections is drawn."""
+
+MAX_TARGETS_ON_PAGE = 1000
+"""Targets of the page's table, those with the largest errors: some 300 kB."""
+
+
+def _largest(deviations: Deviations) -> Deviations:
+    """The largest in each section of a long program; all of a short one."""
+    length = deviations.length
+    if len(length) <= MAX_POINTS_ON_LINE:
+        return deviations
+    sections = np.array_split(np.arange(len(length)), MAX_POINTS_ON_LINE)
+    return deviations.rows(np.array([rows[np.argmax(length[rows])] for rows in sections]))
+
+
 def draw_errors(program: Program, lines: Mapping[str, Deviations], title: str) -> Figure:
     """Draw the 3D error along a program, in two or three lines by their labels, on a logarithmic scale."""
+    lines = {label: _largest(deviations) for label, deviations in lines.items()}
     colours = (VERMILION, ORANGE, BLUE) if len(lines) > 2 else (VERMILION, BLUE)
     series = tuple(
         Series(
@@ -161,20 +178,26 @@ def tabulate_errors(correction: Correction) -> Table:
     )
 
 
-def tabulate_targets(correction: Correction, count: int | None = None) -> Table:
-    """Tabulate some targets with the largest errors before, one a line, or all of them in the order of the program."""
+def tabulate_targets(correction: Correction, count: int = MAX_TARGETS_ON_PAGE, *, short: bool = False) -> Table:
+    """Tabulate the targets in the order of the program, or if they are more than so many those with the largest errors.
+
+    Args:
+        correction: the corrected program.
+        count: most of them.
+        short: columns that have room in a line of a terminal, and the largest errors first.
+    """
     targets = correction.targets()
-    everything = count is None or len(targets) < count
-    columns = TARGETS if count is None else [column for column in TARGETS if column.label in ON_A_LINE]
-    if count is not None:
+    everything = len(targets) <= count
+    columns = [column for column in TARGETS if column.label in ON_A_LINE] if short else TARGETS
+    if short or not everything:
         targets = sorted(targets, key=lambda t: -(t["before_mm"] or 0.0))[:count]
     return Table.of(
         "Targets" if everything else f"The {len(targets)} targets with the largest errors",
         columns,
         targets,
         note="u: standard uncertainty at the target, 3D rms. Outside range: joint that leaves the measured range farthest in the "
-        "motion." + (" Motions: number written for one." if count is None else ""),
-        folded=count is None,
+        "motion." + ("" if short else " Motions: number written for one."),
+        folded=not short,
     )
 
 
