@@ -178,26 +178,24 @@ def tabulate_errors(correction: Correction) -> Table:
     )
 
 
-def tabulate_targets(correction: Correction, count: int = MAX_TARGETS_ON_PAGE, *, short: bool = False) -> Table:
-    """Tabulate the targets in the order of the program, or if they are more than so many those with the largest errors.
+def tabulate_targets(correction: Correction, count: int | None = None) -> Table:
+    """Tabulate some targets with the largest errors before, one a line, or all of them in the order of the program.
 
-    Args:
-        correction: the corrected program.
-        count: most of them.
-        short: columns that have room in a line of a terminal, and the largest errors first.
+    Of more than `MAX_TARGETS_ON_PAGE` those with the largest errors stand for all.
     """
     targets = correction.targets()
-    everything = len(targets) <= count
-    columns = [column for column in TARGETS if column.label in ON_A_LINE] if short else TARGETS
-    if short or not everything:
-        targets = sorted(targets, key=lambda t: -(t["before_mm"] or 0.0))[:count]
+    most = MAX_TARGETS_ON_PAGE if count is None else count
+    everything = len(targets) < most
+    columns = TARGETS if count is None else [column for column in TARGETS if column.label in ON_A_LINE]
+    if count is not None or not everything:
+        targets = sorted(targets, key=lambda t: -(t["before_mm"] or 0.0))[:most]
     return Table.of(
         "Targets" if everything else f"The {len(targets)} targets with the largest errors",
         columns,
         targets,
         note="u: standard uncertainty at the target, 3D rms. Outside range: joint that leaves the measured range farthest in the "
-        "motion." + ("" if short else " Motions: number written for one."),
-        folded=not short,
+        "motion." + (" Motions: number written for one." if count is None else ""),
+        folded=count is None,
     )
 
 

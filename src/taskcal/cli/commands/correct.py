@@ -290,7 +290,7 @@ def _show(correction: "taskcal.Correction", verdict: "Verdict", written: tuple[P
     show(judged)
     tell(f"{judged.note}\n")
     if len(correction.before.error):
-        targets = tables.tabulate_targets(correction, MAX_SHOWN_TARGETS, short=True)
+        targets = tables.tabulate_targets(correction, MAX_SHOWN_TARGETS)
         show(targets)
         tell(f"{targets.note}\n")
     show_facts([*tables.state_expected(correction), *tables.tabulate_correction(correction)])
