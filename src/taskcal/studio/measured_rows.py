@@ -4,7 +4,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from taskcal.campaigns.campaign import Campaign, Stations
 from taskcal.errors import CampaignError, TaskcalError
@@ -82,7 +82,7 @@ def registered_rows(model: ErrorModel, campaign: Campaign) -> MeasuredRows:
 
 def fitted_rows(calibration: Calibration) -> MeasuredRows | None:
     """The rows of a calibration, where it predicts their targets; None where no tracker measured them, or nothing was seen."""
-    seen: Bool[np.ndarray, "n targets"] = np.isfinite(calibration.residuals[:, :, :3]).all(axis=2)
+    seen = np.asarray(np.isfinite(calibration.residuals[:, :, :3]).all(axis=2))
     if calibration.layout.base_size == 0 or not seen.any():
         return None
     T = calibration.T_tracker_base
