@@ -28,7 +28,7 @@ FOCUSED = """() => {
 
 MOST_TABS = 150
 
-SETTLE_S = 1.0
+SETTLE_S = 2.0
 """In which a page whose run has ended is shown anew."""
 
 MOST_ACTS = 14
@@ -82,6 +82,7 @@ class Road:
     def look(self, awaited: Any) -> None:
         """Wait until a page has what is awaited: it keeps nobody out, and needs no scrolling sideways."""
         awaited.wait_for(timeout=300_000)
+        self.page.locator("#content progress").wait_for(state="detached", timeout=300_000)
         self.page.wait_for_timeout(1000 * SETTLE_S)
         self.tab.ready()
         assert serious(self.page) == [], self.page.url
