@@ -326,7 +326,7 @@ GROUPS = {
     "taskcal.observations": "from taskcal.observations import kind_of; kind_of('height')",
     "taskcal.table_forms": "from taskcal.tables.forms import forms; assert 'listing' in [f.name for f in forms()]",
     "taskcal.robot_importers": "import taskcal as tc; tc.load_robot('arm.json')",
-    "taskcal.exporters": "from taskcal.export.forms import exporter_of; exporter_of('dh-report')",
+    "taskcal.exporters": "from taskcal.export.exporters import exporter_of; exporter_of('dh-report')",
     "robot_programs.languages": "from robot_programs.languages import languages; assert languages()[-1].name == 'PTS'",
 }
 

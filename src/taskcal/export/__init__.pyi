@@ -1,9 +1,10 @@
 # The public names of this folder, each once: __init__.py reads this list and loads them as they are used.
 
+from taskcal.export.c_source import export_c as export_c
 from taskcal.export.controller import ControllerOffsets as ControllerOffsets
 from taskcal.export.controller import fit_offsets as fit_offsets
+from taskcal.export.exporters import Exporter as Exporter
 from taskcal.export.forms import Export as Export
-from taskcal.export.forms import Exporter as Exporter
 from taskcal.export.forms import Loss as Loss
 from taskcal.export.forms import export_dh as export_dh
 from taskcal.export.forms import export_ur_yaml as export_ur_yaml

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any, Literal
 from xml.sax.saxutils import quoteattr
 
@@ -10,13 +9,12 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.arguments import checked
-from taskcal.errors import TaskcalError, UnknownName, WrongValue, shown
+from taskcal.errors import TaskcalError, WrongValue, shown
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.uncertainty_budget import check_known
 from taskcal.kernels.chain import ErrorFrame, Fixed, JointKind
 from taskcal.kinematics.inverse import closes
-from taskcal.plugins import load_plugins, state_faults
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
@@ -86,6 +84,8 @@ class Export:
     frames: Mapping[str, Float[np.ndarray, "4 4"]]
     """Poses that the file does not hold: of its base in the robot's, of the tool in its last frame."""
     remarks: tuple[str, ...] = ()
+    files: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Texts by their names, of a form that is a folder."""
 
     def summary(self) -> dict[str, Any]:
         """Loss and frames, in millimetres and degrees."""
@@ -661,59 +661,3 @@ def _text(chain: CalibratedChain, table: DHForm) -> str:
             cells += [f"{v:.9g}" for v in limits[i]]
         lines.append(",".join(cells))
     return "\n".join(lines) + "\n"
-
-
-# Every form that is written, by the name that the command line has for it.
-
-Writer = Callable[[Calibration, Float[np.ndarray, "n joints"] | None, bool], Export]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Exporter:
-    """Writes calibrated robots as files of one form."""
-
-    name: str
-    """What ``--form`` calls it; no other exporter has it."""
-    write: Writer
-    """The file of a calibration. The second argument is joint positions at which a loss is measured, radians or metres, or None
-    for all over the ranges; the third whether to write it although it loses something. That the calibration knows something of
-    these poses was seen to before.
-
-    Raises:
-        TaskcalError: the form cannot hold the robot, or loses something that is not accepted (`Loss.refuse`).
-    """
-
-
-GROUP = "taskcal.exporters"
-"""Entry points of other packages: an `Exporter` each."""
-
-_EXPORTERS: dict[str, Exporter] = {
-    name: Exporter(
-        name=name,
-        write=lambda one, q, accept, export=export: export(one, q=q, accept_loss=accept, accept_uncertain=True),
-    )
-    for name, export in {
-        "urdf": export_urdf,
-        "ur-yaml": export_ur_yaml,
-        "dh": partial(export_dh, convention="dh"),
-        "mdh": partial(export_dh, convention="mdh"),
-    }.items()
-}
-
-
-def exporters() -> tuple[Exporter, ...]:
-    """All of them, those of other packages behind Taskcal's own."""
-    load_plugins(GROUP, Exporter, _EXPORTERS)
-    return tuple(_EXPORTERS.values())
-
-
-def exporter_of(name: str) -> Exporter:
-    """The exporter of a form.
-
-    Raises:
-        UnknownName: there is none.
-    """
-    known = {one.name: one for one in exporters()}
-    if name not in known:
-        raise UnknownName("form", name, known, state_faults(GROUP))
-    return known[name]

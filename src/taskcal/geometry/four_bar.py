@@ -9,7 +9,7 @@ with κ + γ the crank's lever and θ + ρ the rocker's.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -18,6 +18,7 @@ from taskcal.errors import ClosureError
 from taskcal.kernels.closure import (
     BY_ANGLE,
     BY_LENGTH,
+    MIN_TURN,
     NUMBERS,
     OPEN,
     ROUNDING,
@@ -129,6 +130,24 @@ def expect_closed(
 
 
 NOTHING_WANTED = Wanted(np.empty(0, dtype=np.int64), np.empty(0))
+
+
+def rocker_turn(loop: LoopNumbers, alpha: Any, kappa: Any) -> tuple[Any, Any, Any]:
+    """θ − κ of a loop in NumPy, for expressions; and two numbers that are positive where it closes as it was built."""
+    ca, sa = np.cos(alpha), np.sin(alpha)
+    ck, sk = np.cos(kappa + loop.gamma), np.sin(kappa + loop.gamma)
+    cr, sr = np.cos(kappa + loop.rho), np.sin(kappa + loop.rho)
+    wx, wy = loop.d * ca - loop.L1 * ck, loop.d * sa - loop.L1 * sk
+    square = wx * wx + wy * wy
+    by_w = 1.0 / np.sqrt(square)
+    cosine = (loop.L2**2 - loop.L3**2 - square) * (0.5 / loop.L3) * by_w
+    sine = -loop.assembly * np.sqrt((1.0 - cosine) * (1.0 + cosine))
+    cl, sl = (wx * cosine - wy * sine) * by_w, (wy * cosine + wx * sine) * by_w
+    vx, vy = wx + loop.L3 * cl, wy + loop.L3 * sl
+    turned = loop.L1 * (vy * ck - vx * sk) / (loop.L3 * (vy * cl - vx * sl))
+    turn = np.arctan2(sl * cr - cl * sr, cl * cr + sl * sr)
+    return turn, loop.passes + loop.lever * (sk * ca - ck * sa), loop.turn * turned - MIN_TURN
+
 
 _ANY_SIDE = Side(lever=0.0, turn=0.0)
 

@@ -88,6 +88,8 @@ class ErrorModel:
     """Those that were added to the robot's own terms."""
     effect_names: tuple[str, ...]
     """Names of their parameters."""
+    effect_terms: tuple[LinearTerm, ...]
+    """What each does on this robot."""
 
     @checked
     def __init__(self, robot: Robot, *, lengths_only: bool = False, effects: Sequence[Effect] = ()):
@@ -104,7 +106,7 @@ class ErrorModel:
         self._idle = tuple(term.nominal is None for term in added)
         self.effect_names = tuple(name for term in added for name in term.names)
         self.terms = (*(() if robot.four_bar is None else (robot.four_bar,)), *added)
-        self._effect_terms = tuple(added)
+        self.effect_terms = tuple(added)
         named = [(f, c, name) for f, frame in enumerate(slots) for c, name in enumerate(frame) if name]
         units = ["m" if c < 3 else "rad" for _, c, _ in named]
         names = [name for _, _, name in named]
@@ -148,7 +150,7 @@ class ErrorModel:
     @cached_property
     def conditioned(self) -> bool:
         """Whether an effect depends on how a pose is reached."""
-        return any(term.given is not None for term in self._effect_terms)
+        return any(term.given is not None for term in self.effect_terms)
 
     @cached_property
     def nominal(self) -> "ErrorModel":
@@ -177,8 +179,8 @@ class ErrorModel:
 
     def prepare(self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None) -> Prepared:
         """Factors of `walk` at joint positions q under conditions, which no parameter changes; None for the four-bar."""
-        loop = [None] * (len(self.terms) - len(self._effect_terms))
-        return (*loop, *(term.prepare(q, conditions) for term in self._effect_terms))
+        loop = [None] * (len(self.terms) - len(self.effect_terms))
+        return (*loop, *(term.prepare(q, conditions) for term in self.effect_terms))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -290,7 +292,7 @@ class ErrorModel:
             slopes.append(lambda: loop.slope(q, xi))
         s, factor = self.robot.joint_side.at(q, xi, used[:pair], self.chain.joints)
         factors = [factor]
-        for i, term in enumerate(self._effect_terms, start=len(slopes)):
+        for i, term in enumerate(self.effect_terms, start=len(slopes)):
             shift = term.shift(q, x[first : first + len(term.names)], None if prepared is None else prepared[i])
             s[:, : shift.value.shape[1]] += shift.value
             slopes.append(shift.slope)

@@ -4,9 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
+from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Inexact, Int
+from jaxtyping import Bool, Float, Int, Shaped
 
 from taskcal.errors import ClosureError
 from taskcal.geometry.four_bar import (
@@ -20,6 +21,7 @@ from taskcal.geometry.four_bar import (
     curvature,
     expect_closed,
     loop_numbers,
+    rocker_turn,
 )
 from taskcal.kernels.closure import (
     BY_ANGLE,
@@ -75,7 +77,7 @@ class JointMap:
     offset: Float[np.ndarray, " coordinates"]
     """Chain coordinates at zero joint positions, radians or metres."""
 
-    def __call__(self, q: Inexact[np.ndarray, "n joints"]) -> Inexact[np.ndarray, "n coordinates"]:
+    def __call__(self, q: Shaped[np.ndarray, "n joints"]) -> Shaped[np.ndarray, "n coordinates"]:
         """Chain coordinates at joint positions q; complex where those are, for derivatives by complex steps."""
         return q @ self.matrix.T + self.offset
 
@@ -215,6 +217,19 @@ class JointSide:
     def loop_numbers(self, xi: Float[np.ndarray, " 3"]) -> LoopNumbers:
         """The loop with these deviations from nominal, as the compiled pass takes it."""
         return NO_LOOP if self.four_bar is None else self.four_bar.loop_numbers(xi)
+
+    def traced(self, q: Any, loop: Any) -> tuple[Any, list[Any]]:
+        """Chain coordinates as expressions (1, coordinates), and what is positive where the loop closes as it was built.
+
+        Args:
+            q: joint positions, expressions (1, joints).
+            loop: as of `loop_numbers`, numbers or expressions.
+        """
+        s, bar = self.joint_map(q), self.four_bar
+        if bar is None:
+            return s, []
+        turn, *kept = rocker_turn(loop, *(bar.angles @ q[0]))
+        return s + bar.output * turn, kept
 
     def wanted(self, used: Bool[np.ndarray, " pairs"]) -> Wanted:
         """The derivatives by the loop's lengths that are asked for, as the compiled pass takes them."""

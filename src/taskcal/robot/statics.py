@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 
 from taskcal.errors import TaskcalError
 from taskcal.short_repr import short_repr
@@ -43,14 +43,14 @@ class CoilSpring:
     aligned: float
     """Turn of the joint from its zero position, coupling included, at which the crank points at the anchor, radians."""
 
-    def torque(self, turn: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    def torque(self, turn: Shaped[np.ndarray, " n"]) -> Shaped[np.ndarray, " n"]:
         """Torque on the joint at its turns (radians), newton metres: −∂U/∂φ of U = ½ c (l − l₀)², l² = r² + a² − 2 r a cos φ."""
         phi = turn - self.aligned
         r, a = self.crank, self.anchor
         length = np.sqrt((r - a) ** 2 + 2.0 * r * a * (1.0 - np.cos(phi)))
         return -self.rate * (length - self.free_length) * r * a * np.sin(phi) / length
 
-    def torque_by_turn(self, turn: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    def torque_by_turn(self, turn: Shaped[np.ndarray, " n"]) -> Shaped[np.ndarray, " n"]:
         """∂(torque)/∂φ, newton metres per radian: of −c r a sin φ (1 − l₀/l), where ∂l/∂φ = r a sin φ / l."""
         phi = turn - self.aligned
         r, a = self.crank, self.anchor

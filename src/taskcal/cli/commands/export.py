@@ -36,11 +36,17 @@ def command(
     unsealed: UnsealedOption = False,
     form: str = option(
         ...,
-        "urdf|ur-yaml|dh|mdh|offsets|…",
-        "urdf: links and joints; ur-yaml: kinematics of Universal Robots' driver; dh, mdh: a table; offsets: joint zeros, tool "
-        "and base alone, with the remaining error; or a form of an installed package.",
+        "urdf|ur-yaml|dh|mdh|c|cffi|offsets|…",
+        "urdf: links and joints; ur-yaml: kinematics of Universal Robots' driver; dh, mdh: a table; c: C99 source of the whole "
+        "calibration; cffi: the same as a module for Python; offsets: joint zeros, tool and base alone, with the remaining error; "
+        "or a form of an installed package.",
     ),
-    output: Path | None = option(None, "FILE", "File to write; optional for offsets.", also="-o"),
+    output: Path | None = option(
+        None,
+        "FILE|FOLDER",
+        "File to write, optional for offsets; for c and cffi a folder, whose name all names begin with.",
+        also="-o",
+    ),
     task: Path | None = option(
         None, "TASK.toml", "Fit offsets and measure losses over this task; by default over the joint ranges.", also="-t"
     ),
@@ -56,7 +62,13 @@ def command(
     form, exporter = form.lower(), None if form.lower() == OFFSETS else _exporter(form.lower())
     if output is None and exporter is not None:
         raise typer.BadParameter(f"name the file to write as {form}", param_hint="--output")
-    outputs = out.begin("export", [("--output", output)], [calibration, *files_of_task(task)])
+    folder = None if exporter is None else exporter.folder
+    if folder is not None and output is not None and output.exists() and not output.is_dir():
+        raise typer.BadParameter(
+            f"'{output}' is a file, and {form} is a folder of several; name a folder", param_hint="--output"
+        )
+    named = [] if folder is not None else [("--output", output)]
+    outputs = out.begin("export", named, [calibration, *files_of_task(task)])
 
     calibrated = read_calibration(calibration, unsealed=unsealed)
     name, reached = calibrated.model.robot.name, None
@@ -73,8 +85,12 @@ def command(
     q = _poses(reached)[0]
     if not accept_uncertain:
         _check_known(calibrated, form, q)
-    export = exporter.write(calibrated, q, accept_loss)
-    outputs.write({output: export.text})
+    if folder is None or output is None:
+        export = exporter.write(calibrated, q, accept_loss)
+        outputs.write({output: export.text})
+    else:
+        export = folder(calibrated, output.name)
+        outputs.write({output / name: text for name, text in export.files.items()})
     for remark in export.remarks:
         info(remark)
     if export.loss.reasons:
@@ -98,7 +114,7 @@ def _check_known(calibration: "taskcal.Calibration", form: str, q: "np.ndarray |
 
 def _exporter(form: str) -> "taskcal.export.Exporter":
     from taskcal.errors import UnknownName
-    from taskcal.export.forms import exporter_of
+    from taskcal.export.exporters import exporter_of
 
     try:
         return exporter_of(form)

@@ -5,11 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int, Shaped
 
 from taskcal.errors import TaskcalError, UnknownName
 from taskcal.geometry import se3
-from taskcal.kernels import walk
 from taskcal.kernels.chain import Chain, Fixed, Joint, Step
 from taskcal.robot.effects.base import DEFLECTION, Basis, Effect, LinearTerm, at_joints, frozen
 from taskcal.robot.effects.load_path import LoadPath, at_motors, sample_poses
@@ -166,12 +165,12 @@ def yield_under_lumped_weights(robot: Robot, motors: Sequence[int], tolerance: f
     )
 
 
-def _levers(robot: Robot, chains: Sequence[Chain], path: LoadPath) -> Float[np.ndarray, "n points motors"]:
+def _levers(robot: Robot, chains: Sequence[Chain], path: LoadPath) -> Shaped[np.ndarray, "n points motors"]:
     """Descent of each chain's end for a turn of each motor, metres per radian."""
     return np.stack([path.torque(chain, robot.statics.gravity) for chain in chains], axis=1)
 
 
-def _is_new(column: Float[np.ndarray, " n"], others: list[Float[np.ndarray, " n"]]) -> bool:
+def _is_new(column: Shaped[np.ndarray, " n"], others: list[Shaped[np.ndarray, " n"]]) -> bool:
     """Whether a column says something that a combination of the others does not."""
     size = float(np.linalg.norm(column))
     if size < MIN_OWN_SHARE * np.sqrt(len(column)):
@@ -194,10 +193,10 @@ class MotorTorque:
     f and a moment m at a point put on motor j the torque Jv_jᵀ f + Jw_jᵀ m, with J the point's columns.
     """
 
-    weights: list[tuple[Chain, Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]]
+    weights: list[tuple[Chain, Shaped[np.ndarray, " 3"], Shaped[np.ndarray, " 3"]]]
     """Chains that carry a body, its weight in base axes, newtons, and its centre in the frame of the chain's end, metres."""
     tool: Chain
-    wrench: Float[np.ndarray, " 6"]
+    wrench: Shaped[np.ndarray, " 6"]
     """At the TCP, newtons and newton metres."""
     turning: bool
     """Whether force and moment turn with the tool."""
@@ -215,9 +214,9 @@ class MotorTorque:
             robot=robot,
         )
 
-    def at(self, path: LoadPath) -> Float[np.ndarray, "n motors"]:
+    def at(self, path: LoadPath) -> Shaped[np.ndarray, "n motors"]:
         """The torques where the load path stands."""
-        out = np.zeros(path.motors.shape)
+        out = np.zeros_like(path.motors)
         for chain, weight, centre in self.weights:
             out += path.torque(chain, weight, centre)
         if self.wrench.any():
@@ -226,7 +225,7 @@ class MotorTorque:
             out += spring_torque(self.robot, self.robot.statics.spring, path)
         return out
 
-    def by_joint(self, path: LoadPath) -> Float[np.ndarray, "n motors joints"]:
+    def by_joint(self, path: LoadPath) -> Shaped[np.ndarray, "n motors joints"]:
         """Derivative of the torques by the controller's joints, newton metres per radian."""
         out = np.zeros((*path.motors.shape, path.by_joint.shape[2]))
         for chain, weight, centre in self.weights:
@@ -237,22 +236,22 @@ class MotorTorque:
             out += spring_torque_by_joint(self.robot, self.robot.statics.spring, path)
         return out
 
-    def _in_base(self, path: LoadPath) -> Float[np.ndarray, "*n 6"]:
+    def _in_base(self, path: LoadPath) -> Shaped[np.ndarray, "*n 6"]:
         """Force and moment in the base's axes."""
         if not self.turning:
             return self.wrench
-        R = walk.poses(self.tool, path.coordinates, np.zeros((0, 6)))[:, :3, :3]
+        R = path.rotations(self.tool)
         return np.concatenate([R @ self.wrench[:3], R @ self.wrench[3:]], axis=1)
 
 
-def spring_torque(robot: Robot, spring: CoilSpring, path: LoadPath) -> Float[np.ndarray, "n motors"]:
+def spring_torque(robot: Robot, spring: CoilSpring, path: LoadPath) -> Shaped[np.ndarray, "n motors"]:
     """Torque of a spring on every motor, newton metres."""
     j = spring.joint
     turn = path.coordinates[:, j] - robot.joint_map.offset[j]
     return spring.torque(turn)[:, None] * path.by_motor[:, j]
 
 
-def spring_torque_by_joint(robot: Robot, spring: CoilSpring, path: LoadPath) -> Float[np.ndarray, "n motors joints"]:
+def spring_torque_by_joint(robot: Robot, spring: CoilSpring, path: LoadPath) -> Shaped[np.ndarray, "n motors joints"]:
     """Derivative of `spring_torque` by the controller's joints, newton metres per radian."""
     j = spring.joint
     turn = path.coordinates[:, j] - robot.joint_map.offset[j]
@@ -439,11 +438,11 @@ class Spring(Effect):
             if robot.prismatic[motor]:
                 raise TaskcalError(f"{robot.joint_names[motor]} of {robot.name} slides; a spring turns its axis")
 
-        def turns(path: LoadPath) -> Float[np.ndarray, "n p"]:
+        def turns(path: LoadPath) -> Shaped[np.ndarray, "n p"]:
             angle = path.coordinates[:, motors]
             return np.stack([np.cos(angle), np.sin(angle)], axis=2).reshape(len(angle), -1)
 
-        def turns_by_joint(path: LoadPath) -> Float[np.ndarray, "n p joints"]:
+        def turns_by_joint(path: LoadPath) -> Shaped[np.ndarray, "n p joints"]:
             angle = path.coordinates[:, motors]
             shapes = np.stack([-np.sin(angle), np.cos(angle)], axis=2)
             by_joint = shapes[..., None] * path.by_joint[:, motors, None]

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Shaped
 
 from taskcal.errors import TaskcalError
 from taskcal.robot.conditions import Conditions
@@ -125,7 +125,7 @@ class Harmonics(Effect):
             by_joint=lambda q: -np.sin(robot.joint_map(q)[:, columns] * orders - phases)[:, :, None] * turns,
         )
 
-    def participation(self, robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " p"]:
+    def participation(self, robot: Robot, q: Shaped[np.ndarray, "n joints"]) -> Shaped[np.ndarray, " p"]:
         """A power of the share of each order's period that the joint's range covers, 1 at most.
 
         Orders of which a joint went through a part of a period are a polynomial together: among the rows that follows everything,
@@ -192,10 +192,10 @@ class MotorHarmonics(Effect):
         motors, phases = [j for j, *_ in waves], np.array([phase for *_, phase in waves])
         periods = np.array([order * (ratios[j] or 0.0) for j, order, *_ in waves])
 
-        def turns(path: LoadPath) -> Float[np.ndarray, "n p"]:
+        def turns(path: LoadPath) -> Shaped[np.ndarray, "n p"]:
             return np.cos(path.motors[:, motors] * periods - phases)
 
-        def turns_by_joint(path: LoadPath) -> Float[np.ndarray, "n p joints"]:
+        def turns_by_joint(path: LoadPath) -> Shaped[np.ndarray, "n p joints"]:
             by_angle = -np.sin(path.motors[:, motors] * periods - phases) * periods
             return by_angle[:, :, None] * path.motors_by_joint[motors]
 

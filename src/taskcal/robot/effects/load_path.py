@@ -2,14 +2,19 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Int, Shaped
 
+from taskcal.geometry.expressions import trace
 from taskcal.kernels import walk
 from taskcal.kernels.chain import Chain
 from taskcal.robot.effects.base import LinearTerm
 from taskcal.robot.robot import Robot
+
+NO_ERRORS = np.zeros((0, 6))
+"""Of a nominal chain."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -20,26 +25,28 @@ class LoadPath:
     Without one, a coupling is taken for the controller's way of counting, and each drive acts about its own axis.
     """
 
-    coordinates: Float[np.ndarray, "n coordinates"]
+    coordinates: Shaped[np.ndarray, "n coordinates"]
     """Of the chain, radians or metres."""
-    by_motor: Float[np.ndarray, "n coordinates motors"]
+    by_motor: Shaped[np.ndarray, "n coordinates motors"]
     """∂(coordinates)/∂(motors)."""
-    motors: Float[np.ndarray, "n motors"]
+    motors: Shaped[np.ndarray, "n motors"]
     """Where the motors' outputs stand, radians or metres."""
-    by_joint: Float[np.ndarray, "n coordinates joints"]
+    by_joint: Shaped[np.ndarray, "n coordinates joints"]
     """∂(coordinates)/∂q."""
-    motors_by_joint: Float[np.ndarray, "motors joints"]
+    motors_by_joint: Shaped[np.ndarray, "motors joints"]
     """∂(motors)/∂q."""
-    curvature: Float[np.ndarray, "n coordinates motors joints"]
+    curvature: Shaped[np.ndarray, "n coordinates motors joints"]
     """∂(by_motor)/∂q."""
 
     @classmethod
-    def at(cls, robot: Robot, q: Float[np.ndarray, "n joints"]) -> "LoadPath":
+    def at(cls, robot: Robot, q: Shaped[np.ndarray, "n joints"]) -> "LoadPath":
         """The load path at joint positions q.
 
         Raises:
             ClosureError: a closed loop cannot be assembled at some pose.
         """
+        if q.dtype == object:
+            return cls._traced(robot, q)
         q = np.asarray(q, dtype=float)
         s = robot.joint_map(q)
         if robot.four_bar is None:
@@ -63,12 +70,27 @@ class LoadPath:
             curvature=robot.four_bar.curvature(q),
         )
 
+    @classmethod
+    def _traced(cls, robot: Robot, q: Any) -> "LoadPath":
+        """The same in expressions, without the derivatives by the joints, which follow from these."""
+        s, _ = robot.joint_side.traced(q, robot.joint_side.loop_numbers(np.zeros(3)))
+        by_joint = np.array([q[0, 0].pool.derivatives(list(s[0]), one) for one in q[0]], dtype=object).T
+        coupled = robot.four_bar is not None
+        return cls(
+            coordinates=s,
+            by_motor=(by_joint if coupled else np.eye(len(s[0])))[None],
+            motors=q if coupled else s,
+            by_joint=by_joint[None],
+            motors_by_joint=np.eye(len(q[0])) if coupled else by_joint,
+            curvature=np.full((1, *by_joint.shape, len(q[0])), np.nan),
+        )
+
     def torque(
         self,
         chain: Chain,
-        force: Float[np.ndarray, "*n rows"],
-        point: Float[np.ndarray, " 3"] | None = None,
-    ) -> Float[np.ndarray, "n motors"]:
+        force: Shaped[np.ndarray, "*n rows"],
+        point: Shaped[np.ndarray, " 3"] | None = None,
+    ) -> Shaped[np.ndarray, "n motors"]:
         """Torque on every motor, newton metres (newtons where it slides), of a force at the end of a chain, by virtual work.
 
         Args:
@@ -85,11 +107,11 @@ class LoadPath:
     def torque_by_joint(
         self,
         chain: Chain,
-        force: Float[np.ndarray, "*n rows"],
-        point: Float[np.ndarray, " 3"] | None = None,
+        force: Shaped[np.ndarray, "*n rows"],
+        point: Shaped[np.ndarray, " 3"] | None = None,
         *,
         turning: bool = False,
-    ) -> Float[np.ndarray, "n motors joints"]:
+    ) -> Shaped[np.ndarray, "n motors joints"]:
         """Derivative of `torque` by the controller's joints.
 
         A joint j turns what stands behind it: ∂(v_k, w_k)/∂s_j = w_j × (v_k, w_k) for k behind j, and ∂v_k/∂s_j = w_k × v_j
@@ -123,14 +145,24 @@ class LoadPath:
         )
 
     def _columns(
-        self, chain: Chain, point: Float[np.ndarray, " 3"] | None, *, angular: bool
-    ) -> Float[np.ndarray, "n rows joints"]:
+        self, chain: Chain, point: Shaped[np.ndarray, " 3"] | None, *, angular: bool
+    ) -> Shaped[np.ndarray, "n rows joints"]:
+        if self.coordinates.dtype == object:
+            traced = trace(chain, self.coordinates[0, : chain.joints], NO_ERRORS)
+            end = traced.T[:3, 3] + (0.0 if point is None else traced.T[:3, :3] @ point)
+            return traced.columns(end, angular=angular)[None]
         own = np.ascontiguousarray(self.coordinates[:, : chain.joints])
         layout = chain.joint_columns
         return walk.columns(chain, own, np.zeros((0, 6)), layout, np.ones_like(own), angular=angular, point=point)
 
+    def rotations(self, chain: Chain) -> Shaped[np.ndarray, "n 3 3"]:
+        """Rotation of a chain's end."""
+        if self.coordinates.dtype == object:
+            return trace(chain, self.coordinates[0], NO_ERRORS).T[None, :3, :3]
+        return walk.poses(chain, self.coordinates, NO_ERRORS)[:, :3, :3]
 
-def motor_matrix(robot: Robot) -> Float[np.ndarray, "coordinates motors"]:
+
+def motor_matrix(robot: Robot) -> Shaped[np.ndarray, "coordinates motors"]:
     """Coordinates that the turn of each motor moves, its four-bar taken for a parallelogram."""
     return np.eye(len(robot.joints)) if robot.four_bar is None else robot.joint_map.matrix
 
@@ -143,7 +175,7 @@ def moved_by_motors(robot: Robot) -> Bool[np.ndarray, "coordinates motors"]:
     return (robot.joint_map.matrix != 0) | np.outer(bar.output != 0, (bar.arm != 0) | (bar.crank != 0))
 
 
-def sample_poses(robot: Robot, count: int = 64) -> Float[np.ndarray, "k joints"]:
+def sample_poses(robot: Robot, count: int = 64) -> Shaped[np.ndarray, "k joints"]:
     """Some joint positions inside the limits at which loops close: enough to see how large loads become."""
     limits = np.clip(robot.limits, -1.5, 1.5)
     q = np.random.default_rng(0).uniform(limits[:, 0], limits[:, 1], (count, len(limits)))
@@ -158,8 +190,8 @@ def at_motors(
     names: Sequence[str],
     motors: Sequence[int],
     tolerances: Sequence[float],
-    turns: Callable[[LoadPath], Float[np.ndarray, "n p"]],
-    turns_by_joint: Callable[[LoadPath], Float[np.ndarray, "n p joints"]],
+    turns: Callable[[LoadPath], Shaped[np.ndarray, "n p"]],
+    turns_by_joint: Callable[[LoadPath], Shaped[np.ndarray, "n p joints"]],
     nominal: Sequence[float] | None = None,
     *,
     per: str = "",

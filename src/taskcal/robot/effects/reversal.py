@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Shaped
 
+from taskcal.geometry.expressions import of_largest
 from taskcal.robot.conditions import MAX_REST_MOTION, Conditions, joint_sign
 from taskcal.robot.effects.base import Effect, LinearTerm
 from taskcal.robot.effects.load_path import motor_matrix
@@ -19,7 +20,7 @@ class DriveRest(Effect, abstract=True):
     is_share: ClassVar[bool] = False
     """Whether its parameters are shares of a motion, radians per radian."""
 
-    def motion(self, conditions: Conditions) -> Float[np.ndarray, "n joints"] | None:
+    def motion(self, conditions: Conditions) -> Shaped[np.ndarray, "n joints"] | None:
         """Motion of each drive of which the parameters are multiples; None where it is not known."""
         raise NotImplementedError
 
@@ -31,10 +32,10 @@ class DriveRest(Effect, abstract=True):
         parameter, coordinate = np.nonzero(turned[:, joints].T)
         gear = turned[coordinate, joints[parameter]]
 
-        def unknown(q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n pairs"]:
+        def unknown(q: Shaped[np.ndarray, "n joints"]) -> Shaped[np.ndarray, "n pairs"]:
             return np.zeros((len(q), len(gear)))
 
-        def given(q: Float[np.ndarray, "n joints"], conditions: Conditions) -> Float[np.ndarray, "n pairs"]:
+        def given(q: Shaped[np.ndarray, "n joints"], conditions: Conditions) -> Shaped[np.ndarray, "n pairs"]:
             motion = self.motion(conditions)
             return unknown(q) if motion is None else motion[:, joints[parameter]] * gear
 
@@ -62,7 +63,7 @@ class Backlash(DriveRest):
     summary = "lost motion, which depends on the approach direction"
     uses = ("approach",)
 
-    def motion(self, conditions: Conditions) -> Float[np.ndarray, "n joints"] | None:
+    def motion(self, conditions: Conditions) -> Shaped[np.ndarray, "n joints"] | None:
         """Direction in which each drive turned last."""
         return conditions.approach
 
@@ -81,10 +82,12 @@ class Overshoot(DriveRest):
     summary = "residual joint error proportional to the speed at the end of the last move"
     uses = ("move",)
 
-    def motion(self, conditions: Conditions) -> Float[np.ndarray, "n joints"] | None:
+    def motion(self, conditions: Conditions) -> Shaped[np.ndarray, "n joints"] | None:
         """Each drive's move as a share of the largest, with its sign; radians and metres count alike."""
         if conditions.move is None:
             return None
+        if conditions.move.dtype == object:
+            return of_largest(conditions.move, MAX_REST_MOTION)
         farthest = np.abs(conditions.move).max(axis=1, keepdims=True)
         return np.divide(
             conditions.move, farthest, out=np.zeros_like(conditions.move), where=farthest > MAX_REST_MOTION
@@ -104,6 +107,6 @@ class Settling(DriveRest):
     uses = ("move",)
     is_share: ClassVar[bool] = True
 
-    def motion(self, conditions: Conditions) -> Float[np.ndarray, "n joints"] | None:
+    def motion(self, conditions: Conditions) -> Shaped[np.ndarray, "n joints"] | None:
         """The last move of each drive."""
         return conditions.move

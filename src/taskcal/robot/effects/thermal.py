@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Shaped
 
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
+from taskcal.geometry.expressions import or_zero
 from taskcal.kernels.chain import Fixed, Joint, Step
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects.base import Effect, LinearTerm
@@ -45,7 +46,7 @@ class ThermalExpansion(Effect, abstract=True):
             return False
         return all(float(np.ptp(getattr(conditions, quantity))) >= self.least for quantity in self.needs)
 
-    def rise(self, conditions: Conditions) -> Float[np.ndarray, " n"] | None:
+    def rise(self, conditions: Conditions) -> Shaped[np.ndarray, " n"] | None:
         """Rise of each pose above the reference; NaN where unknown, None where nothing is known."""
         raise TaskcalError(f"{type(self).__name__} must override rise()")
 
@@ -65,12 +66,14 @@ class ThermalExpansion(Effect, abstract=True):
         pairs += [(first + len(DRIFT) + i, parameter) for i, parameter in enumerate(own)]
         gain = np.array([1.0] * len(DRIFT) + [float(np.linalg.norm(link)) for _, link in grown])
 
-        def at_reference(q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n pairs"]:
+        def at_reference(q: Shaped[np.ndarray, "n joints"]) -> Shaped[np.ndarray, "n pairs"]:
             return np.zeros((len(q), len(gain)))
 
-        def given(q: Float[np.ndarray, "n joints"], conditions: Conditions) -> Float[np.ndarray, "n pairs"]:
+        def given(q: Shaped[np.ndarray, "n joints"], conditions: Conditions) -> Shaped[np.ndarray, "n pairs"]:
             rise = self.rise(conditions)
-            return at_reference(q) if rise is None else np.nan_to_num(rise)[:, None] * gain
+            if rise is None:
+                return at_reference(q)
+            return (or_zero(rise) if rise.dtype == object else np.nan_to_num(rise))[:, None] * gain
 
         units = [*["m/m"] * len(names), *["m"] * 3, *["rad"] * 3]
         return LinearTerm(
@@ -101,7 +104,7 @@ class ThermalExpansion(Effect, abstract=True):
                 out += slides.get(joint, [])
         return tuple(out)
 
-    def _grown(self, robot: Robot) -> list[tuple[int, Float[np.ndarray, " 3"]]]:
+    def _grown(self, robot: Robot) -> list[tuple[int, Shaped[np.ndarray, " 3"]]]:
         """Lengths that grow: number of the joint before, −1 for the base, and the way to the next, in the joint's frame."""
         links = _links(robot)
         if self.joints is None:
@@ -113,7 +116,7 @@ class ThermalExpansion(Effect, abstract=True):
         return [(j, link) for j, link in links if j in chosen]
 
 
-def _links(robot: Robot) -> list[tuple[int, Float[np.ndarray, " 3"]]]:
+def _links(robot: Robot) -> list[tuple[int, Shaped[np.ndarray, " 3"]]]:
     """The way from the base (−1) and from each joint to the next, or to the TCP, in the frame where it begins."""
     poses = [np.eye(4)]
     for step in robot.steps():
@@ -124,7 +127,7 @@ def _links(robot: Robot) -> list[tuple[int, Float[np.ndarray, " 3"]]]:
     return [(i - 1, T[:3, 3]) for i, T in enumerate(poses)]
 
 
-def _along(direction: Float[np.ndarray, " 3"], joint: Joint) -> list[Step]:
+def _along(direction: Shaped[np.ndarray, " 3"], joint: Joint) -> list[Step]:
     """A joint along, or about, a direction instead of the z axis."""
     z = direction / np.linalg.norm(direction)
     across = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
@@ -181,7 +184,7 @@ class Thermal(ThermalExpansion):
         """Poses that are warmer by `spread`."""
         return Conditions(temperature=np.full(count, self.reference + self.spread))
 
-    def rise(self, conditions: Conditions) -> Float[np.ndarray, " n"] | None:
+    def rise(self, conditions: Conditions) -> Shaped[np.ndarray, " n"] | None:
         """Kelvins above the reference."""
         return None if conditions.temperature is None else conditions.temperature - self.reference
 
@@ -264,7 +267,7 @@ class WarmUp(ThermalExpansion):
         left = 0.0 if self.reference is None else np.exp(-self.reference / self.time_constant)
         return Conditions(time=np.full(count, -self.time_constant * np.log(min(left + self.spread, 1.0))))
 
-    def rise(self, conditions: Conditions) -> Float[np.ndarray, " n"] | None:
+    def rise(self, conditions: Conditions) -> Shaped[np.ndarray, " n"] | None:
         """Warming above the reference, as a share of that from cold to warm."""
         if conditions.time is None:
             return None
