@@ -346,7 +346,7 @@ def _packed(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> Float
     """A factor of the parameters' covariance with as few columns as predicted points need."""
     model = calibration.model
     spread = calibration.z_spread[: len(model)]
-    J = model.jacobian(q, calibration.estimate)
+    J = calibration.tool_jacobian(q, _any_conditions(q))[:, :, : len(model)]
     J[:, 3:] *= LEVER_M
     rows = J.reshape(-1, len(model)) @ spread
     _, directions = np.linalg.eigh(rows.T @ rows)
@@ -356,6 +356,17 @@ def _packed(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> Float
     enough = (seen >= (1.0 - PACKED_SHARE) * whole[..., None]).all(axis=(0, 1))
     rank = int(np.argmax(enough)) + 1 if enough.any() else len(directions)
     return spread @ directions[:rank].T
+
+
+def _any_conditions(q: Float[np.ndarray, "n joints"]) -> Conditions:
+    """Poses reached from all sides, in the cold and in the heat."""
+    rng = np.random.default_rng(0)
+    return Conditions(
+        approach=rng.choice([-1.0, 1.0], q.shape),
+        move=rng.normal(size=q.shape),
+        temperature=rng.uniform(0.0, 40.0, len(q)),
+        time=rng.uniform(0.0, 4.0 * 3600.0, len(q)),
+    )
 
 
 def _stored(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> str:
