@@ -1,5 +1,6 @@
 """What is exported predicts what the calibration predicts, or is refused with the size of what would be lost."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from taskcal.errors import TaskcalError
 from taskcal.export.forms import (
     LINKS,
+    UNSTATED_SPEED,
     CalibratedChain,
     export_dh,
     export_ur_yaml,
@@ -48,7 +50,8 @@ def test_a_urdf_predicts_the_same_here_and_in_pinocchio(name, calibrations, tmp_
     robot = load_robot(path)
     assert robot.joint_names == calibration.model.robot.joint_names
     np.testing.assert_allclose(robot.limits, calibration.model.robot.limits, rtol=1e-12)
-    np.testing.assert_allclose(robot.speed_limits, calibration.model.robot.speed_limits, rtol=1e-12)
+    speeds = calibration.model.robot.speed_limits  # where none is stated, planners refuse zero
+    np.testing.assert_allclose(robot.speed_limits, np.where(np.isfinite(speeds), speeds, UNSTATED_SPEED), rtol=1e-12)
     q = spread_poses(calibration, 20)
     expected = calibration.tool_in_base(q)
     np.testing.assert_allclose(ErrorModel(robot).poses(q), expected, atol=1e-10)
@@ -82,6 +85,25 @@ def test_random_chains_come_back_from_their_urdf(tmp_path_factory):
         )
 
     law()
+
+
+def test_axes_that_meet_far_away_leave_no_frame_there(tmp_path):
+    """As in a UR's own calibration, whose second axis is nearly parallel to the third: d of 125 m, and back."""
+    description = load_robot("ur5").description
+    joints = [dict(joint) for joint in description["joint"]]
+    for k, far in ((1, 125e3), (2, -125e3)):
+        joints[k] = {**joints[k], "dh": {**joints[k]["dh"], "d_mm": joints[k]["dh"].get("d_mm", 0.0) + far}}
+    model = ErrorModel(robot_from({**description, "joint": joints}))
+    q = np.random.default_rng(0).uniform(-2.0, 2.0, (20, 6))
+    x = np.random.default_rng(1).normal(size=len(model)) * 1e-4
+    chain = CalibratedChain.of_model(model, x, q)
+    path = tmp_path / "robot.urdf"
+    path.write_text(urdf_text(chain), encoding="utf-8")
+    text = path.read_text(encoding="utf-8")
+    assert max(abs(float(v)) for xyz in re.findall('xyz="([^"]*)"', text) for v in xyz.split()) < 2.0
+    assert 'velocity="0.0"' not in text
+    again = ErrorModel(load_robot(path))
+    np.testing.assert_allclose(again.poses(q), model.poses(q, x), atol=1e-9)
 
 
 @settings(max_examples=15)

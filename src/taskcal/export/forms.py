@@ -219,6 +219,13 @@ def poses_or_spread(calibration: Calibration, q: Float[np.ndarray, "n joints"] |
 ANYWHERE = 1000.0
 """Metres to which a sliding joint without limits may go; URDF wants a limit."""
 
+UNSTATED_SPEED = 1.0
+"""Radians or metres per second of a joint whose speed nobody states: URDF wants one, and planners refuse zero. Slow."""
+
+FAR_M = 10.0
+"""Distance of a joint's frame from the one before, from which on it is moved along its axis: tables have nearly parallel axes meet
+hundreds of metres away, where viewers and solvers lose digits."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Written:
@@ -288,7 +295,11 @@ def export_urdf(
     """
 
     def write(chain: CalibratedChain) -> Written:
-        return Written(text=urdf_text(chain), poses=chain.poses)
+        unstated = [joint.name for joint in chain.robot.joints if not np.isfinite(joint.speed)]
+        remarks = (
+            f"the robot file states no speed of {', '.join(unstated)}: the URDF has {UNSTATED_SPEED:g} rad/s (m/s)"
+        )
+        return Written(text=urdf_text(chain), poses=chain.poses, remarks=(remarks,) if unstated else ())
 
     return export_as("a URDF", write, calibration, q, accept_loss=accept_loss, accept_uncertain=accept_uncertain)
 
@@ -305,8 +316,10 @@ def urdf_text(chain: CalibratedChain) -> str:
     parent, pending = "base_link", np.eye(4)
     for joint in chain.joints:
         pending = pending @ joint.before @ moved(joint.kind, chain.offset[joint.coordinate : joint.coordinate + 1])[0]
-        parent = _joint(lines, chain, joint, parent, pending)
-        pending = np.eye(4)
+        far = float(pending[:3, 2] @ pending[:3, 3]) if np.linalg.norm(pending[:3, 3]) > FAR_M else 0.0
+        along = se3.translation(0.0, 0.0, far)
+        parent = _joint(lines, chain, joint, parent, pending @ se3.inverse(along))
+        pending = along
     pending = pending @ chain.end
     tip = "tool0" if np.allclose(robot.T_flange_tool, np.eye(4), atol=1e-12) else "tool"
     lines += [
@@ -370,7 +383,7 @@ def _element(chain: CalibratedChain, joint: _UrdfJoint) -> list[str]:
     if joint.kind == "prismatic" and not limited:
         low, high, limited = -ANYWHERE, ANYWHERE, True
     kind = "continuous" if joint.kind == "revolute" and not limited else joint.kind
-    rate = speed if np.isfinite(speed) else 0.0
+    rate = speed if np.isfinite(speed) else UNSTATED_SPEED
     bounds = f'lower="{low!r}" upper="{high!r}" ' if limited else ""
     return [
         f'  <link name="{joint.child}"/>',
