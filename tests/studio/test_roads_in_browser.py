@@ -154,6 +154,7 @@ def test_two_raw_files_become_a_certificate_that_survives(chromium: Any, tmp_pat
     assert (folder / LOCK).is_file()  # left behind, and in nobody's way
     assert files_of(folder) == before
     with served(folder) as address, open_tab(chromium, address, **narrow) as tab:
+        tab.page.set_viewport_size({"width": 390, "height": 844})
         for key in pages:
             page = tab.open(key)
             assert comes_true(page, lambda: not _lasting(shown[key]) - _lasting(page.inner_text("#content"))), key  # noqa: B023
