@@ -136,7 +136,8 @@ def test_the_page_is_worked_by_keyboard_alone(tab: Tab) -> None:
 
 def test_keys_change_the_view_while_the_scene_has_the_focus(tab: Tab) -> None:
     page = tab.open("robot")
-    place = "() => getElement(document.querySelector('.view').id.slice(1)).camera.position.toArray()"
+    scene = "getElement(document.querySelector('.view').id.slice(1))"
+    place = f"() => {scene}.camera.position.clone().sub({scene}.controls.target).toArray()"  # from what it looks at
     page.locator(".view:not([data-initializing])").focus()  # a scene that is not there yet cannot turn
     page.keyboard.press("2")
     page.wait_for_function(f"() => Math.abs(({place})()[1]) < 1e-6")
