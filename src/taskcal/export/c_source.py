@@ -193,6 +193,7 @@ def _described(calibration: Calibration) -> dict[str, str]:
     """What is said of the calibration, and how large everything is."""
     model, provenance = calibration.model, calibration.provenance
     count = len(model.robot.joint_names)
+    coupled = [[*one.coefficients, *one.limits] for one in model.robot.coupled_limits] or [[0.0] * (count + 2)]
     return {
         "TITLE": _comment(f"{model.robot.name}, calibrated, as C"),
         "ROBOT": _comment(model.robot.name),
@@ -207,6 +208,8 @@ def _described(calibration: Calibration) -> dict[str, str]:
         "COORDINATES": str(model.chain.joints),
         "FRAMES": str(model.chain.frames),
         "LIMITS": _array(model.robot.limits),
+        "COUPLED": str(len(coupled)),
+        "COUPLED_LIMITS": _array(np.array(coupled)),
     }
 
 

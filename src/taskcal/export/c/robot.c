@@ -175,6 +175,25 @@ static int newton(const double *goal, const @P@_conditions *c, double *q) {
     return @GUARD@_OUT_OF_REACH;
 }
 
+static const double coupled[@COUPLED@][JOINTS + 2] = @COUPLED_LIMITS@; /* factors of joints whose sum is limited, low, high */
+
+/* Number of the first joint outside its limits, or the last of those whose sum is; -1 inside. */
+static int outside_limits(const double *q) {
+    int i, k;
+    for (k = 0; k < JOINTS; k++)
+        if (!(q[k] >= @P@_limits[k][0] - 1e-9 && q[k] <= @P@_limits[k][1] + 1e-9)) return k;
+    for (i = 0; i < @COUPLED@; i++) {
+        double sum = 0.0;
+        int last = 0;
+        for (k = 0; k < JOINTS; k++) {
+            sum += coupled[i][k] * q[k];
+            if (coupled[i][k] != 0.0) last = k;
+        }
+        if (!(sum >= coupled[i][JOINTS] - 1e-9 && sum <= coupled[i][JOINTS + 1] + 1e-9)) return last;
+    }
+    return -1;
+}
+
 /* Move joints by whole turns into their limits, nearest to a start; number of the first that has none inside, or -1. */
 static int into_limits(double *q, const double *start) {
     int k;
@@ -187,20 +206,17 @@ static int into_limits(double *q, const double *start) {
             if (q[k] < low - 1e-9) q[k] += TWO_PI * ceil((low - 1e-9 - q[k]) / TWO_PI);
             if (q[k] > high + 1e-9) q[k] -= TWO_PI * ceil((q[k] - high - 1e-9) / TWO_PI);
         }
-        if (!(q[k] >= low - 1e-9 && q[k] <= high + 1e-9)) return k;
     }
-    return -1;
+    return outside_limits(q);
 }
 
 int @P@_inverse_near(const double pose[12], const @P@_conditions *conditions, const double start[JOINTS], double q[JOINTS]) {
     const @P@_conditions *c = conditions ? conditions : &unknown;
-    int state, k;
+    int state;
     if (!sound(start, c) || !finite_all(pose, 12)) return @GUARD@_NOT_A_NUMBER;
     memmove(q, start, JOINTS * sizeof *q);
     state = newton(pose, c, q);
-    for (k = 0; state == @GUARD@_OK && k < JOINTS; k++)
-        if (!(q[k] >= @P@_limits[k][0] - 1e-9 && q[k] <= @P@_limits[k][1] + 1e-9)) state = @GUARD@_OUT_OF_LIMITS;
-    return state;
+    return state == @GUARD@_OK && outside_limits(q) >= 0 ? @GUARD@_OUT_OF_LIMITS : state;
 }
 
 @BRANCHES@
