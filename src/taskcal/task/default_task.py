@@ -19,8 +19,9 @@ from taskcal.task.workspace import Orientation, Workspace
 SEEDS = 1024
 """Postures all over the joint ranges, from which is seen how far and how high the tool gets, and where it points."""
 
-DISTANCES, HEIGHTS = (0.5, 0.6, 0.7), (0.15, 0.3, 0.45)
-"""Of the middles that are tried, before the base over how far the tool gets, and above its foot over how high."""
+DISTANCES, HEIGHTS = (0.5, 0.6, 0.7), (0.2, 0.3, 0.45)
+"""Of the middles that are tried, before the base over how far the tool gets, and above its foot over how high: no box stands on the
+foot's plane, where the floor is."""
 
 EDGES = (0.3, 0.25, 0.2, 0.15, 0.1, 0.05)
 """Of the boxes that are tried, over how far the tool gets, and upright over how high where that is less."""
