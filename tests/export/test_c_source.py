@@ -2,6 +2,7 @@
 
 import ctypes
 import math
+import re
 import shutil
 import subprocess
 from dataclasses import replace
@@ -137,6 +138,15 @@ def test_effect_that_decides_by_comparisons_is_refused():
 def test_prefix_that_is_no_name_in_c_is_refused(prefix):
     with pytest.raises(WrongValue, match="begin with a letter"):
         export_c(calibrated("ur5", poses=12), prefix=prefix)
+
+
+def test_names_of_files_end_no_comment_and_are_no_word_of_a_template():
+    calibration = calibrated("ur5", poses=12)
+    named = replace(calibration.provenance, campaign='a*/@ROWS@"""\\.csv')
+    files = export_c(replace(calibration, provenance=named), python=True).files
+    assert "of a* /(at)ROWS(at)'''/.csv" in files["robot.h"]
+    assert not [name for name, text in files.items() if re.search("@[A-Z_]+@", text)]
+    compile(files["robot.py"], "robot.py", "exec")
 
 
 # Compiled, where there is a compiler.

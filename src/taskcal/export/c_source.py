@@ -214,7 +214,8 @@ def _described(calibration: Calibration) -> dict[str, str]:
 
 
 def _comment(text: str) -> str:
-    return shown(text, 200).replace("*/", "* /").replace("\\", "/")
+    """A text that ends no comment or string of C, Python and TOML, and is no word of a template."""
+    return shown(text, 200).translate(str.maketrans({"@": "(at)", '"': "'", "\\": "/"})).replace("*/", "* /")
 
 
 def _array(values: Any) -> str:
@@ -269,7 +270,8 @@ def _branches(robot: Robot, words: Mapping[str, str]) -> dict[str, str]:
     middle = {"MIDDLE": _array(limits.mean(axis=1))}
     form = _closed_form(robot)
     if form is not None:
-        return middle | form | {"BRANCHES": _text("closed_form.c"), "INVERSE": "All of them, as the nominal robot has."}
+        about = "All that the nominal robot has, but for one beside a singular wrist."
+        return middle | form | {"BRANCHES": _text("closed_form.c"), "INVERSE": about}
     from scipy.stats import qmc
 
     seeds = qmc.scale(qmc.Sobol(len(limits), rng=0).random(SEEDS), limits[:, 0], limits[:, 1])

@@ -194,13 +194,13 @@ static int outside_limits(const double *q) {
     return -1;
 }
 
-/* Move joints by whole turns into their limits, nearest to a start; number of the first that has none inside, or -1. */
-static int into_limits(double *q, const double *start) {
+/* Move joints by whole turns into their limits, nearest to the middle of these; number of the first that has none inside, or -1. */
+static int into_limits(double *q) {
     int k;
     for (k = 0; k < JOINTS; k++) {
         const double low = @P@_limits[k][0], high = @P@_limits[k][1];
         if (!slides[k]) {
-            const double off = start ? start[k] : (isfinite(low + high) ? 0.5 * (low + high) : 0.0);
+            const double off = isfinite(low + high) ? 0.5 * (low + high) : 0.0;
             const double q_near = q[k] - TWO_PI * floor((q[k] - off) / TWO_PI + 0.5);
             q[k] = q_near;
             if (q[k] < low - 1e-9) q[k] += TWO_PI * ceil((low - 1e-9 - q[k]) / TWO_PI);
@@ -234,7 +234,7 @@ int @P@_inverse(const double pose[12], const @P@_conditions *conditions, double 
         if (newton(pose, c, one)) continue;
         reached = 1;
         memcpy(before, one, sizeof before);
-        bad = into_limits(one, 0);
+        bad = into_limits(one);
         if (bad < 0 && memcmp(before, one, sizeof before) && newton(pose, c, one)) continue; /* effects may change by a turn */
         if (bad >= 0) {
             if (outside < 0) outside = bad;
