@@ -1,4 +1,4 @@
-"""Whole commands, in processes of their own, against the start of Python and NumPy."""
+"""Whole commands, in processes of their own, and an update of a page, against the start of Python and NumPy."""
 
 import subprocess
 import sys
@@ -7,6 +7,7 @@ from importlib import import_module
 
 import pytest
 
+from taskcal.demo.procedure import reference_task
 from taskcal.reading.writer import write_campaign
 
 START = [sys.executable, "-c", "import numpy"]
@@ -53,3 +54,11 @@ def test_identify_against_start(race, model, campaign, tmp_path):
     identify = runs(command("identify", "--robot", model.robot.name, str(points), "-o", str(out)))
     race("taskcal identify, 60 rows", identify, {"python -c 'import numpy'": runs(START)})
     assert out.stat().st_size > 0
+
+
+@pytest.mark.guard
+def test_update_of_a_dragged_box_against_start(race, model):
+    """What the studio computes each time while the task's box is dragged."""
+    pytest.importorskip("nicegui")
+    weigh, task = import_module("taskcal.studio.pages.weight_page").weigh, reference_task()
+    race("update of what matters", lambda: weigh(model, task), {"python -c 'import numpy'": runs(START)})

@@ -17,7 +17,7 @@ Call = Callable[[], Any]
 TURN = 0.02
 """Seconds that one turn should last at least: quick calls are repeated within it."""
 
-ATTEMPTS = 3
+ATTEMPTS = 6
 """Races before a ratio counts as too large; the best time of every call over all of them decides."""
 
 

@@ -1,6 +1,5 @@
 """Task, what matters and plan in a real browser: a box that is moved is saved, and the numbers are the library's."""
 
-import time
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -14,14 +13,11 @@ from taskcal.studio.pages.weight_page import weigh
 from taskcal.studio.project import begin_example
 from taskcal.studio.task_box import box_of
 from taskcal.task.task import load_task
-from tests.studio.conftest import comes_true, open_tab, served, server_of
+from tests.studio.conftest import comes_true, open_tab, served
 from tests.studio.test_fit_in_browser import ROBOT, command_line
 from tests.studio.test_robot_in_browser import serious
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]
-
-MOST_WORK_S = 0.1
-"""Of one core for an update while the box is dragged, for ten of them a second; the browser has the other core."""
 
 DRAG = """async () => {
   const slider = document.querySelector('input[aria-label="Centre, mm x"]');
@@ -50,17 +46,11 @@ def test_a_task_is_moved_weighed_and_planned(chromium: Any, tmp_path: Path) -> N
         page = tab.open("weight")
         place = page.locator("[data-updates]")
         before = int(place.get_attribute("data-updates"))
-        server = server_of(tmp_path)
-        begun, used = time.perf_counter(), sum(server.cpu_times()[:2])
         page.evaluate(DRAG)
-        taken = time.perf_counter() - begun
         page.get_by_label("Centre, mm x (mm)").and_(page.locator("[value='1660.0']")).wait_for()
         page.wait_for_timeout(1000)
         updates = int(place.get_attribute("data-updates")) - before
-        work = (sum(server.cpu_times()[:2]) - used) / updates
-        print(f"{updates / taken:.1f} updates a second, {work * 1e3:.0f} ms of the server's computing each")
-        assert updates >= 3  # on a machine that is busy with other tests
-        assert work < MOST_WORK_S
+        assert updates >= 3  # on a machine that is busy with other tests; what one costs is measured in benchmarks/
         assert tomllib.loads(task.read_text())["workspace"]["center_mm"] == [1660.0, 30.0, 1489.0]
         weight = weigh(ErrorModel(load_robot(ROBOT)), load_task(task))
         page.get_by_role(
