@@ -224,7 +224,9 @@ def test_the_first_rows_and_a_picked_point_are_the_file_s(worked) -> None:
             of_target = next(
                 part for part in said.split(": ", 1)[1].split("; ") if part.startswith(campaign.targets[target])
             )
-            np.testing.assert_allclose(numbers(of_target), campaign.points[row, target] * 1e3, atol=1e-4)
+            np.testing.assert_allclose(
+                numbers(of_target.replace("−", "-")), campaign.points[row, target] * 1e3, atol=1e-4
+            )
 
     visit(worked, look)
 

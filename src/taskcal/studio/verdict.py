@@ -81,8 +81,8 @@ def _row(judgement: Mapping[str, Any], texts: Texts) -> None:
         text("td", texts.named("verdict", judgement["subject"])).classes("words")
         decision = judgement["decision"]
         text("td", texts.named("verdict", decision)).classes(f"words {COLOURS[decision]}")
-        text("td", f"{judgement['expected_mm']:.3f}" if known else "–")
-        text("td", f"{low:.3f} – {high:.3f}" if known else "–")
-        text("td", "–" if allowed is None else f"{allowed:.3f}")
+        text("td", texts.number(judgement["expected_mm"], ".3f") if known else "–")
+        text("td", f"{texts.number(low, '.3f')} – {texts.number(high, '.3f')}" if known else "–")
+        text("td", "–" if allowed is None else texts.number(allowed, ".3f"))
         source = texts.named("verdict", judgement["largest"] or "")
         text("td", f"{source} {judgement['share']:.0%}" if known else "–").classes("words")

@@ -52,7 +52,10 @@ def show_course(campaign: Campaign, texts: Texts) -> None:
         facts(
             [
                 (texts("course.repeated"), str(said["poses"])),
-                (texts("course.rp"), f"{said['RP_l_mean_mm']:.3f}, {said['RP_l_max_mm']:.3f} mm"),
+                (
+                    texts("course.rp"),
+                    f"{texts.number(said['RP_l_mean_mm'], '.3f')}; {texts.number(said['RP_l_max_mm'], '.3f')} mm",
+                ),
             ]
         )
         drawn = draw_repeatability(repeated, texts)
@@ -341,7 +344,12 @@ def _in_space(
         places = campaign.points[row] * 1e3
         seen = [(name, at) for name, at in zip(campaign.targets, places, strict=True) if np.isfinite(at).all()]
         return ": ".join(
-            (campaign.row(row), "; ".join(f"{name} {x:.4f} {y:.4f} {z:.4f} mm" for name, (x, y, z) in seen))
+            (
+                campaign.row(row),
+                "; ".join(
+                    f"{name} {' '.join(texts.number(value, '.4f') for value in at.tolist())} mm" for name, at in seen
+                ),
+            )
         )
 
     label = texts("measurements.space_of", count=len(points))

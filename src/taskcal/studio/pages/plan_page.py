@@ -88,9 +88,9 @@ def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> None:
     text("h2", texts("plan.expected"))
     facts(
         [
-            (texts("plan.planned"), f"{result['expected_error_mm']:.4f} mm"),
-            (texts("plan.random"), f"{result['random_expected_error_mm']:.4f} mm"),
-            (texts("plan.grid"), f"{result['grid_expected_error_mm']:.4f} mm"),
+            (texts("plan.planned"), f"{texts.number(result['expected_error_mm'], '.4f')} mm"),
+            (texts("plan.random"), f"{texts.number(result['random_expected_error_mm'], '.4f')} mm"),
+            (texts("plan.grid"), f"{texts.number(result['grid_expected_error_mm'], '.4f')} mm"),
         ]
     )
     lost = ", ".join(f"{number} {texts.named('lost', reason)}" for reason, number in result["lost"].items() if number)

@@ -177,8 +177,8 @@ async def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> No
     facts(
         [
             (texts("program.motions"), f"{result['moves']}, {result['corrected']}, {len(result['refused'])}"),
-            (texts("program.before"), f"{expected['before_mm']:.4f} mm"),
-            (texts("program.shift"), f"{result['largest_shift_mm']:.4f} mm"),
+            (texts("program.before"), f"{texts.number(expected['before_mm'], '.4f')} mm"),
+            (texts("program.shift"), f"{texts.number(result['largest_shift_mm'], '.4f')} mm"),
             *((texts("program.relative"), said) for said in result["relative_to"]),
         ]
     )
@@ -235,9 +235,9 @@ def _along(points: np.ndarray, errors: np.ndarray, places: list[str], texts: Tex
     colours = LOW + (errors / limit_mm)[:, :, None] * (HIGH - LOW)
 
     def pick(number: int) -> None:
-        before, after = errors[number]
+        before, after = (texts.number(float(error), ".4f") for error in errors[number])
         view.mark(points[number : number + 1])
-        picked.set_text(f"{places[number]}: {before:.4f} mm → {after:.4f} mm")
+        picked.set_text(f"{places[number]}: {before} mm → {after} mm")
 
     view = CellView(None, np.zeros((0, 0)), cloud=points, colours=colours[:, 0], on_pick=pick, targets=1)
     with ui.element("div").classes("row"):

@@ -161,11 +161,11 @@ def _in_space(
 
     def tell(row: int) -> str:
         seen = [
-            (name, at[:3] * 1e3)
+            (name, " ".join(texts.number(value, "+.4f") for value in (at[:3] * 1e3).tolist()))
             for name, at in zip(calibration.targets, calibration.residuals[row], strict=True)
             if np.isfinite(at[:3]).all()
         ]
-        said = "; ".join(f"{name} {x:+.4f} {y:+.4f} {z:+.4f} mm" for name, (x, y, z) in seen)
+        said = "; ".join(f"{name} {at} mm" for name, at in seen)
         return f"{texts('result.row')} {calibration.ids[row]}: {said}"
 
     fitting = LONGEST_ARROW * view.size / max(sizes.max(), 1e-9)
