@@ -74,7 +74,7 @@ def test_lines_against_half_as_many(race, tmp_path: Path, smoke, request, writte
         path = tmp_path / str(lines) / name
         path.parent.mkdir()
         path.write_text(written(lines), encoding="utf-8")
-        assert len(read_program(path).moves) == lines
+        assert len(read_program(path).motions) == lines
         return lambda: read_program(path)
 
     language = request.node.callspec.id

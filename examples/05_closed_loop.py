@@ -15,7 +15,7 @@ def identify(model, campaign):
 
 
 loop = prepare_closed_loop(tc.load_robot("abb-irb6660-205-1.9"), poses=60)
-print(f"{len(loop.program.moves)} motions in {loop.milling.source.path}, {len(loop.q)} poses to measure")
+print(f"{len(loop.program.motions)} motions in {loop.milling.source.path}, {len(loop.q)} poses to measure")
 
 run = run_closed_loop(loop, 1, fit=identify)
 print("3D error of the true cutter on the part, mm")

@@ -7,13 +7,13 @@ _HOMES = {
     "FileError": "core.errors",
     "Frame": "core.program",
     "InputError": "core.errors",
-    "Move": "core.program",
+    "Motion": "core.program",
     "Program": "core.program",
     "Robot": "core.robot",
     "Source": "core.source",
     "Target": "core.program",
     "compose_program": "reading",
-    "moves_to_joints": "reading",
+    "motions_to_joints": "reading",
     "read_program": "reading",
 }
 """Public names, each loaded when it is first used from the module that has it; for type checkers they stand in the stub."""

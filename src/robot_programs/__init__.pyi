@@ -3,11 +3,11 @@
 from robot_programs.core.errors import FileError as FileError
 from robot_programs.core.errors import InputError as InputError
 from robot_programs.core.program import Frame as Frame
-from robot_programs.core.program import Move as Move
+from robot_programs.core.program import Motion as Motion
 from robot_programs.core.program import Program as Program
 from robot_programs.core.program import Target as Target
 from robot_programs.core.robot import Robot as Robot
 from robot_programs.core.source import Source as Source
 from robot_programs.reading import compose_program as compose_program
-from robot_programs.reading import moves_to_joints as moves_to_joints
+from robot_programs.reading import motions_to_joints as motions_to_joints
 from robot_programs.reading import read_program as read_program

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from robot_programs.backup import open_backup
 from robot_programs.core.errors import FileError, InputError, WrongKind, shown
 from robot_programs.core.files import is_backup
-from robot_programs.core.program import Frame, Move, Program, Target, missing_names
+from robot_programs.core.program import Frame, Motion, Program, Target, missing_names
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Backup, Place, Source, read_source
 from robot_programs.languages import COMPOSED, Composition, Surroundings, language_of
@@ -141,7 +141,7 @@ def parse_program(
 def compose_program(
     path: str | Path,
     robot: Robot,
-    moves: Sequence[Move],
+    motions: Sequence[Motion],
     *,
     q: Float[np.ndarray, "moves joints"] | None = None,
     notes: Sequence[str] = (),
@@ -154,7 +154,7 @@ def compose_program(
     Args:
         path: its file, whose stem becomes the program's name.
         robot: the robot.
-        moves: its motions.
+        motions: its motions.
         q: joint positions in which each motion ends, radians; they decide the posture of motions to a pose.
         notes: a comment before each motion; in CSV the name of a target that has none.
         wait_s: seconds to wait behind each motion that stops and waits; not in CSV.
@@ -175,7 +175,7 @@ def compose_program(
     program = Composition(
         name=path.stem,
         robot=robot,
-        moves=moves,
+        motions=motions,
         q=q,
         notes=notes,
         wait_s=wait_s,
@@ -185,7 +185,7 @@ def compose_program(
     return replace(language.compose(program), path=path)
 
 
-def moves_to_joints(
+def motions_to_joints(
     robot: Robot,
     q: Float[np.ndarray, "n joints"],
     path: str | Path,
@@ -193,7 +193,7 @@ def moves_to_joints(
     stops: Sequence[bool] | None = None,
     waits: Sequence[bool] | None = None,
     speeds: Sequence[float | None] | None = None,
-) -> tuple[Move, ...]:
+) -> tuple[Motion, ...]:
     """Motions to joint positions, such as a measuring program needs.
 
     Args:
@@ -207,7 +207,7 @@ def moves_to_joints(
     tool, part = Frame(name="", T=robot.T_flange_tool), Frame(name="", T=np.eye(4))
     place = Place(path=Path(path), line=1)
     return tuple(
-        Move(
+        Motion(
             kind="axes",
             end=Target(name="", T=None, q=posture, posture=None, place=place),
             via=None,

@@ -20,12 +20,12 @@ def test_programs_drive_to_the_joints_of_the_plan_in_its_order(run: Run, ask: li
     ended = run(*ask, "--program", rapid, "--program", krl, "--wait-s", "4", "--speed-mm-s", "100", "--json")
     assert (ended.status, ended.err) == (0, "")
     assert ended.json["programs"] == [str(rapid), str(krl)]
-    planned = [move.end.q for move in read_program(tmp_path / "plan.csv").moves]
+    planned = [move.end.q for move in read_program(tmp_path / "plan.csv").motions]
     for path in (rapid, krl):
         program = read_program(path)
         assert not program.diagnostics
-        assert all(move.stops for move in program.moves)
-        np.testing.assert_allclose([move.end.q for move in program.moves], planned, atol=2e-7)
+        assert all(move.stops for move in program.motions)
+        np.testing.assert_allclose([move.end.q for move in program.motions], planned, atol=2e-7)
         text = path.read_text(encoding="utf-8")
         assert [k for k in range(12) if f" pose {k}\n" in text.replace("\r\n", "\n")] == list(range(12))
     assert rapid.read_text().count("WaitTime 4;") == krl.read_text().count("WAIT SEC 4") == 12

@@ -51,8 +51,8 @@ def test_sockets_are_planned_with_a_program_for_each_place(run: Run, ask: list[o
     wanted = [[float(v) * 1e-3 for v in stands[name]] for name in ended.json["socket"]]
     np.testing.assert_allclose(ball, wanted, atol=1e-6)
     # every pose is approached from 40 mm above, waited at, and left the same way
-    moves = [move for path in ended.json["programs"] for move in read_program(path).moves]
-    q = np.array([move.end.q for move in moves]).reshape(16, -1, 6)
+    motions = [move for path in ended.json["programs"] for move in read_program(path).motions]
+    q = np.array([move.end.q for move in motions]).reshape(16, -1, 6)
     np.testing.assert_allclose(q[:, q.shape[1] // 2], campaign.q, atol=2e-7)
     np.testing.assert_array_equal(q, q[:, ::-1])
     above = MODEL.poses(q[:, 0])[:, :3, 3] - MODEL.poses(campaign.q)[:, :3, 3]

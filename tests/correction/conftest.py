@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_programs.core.program import Frame, Move, Target
+from robot_programs.core.program import Frame, Motion, Target
 from robot_programs.core.source import Place
 from taskcal.correction.controller import simulate_controller
 from taskcal.correction.subdivision import Nodes, Subdivision
@@ -81,7 +81,7 @@ def make_moves(robot):
             return Target(name="", T=T, q=None, posture=None, place=line_of(i + 1))
 
         return [
-            Move(
+            Motion(
                 kind="joint" if i == 0 else "circular" if i in vias else "linear",
                 end=target(T, i),
                 via=target(vias[i], i) if i in vias else None,

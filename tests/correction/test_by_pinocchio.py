@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from robot_programs.core.program import Frame, Move, Target
+from robot_programs.core.program import Frame, Motion, Target
 from robot_programs.core.source import Place, Source
 from robot_programs.languages import Composition, language_of
 from robot_programs.rapid.resolve import Configuration as RapidConfiguration
@@ -39,8 +39,8 @@ def test_the_true_tool_is_where_the_program_wants_it(true_robot, name, in_hand):
     tool, part = (standing, held) if in_hand else (held, standing)
     frames = Frame(name="tGrip", T=tool), Frame(name="wPart", T=part)
     home = Target(name="", T=None, q=q, posture=None, place=Place(path=Path(name), line=1))
-    moves = [
-        Move(
+    motions = [
+        Motion(
             kind="axes", end=home, via=None, tool=frames[0], part=frames[1], part_in_hand=in_hand, speed=None, stops=True,
             follows=None, routine="p", place=home.place,
         )
@@ -49,22 +49,22 @@ def test_the_true_tool_is_where_the_program_wants_it(true_robot, name, in_hand):
         T = np.linalg.inv(standing) @ se3.translation(x, y, z) @ flange @ held
         place = Place(path=Path(name), line=1)
         end = Target(name="", T=np.linalg.inv(T) if in_hand else T, q=None, posture=None, place=place)
-        moves.append(
-            Move(
+        motions.append(
+            Motion(
                 kind="linear" if i else "joint", end=end, via=None, tool=frames[0], part=frames[1], part_in_hand=in_hand,
                 speed=0.1, stops=True, follows=i, routine="p", place=place,
             )
         )  # fmt: skip
-    at = np.stack([q, *(chain.joints(move.flange(move.end.T) @ robot.T_flange_tool, q) for move in moves[1:])])
+    at = np.stack([q, *(chain.joints(move.flange(move.end.T) @ robot.T_flange_tool, q) for move in motions[1:])])
     language = language_of(Path(name))
-    source = language.compose(Composition(name="p", robot=robot, moves=moves, q=at))
+    source = language.compose(Composition(name="p", robot=robot, motions=motions, q=at))
     surroundings = {} if language.declares_frames else {"tool": frames[0], "part": frames[1]}
     program = parse_program((source,), robot=robot, **surroundings)
-    assert [move.part_in_hand for move in program.moves] == [in_hand] * 4
+    assert [move.part_in_hand for move in program.motions] == [in_hand] * 4
     found = correct(calibration, program, bounds=COARSE)
     assert not found.rejected
     again = parse_program(found.sources, robot=robot, **surroundings)
-    for wanted, move, near in list(zip(moves, again.moves, at, strict=True))[1:]:
+    for wanted, move, near in list(zip(motions, again.motions, at, strict=True))[1:]:
         driven = chain.joints(move.flange(move.end.T) @ robot.T_flange_tool, near)
         true = calibration.tool_in_base(driven[None])[0] @ np.linalg.inv(robot.T_flange_tool)
         got = np.linalg.inv(true @ part) @ tool if in_hand else np.linalg.inv(part) @ true @ tool
@@ -85,10 +85,10 @@ def test_true_part_in_a_kukas_hand_is_as_programmed(true_robot):
     frames = f"DEFDAT $CONFIG\nTOOL_DATA[1]={krl_frame(TOOL)}\nBASE_DATA[1]={krl_frame(standing)}\nENDDAT\n"
     source = Source.of(Path("p.src"), "\n".join([*lines, "END", ""]).encode())
     program = parse_program((source, Source.of(Path("$config.dat"), frames.encode())), robot=robot)
-    assert [move.part_in_hand for move in program.moves[1:]] == [True] * 3
+    assert [move.part_in_hand for move in program.motions[1:]] == [True] * 3
     found = correct(calibration, program, bounds=COARSE)
     assert not found.rejected
-    for T, move in zip(wanted, parse_program(found.sources, robot=robot).moves[1:], strict=True):
+    for T, move in zip(wanted, parse_program(found.sources, robot=robot).motions[1:], strict=True):
         true_held = true_tool(calibration, chain, move.flange(move.end.T), q, TOOL)
         got = np.linalg.inv(true_held) @ standing
         np.testing.assert_allclose(got[:3, 3], T[:3, 3], atol=1e-6)
@@ -111,11 +111,11 @@ def test_the_true_cutter_of_an_apt_path_is_where_its_points_are(true_robot):
     program = parse_program((source,), robot=robot, **frames)
     found = correct(calibration, program, bounds=COARSE)
     assert not found.rejected
-    assert len(found.moves) == len(wanted)
+    assert len(found.motions) == len(wanted)
     assert found.after.length[found.after.at_target].max() < 1e-7
     # APT states neither spin nor posture: they are those that the correction chose
-    postures = simulate_controller(robot, found.program.moves).end
-    for T, move, near in zip(wanted, found.moves, postures, strict=True):
+    postures = simulate_controller(robot, found.program.motions).end
+    for T, move, near in zip(wanted, found.motions, postures, strict=True):
         got = np.linalg.inv(part) @ true_tool(calibration, chain, part @ move.end.T @ np.linalg.inv(TOOL), near, TOOL)
         np.testing.assert_allclose(got[:3, 3], T[:3, 3], atol=1e-7)
         np.testing.assert_allclose(got[:3, 2], T[:3, 2], atol=2e-7)
@@ -152,7 +152,7 @@ def test_true_tool_is_as_programmed_on_external_axes(true_robot, name, carries):
     program = parse_program((source,), robot=robot)
     found = correct(calibration, program, cell=Cell(axes=(axis,)), bounds=COARSE)
     assert not found.rejected
-    again = parse_program(found.sources, robot=robot).moves[-3:]
+    again = parse_program(found.sources, robot=robot).motions[-3:]
     for T, move, at in zip(wanted, again, moved, strict=True):
         T_base_part = np.linalg.inv(at) @ standing if carries == "robot" else at @ inner
         goal = T_base_part @ move.end.T @ np.linalg.inv(TOOL)
@@ -217,12 +217,12 @@ def test_the_true_tool_is_where_a_krl_loop_wants_it(true_robot):
     data = "\n".join(["DEFDAT p", "DECL FRAME XP[3]", *points, "ENDDAT", ""])
     sources = Source.of(Path("p.src"), "\n".join(lines).encode()), Source.of(Path("p.dat"), data.encode())
     program = parse_program(sources, robot=robot)
-    assert [(move.texts_motions, move.follows) for move in program.moves] == [(1, None), (1, 0), (2, 1), (2, 2)]
+    assert [(move.texts_motions, move.follows) for move in program.motions] == [(1, None), (1, 0), (2, 1), (2, 2)]
     found = correct(calibration, program, bounds=COARSE)
     assert not found.rejected
     after, before = (source.text.partition("FOR I=1")[2] for source in (found.sources[0], sources[0]))
     assert after == before
-    again = parse_program(found.sources, robot=robot).moves[-3:]
+    again = parse_program(found.sources, robot=robot).motions[-3:]
     for T, move in zip(wanted, again, strict=True):
         got = np.linalg.inv(part) @ true_tool(calibration, chain, part @ move.end.T @ np.linalg.inv(TOOL), q, TOOL)
         np.testing.assert_allclose(got[:3, 3], T[:3, 3], atol=1e-6)
@@ -249,7 +249,7 @@ def test_true_tool_is_as_programmed_on_a_pedestal(true_robot, name):
     speed = np.degrees(found.motion.speed).max()
     stated = {"p.mod": 500.0, "p.src": 100.0}[name]
     assert stated < speed < 2.0 * stated  # several axes turn about a tilted tool, some against each other
-    for T, move in zip(wanted, parse_program(found.sources, robot=robot).moves[-4:], strict=True):
+    for T, move in zip(wanted, parse_program(found.sources, robot=robot).motions[-4:], strict=True):
         T_base_part = np.linalg.inv(base) @ part
         got = np.linalg.inv(T_base_part) @ true_tool(
             calibration, chain, T_base_part @ move.end.T @ np.linalg.inv(TOOL), q, TOOL

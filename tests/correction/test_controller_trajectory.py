@@ -35,8 +35,8 @@ def test_every_target_is_met_with_its_tool_and_part(robot, model, make_moves, sh
     poses = [shifted(0, 0, 0), shifted(100, 20, 0), shifted(150, 80, 30)]
     inward = se3.inverse(robot.T_flange_tool) @ tool
     programmed = [se3.inverse(part) @ T @ inward for T in poses]
-    moves = make_moves(programmed, tool=Frame(name="t", T=tool), part=Frame(name="p", T=part))
-    trajectory = simulate_controller(robot, moves)
+    motions = make_moves(programmed, tool=Frame(name="t", T=tool), part=Frame(name="p", T=part))
+    trajectory = simulate_controller(robot, motions)
     assert not trajectory.rejected
     np.testing.assert_allclose(model.poses(trajectory.end), np.array(poses), atol=1e-8)
     np.testing.assert_allclose(trajectory.start[1:], trajectory.end[:-1])
@@ -58,10 +58,10 @@ def test_samples_lie_on_lines_and_arcs_and_end_in_the_target(robot, model, make_
 
 def test_a_change_of_tool_starts_where_the_tool_before_ended(robot, make_moves, shifted):
     longer = Frame(name="longer", T=robot.T_flange_tool @ se3.translation(z=0.05))
-    moves = make_moves([shifted(0, 0, 0), shifted(50, 0, 0)])
-    moves[1] = replace(moves[1], tool=longer)
-    trajectory = simulate_controller(robot, moves)
-    np.testing.assert_allclose(trajectory.segments.start[1], moves[0].end.T @ se3.translation(z=0.05), atol=1e-12)
+    motions = make_moves([shifted(0, 0, 0), shifted(50, 0, 0)])
+    motions[1] = replace(motions[1], tool=longer)
+    trajectory = simulate_controller(robot, motions)
+    np.testing.assert_allclose(trajectory.segments.start[1], motions[0].end.T @ se3.translation(z=0.05), atol=1e-12)
 
 
 def test_the_posture_that_the_program_says_is_taken(robot, model, make_moves, middle):

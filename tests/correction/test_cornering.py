@@ -35,21 +35,21 @@ def square(make_moves, shifted):
         poses = [shifted(*corner) for corner in corners]
         for T, turn in zip(poses, turns, strict=True):
             T[:3, :3] = se3.exp(np.array(turn, dtype=float)) @ T[:3, :3]
-        moves = make_moves(poses, vias={4: shifted(-60, 60, 0)})
-        moves[5] = replace(moves[5], kind="joint")
-        return [replace(move, zone=zone) for move in moves]
+        motions = make_moves(poses, vias={4: shifted(-60, 60, 0)})
+        motions[5] = replace(motions[5], kind="joint")
+        return [replace(move, zone=zone) for move in motions]
 
     return build
 
 
 def test_joints_follow_the_rounded_path(robot, model, square):
     """The joints bring the nominal tool along the rounded path."""
-    moves = square(Zone(distance=0.01, turn_distance=0.015))
-    trajectory = simulate_controller(robot, moves)
+    motions = square(Zone(distance=0.01, turn_distance=0.015))
+    trajectory = simulate_controller(robot, motions)
     path = RoundedPath(segments=trajectory.segments, corners=trajectory.corners)
     assert trajectory.corners.after.tolist() == [-1, 2, 3, 4, 5, -1]
     np.testing.assert_allclose(model.poses(trajectory.q), path.at(trajectory.move, trajectory.share), atol=1e-8)
-    m = np.arange(len(moves))
+    m = np.arange(len(motions))
     np.testing.assert_allclose(model.poses(trajectory.passes), path.at(m, np.ones(len(m))), atol=1e-8)
     # targets are as without zones, though they are not met
     sharp = simulate_controller(robot, square(Zone()))
@@ -65,9 +65,9 @@ def test_joints_follow_the_rounded_path(robot, model, square):
 def test_a_corner_out_of_reach_is_said_and_not_rounded(robot, model, make_moves, shifted):
     """A joint's limit lies between where the path to the target takes it and where the corner would."""
     points = [(0, -400, 0), (15, 0, 0), (0, 400, 0)]
-    moves = [replace(move, zone=Zone(distance=1.0)) for move in make_moves([shifted(*point) for point in points])]
-    sharp = simulate_controller(robot, [replace(move, zone=Zone()) for move in moves])
-    middle = simulate_controller(robot, moves).passes[1]
+    motions = [replace(move, zone=Zone(distance=1.0)) for move in make_moves([shifted(*point) for point in points])]
+    sharp = simulate_controller(robot, [replace(move, zone=Zone()) for move in motions])
+    middle = simulate_controller(robot, motions).passes[1]
     beyond = np.maximum(sharp.q.min(axis=0) - middle, middle - sharp.q.max(axis=0))
     j = int(np.argmax(beyond))
     assert beyond[j] > 1e-4
@@ -77,7 +77,7 @@ def test_a_corner_out_of_reach_is_said_and_not_rounded(robot, model, make_moves,
     joints = tuple(replace(joint, limits=tuple(limits[k])) for k, joint in enumerate(robot.joints))
     narrow = replace(robot, joints=joints)
     trajectory, met = (
-        simulate_controller(narrow, [replace(m, zone=zone) for m in moves]) for zone in (moves[1].zone, Zone())
+        simulate_controller(narrow, [replace(m, zone=zone) for m in motions]) for zone in (motions[1].zone, Zone())
     )
     assert not trajectory.rejected
     assert trajectory.warnings == {1: CORNER_LOST}
@@ -88,7 +88,7 @@ def test_a_corner_out_of_reach_is_said_and_not_rounded(robot, model, make_moves,
 
 def test_the_joints_turn_no_faster_in_a_corner_than_beside_it(robot, square):
     rounded, sharp = square(Zone(distance=0.02)), square(Zone())
-    found, whole = (joint_motion(robot, moves, simulate_controller(robot, moves)) for moves in (rounded, sharp))
+    found, whole = (joint_motion(robot, motions, simulate_controller(robot, motions)) for motions in (rounded, sharp))
     assert (found.speed < 1.01 * whole.speed).all()
     assert (found.speed > 0.9 * whole.speed).all()
 
@@ -104,12 +104,12 @@ def pocket(robot, square, shifted):
         def there(target):
             return None if target is None else replace(target, T=se3.inverse(part.T) @ target.T)
 
-        moves = [
+        motions = [
             replace(move, tool=tool, part=part, end=there(move.end), via=there(move.via)) for move in square(Zone())
         ]
-        posture = find_posture(ErrorModel(robot), moves[0].flange(moves[0].end.T) @ robot.T_flange_tool)
+        posture = find_posture(ErrorModel(robot), motions[0].flange(motions[0].end.T) @ robot.T_flange_tool)
         source = compose_rapid(
-            Composition(name="Pocket", robot=robot, moves=moves, q=np.tile(posture, (len(moves), 1)), zone=zone)
+            Composition(name="Pocket", robot=robot, motions=motions, q=np.tile(posture, (len(motions), 1)), zone=zone)
         )
         return read_rapid([source])
 
@@ -146,10 +146,10 @@ def test_a_corrected_corner_follows_the_programmed_one(rounded):
 def test_targets_that_are_put_in_leave_the_zones_as_they_are(robot, pocket, calibration):
     program = pocket("z100")
     whole, fine = (correct(calibration, program, bounds=Bounds(tolerance=t)) for t in (1e-3, 2e-6))
-    assert len(fine.moves) > len(whole.moves) == len(program.moves)
+    assert len(fine.motions) > len(whole.motions) == len(program.motions)
     sizes = []
     for correction in (whole, fine):
-        trajectory = simulate_controller(robot, correction.moves)
+        trajectory = simulate_controller(robot, correction.motions)
         ends = [k for k, (_, _, end) in enumerate(correction.origin) if end == 1.0]
         sizes.append(trajectory.corners.exit[ends] * trajectory.segments.length[ends][:, None])
     np.testing.assert_allclose(
@@ -165,10 +165,10 @@ def test_targets_that_are_put_in_leave_the_zones_as_they_are(robot, pocket, cali
 def test_the_error_in_a_corner_is_that_of_the_true_robot_there(model, rounded, calibration):
     """Independently: the middle of the parabola, the joints there by another solver, and the true tool."""
     found, program = rounded, rounded.program
-    part = program.moves[1].part.T
+    part = program.motions[1].part.T
     errors = []
-    for moves in (program.moves, found.moves):
-        P = np.array([part @ move.end.T for move in moves])
+    for motions in (program.motions, found.motions):
+        P = np.array([part @ move.end.T for move in motions])
         A, B = (P[2] + 10.0 * MM * (P[k] - P[2]) / np.linalg.norm(P[k, :3, 3] - P[2, :3, 3]) for k in (1, 3))
         goal = (A + 2.0 * P[2] + B) / 4.0
         first, second = (se3.log(P[2, :3, :3].T @ P[k, :3, :3]) for k in (1, 3))

@@ -16,11 +16,11 @@ from taskcal.robot.error_model import ErrorModel
 def corners(robot, make_moves, shifted):
     """Of lines through points, millimetres, with a zone at each."""
 
-    def build(points, zones, change=lambda moves: moves):
-        moves = make_moves([shifted(*point) for point in points])
-        moves = [replace(move, zone=zone, stops=zone is None) for move, zone in zip(moves, zones, strict=True)]
-        moves = change(moves)
-        return simulate_controller(robot, moves).corners
+    def build(points, zones, change=lambda motions: motions):
+        motions = make_moves([shifted(*point) for point in points])
+        motions = [replace(move, zone=zone, stops=zone is None) for move, zone in zip(motions, zones, strict=True)]
+        motions = change(motions)
+        return simulate_controller(robot, motions).corners
 
     return build
 
@@ -55,7 +55,7 @@ def test_where_it_stops_or_has_no_zone_the_tool_meets_its_target(corners, zone):
 
 
 def test_a_zone_whose_size_is_not_known_is_not_guessed(corners):
-    unknown = lambda moves: [replace(move, stops=False, zone=None) for move in moves]  # noqa: E731
+    unknown = lambda motions: [replace(move, stops=False, zone=None) for move in motions]  # noqa: E731
     assert (corners(SQUARE, [None] * 4, unknown).after == -1).all()
 
 
@@ -67,14 +67,14 @@ def test_a_share_counts_of_the_motion_that_is_left(corners):
 
 def test_motions_with_another_tool_do_not_share_a_corner(robot, corners):
     other = Frame(name="other", T=robot.T_flange_tool @ se3.translation(z=0.01))
-    changed = lambda moves: [*moves[:2], replace(moves[2], tool=other), moves[3]]  # noqa: E731
+    changed = lambda motions: [*motions[:2], replace(motions[2], tool=other), motions[3]]  # noqa: E731
     zone = Zone(distance=0.01)
     assert corners(SQUARE, [None, zone, zone, None], changed).after.tolist() == [-1, -1, -1, -1]
 
 
 def test_unknown_next_motion_has_no_corner(corners):
     """Where it is not known which motion comes next there is no corner."""
-    both = lambda moves: [*moves[:3], replace(moves[3], follows=1)]  # noqa: E731
+    both = lambda motions: [*motions[:3], replace(motions[3], follows=1)]  # noqa: E731
     zone = Zone(distance=0.01)
     assert (corners(SQUARE, [None, zone, None, None], both).after == -1).all()
 
@@ -83,17 +83,17 @@ def test_turns_on_the_spot_have_zones_of_their_own(robot, make_moves, middle):
     turned = [
         se3.pose(middle[:3, :3] @ se3.exp(np.array([0.0, 0.0, angle])), middle[:3, 3]) for angle in (0.0, 0.2, 0.1)
     ]
-    moves = [replace(move, zone=Zone(distance=0.01, angle=0.02)) for move in make_moves(turned)]
-    found = simulate_controller(robot, moves).corners
+    motions = [replace(move, zone=Zone(distance=0.01, angle=0.02)) for move in make_moves(turned)]
+    found = simulate_controller(robot, motions).corners
     np.testing.assert_allclose(found.exit[1], 0.1)
     np.testing.assert_allclose(found.entry[2], 0.2)
 
 
 def test_joint_motion_is_left_and_joined_on_its_path(robot, make_moves, shifted):
     """Where it is left, the joints are at the same share of their way."""
-    moves = make_moves([shifted(*point) for point in SQUARE])
-    moves = [replace(move, kind="joint", zone=Zone(distance=0.02)) for move in moves]
-    trajectory = simulate_controller(robot, moves)
+    motions = make_moves([shifted(*point) for point in SQUARE])
+    motions = [replace(move, kind="joint", zone=Zone(distance=0.02)) for move in motions]
+    trajectory = simulate_controller(robot, motions)
     found = trajectory.corners
     model = ErrorModel(robot)
     for i, share, T in ((1, 1.0 - found.exit[1, 0], found.left[1]), (2, found.entry[2, 0], found.joined[2])):

@@ -17,11 +17,11 @@ from taskcal.robot.error_model import ErrorModel
 HEADER = "x_mm,y_mm,z_mm,qx,qy,qz,qw,speed_mm_s,move"
 
 
-def write_path(path, poses, moves=None):
+def write_path(path, poses, motions=None):
     """A path in CSV; the first row is a joint motion."""
-    moves = moves or ["joint"] + ["linear"] * (len(poses) - 1)
+    motions = motions or ["joint"] + ["linear"] * (len(poses) - 1)
     rows = [HEADER]
-    for T, move in zip(poses, moves, strict=True):
+    for T, move in zip(poses, motions, strict=True):
         numbers = [*(T[:3, 3] * 1e3), *se3.to_quaternion(T[:3, :3])]
         rows.append(",".join(f"{value:.9f}" for value in numbers) + f",50,{move}")
     path.write_text("\n".join(rows) + "\n")
@@ -38,13 +38,13 @@ def pocket(tmp_path, shifted):
     )
 
 
-def true_poses(calibration, moves, robot):
+def true_poses(calibration, motions, robot):
     """Where the true tool is at the targets of motions, by a solver of its own for the nominal robot."""
     from scipy.optimize import least_squares
 
     nominal, q = ErrorModel(robot), []
     seed = None
-    for move in moves:
+    for move in motions:
         T = move.flange(move.end.T) @ robot.T_flange_tool
 
         def error(at, T=T):
@@ -63,9 +63,9 @@ def true_poses(calibration, moves, robot):
 def test_the_true_tool_goes_to_the_targets(pocket, calibration, robot):
     program = read_program(pocket, robot=robot)
     found = correct(calibration, program, bounds=Bounds(tolerance=1.0))
-    wanted = np.array([move.end.T for move in program.moves])
-    before = true_poses(calibration, program.moves, robot)
-    after = true_poses(calibration, found.moves, robot)
+    wanted = np.array([move.end.T for move in program.motions])
+    before = true_poses(calibration, program.motions, robot)
+    after = true_poses(calibration, found.motions, robot)
     assert np.linalg.norm(before[:, :3, 3] - wanted[:, :3, 3], axis=1).min() > 3e-4
     np.testing.assert_allclose(after[:, :3, 3], wanted[:, :3, 3], atol=2e-9)  # the file has 6 decimals of a millimetre
     turn = se3.log(after[:, :3, :3] @ np.swapaxes(wanted[:, :3, :3], 1, 2))
@@ -80,12 +80,14 @@ def test_correction_is_the_negative_error_to_first_order(pocket, calibration, ro
     """A correction is the error with the other sign to first order."""
     program = read_program(pocket, robot=robot)
     found = correct(calibration, program, bounds=Bounds(tolerance=1.0))
-    moved = np.array([new.end.T[:3, 3] - old.end.T[:3, 3] for old, new in zip(program.moves, found.moves, strict=True)])
+    moved = np.array(
+        [new.end.T[:3, 3] - old.end.T[:3, 3] for old, new in zip(program.motions, found.motions, strict=True)]
+    )
     error = found.before.error[found.before.at_target]
     np.testing.assert_allclose(moved, -error, atol=0.02 * np.abs(error).max())
     on_the_way = [
         np.linalg.norm(new.via.T[:3, 3] - old.via.T[:3, 3]) if old.via else 0.0
-        for old, new in zip(program.moves, found.moves, strict=True)
+        for old, new in zip(program.motions, found.motions, strict=True)
     ]
     np.testing.assert_allclose(found.shift, np.maximum(np.linalg.norm(moved, axis=1), on_the_way), atol=2e-8)
 
@@ -96,10 +98,10 @@ def test_segments_are_divided_until_the_tool_keeps_to_them(pocket, calibration, 
     coarse = correct(calibration, program, bounds=Bounds(tolerance=1.0))
     between = coarse.after.length[~coarse.after.at_target].max()
     fine = correct(calibration, program, bounds=Bounds(tolerance=between / 10.0))
-    assert len(fine.moves) > len(program.moves)
+    assert len(fine.motions) > len(program.motions)
     assert fine.after.length[~fine.after.at_target].max() < between / 10.0 * 1.05
-    assert fine.moves[-1].kind == "circular"
-    assert [move.kind for move in coarse.moves] == [move.kind for move in program.moves]
+    assert fine.motions[-1].kind == "circular"
+    assert [move.kind for move in coarse.motions] == [move.kind for move in program.motions]
     # a chord's deviation goes with the square of its length: no more pieces than that asks for
     assert fine.pieces.max() <= np.ceil(np.sqrt(10.0) * 1.1) + 1
 
@@ -116,7 +118,7 @@ def test_what_would_move_too_far_is_left_and_named(pocket, calibration, robot):
     program = read_program(pocket, robot=robot)
     found = correct(calibration, program, bounds=Bounds(shift=1e-6))
     assert found.sources[0].encode() == pocket.read_bytes()
-    assert sorted(found.rejected) == list(range(len(program.moves)))
+    assert sorted(found.rejected) == list(range(len(program.motions)))
     assert "would move by" in found.rejected[0]
     turned = correct(calibration, program, bounds=Bounds(turn=1e-7))
     assert "would turn by" in turned.rejected[0]
@@ -138,7 +140,7 @@ def test_targets_out_of_reach_are_refused_alone(tmp_path, shifted, calibration, 
 def test_an_arc_that_stays_whole_keeps_its_point_on_the_way(pocket, calibration, robot):
     program = read_program(pocket, robot=robot)
     found = correct(calibration, program, bounds=Bounds(tolerance=1.0))
-    moved = found.moves[-1].via.T[:3, 3] - program.moves[-1].via.T[:3, 3]
+    moved = found.motions[-1].via.T[:3, 3] - program.motions[-1].via.T[:3, 3]
     assert np.linalg.norm(moved) < 1.2 * found.shift[-1]
 
 
@@ -173,10 +175,10 @@ def test_joint_speeds_are_those_of_the_jacobian(pocket, calibration, robot):
     found = correct(calibration, program, bounds=Bounds(tolerance=1.0))
     nominal = ErrorModel(robot)
     largest = np.zeros(6)
-    for first, second in zip(program.moves[:4], program.moves[1:5], strict=True):
+    for first, second in zip(program.motions[:4], program.motions[1:5], strict=True):
         way = second.end.T[:3, 3] - first.end.T[:3, 3]
         velocity = np.concatenate([0.05 * way / np.linalg.norm(way), np.zeros(3)])
-        rows = found.before.move == program.moves.index(second)
+        rows = found.before.move == program.motions.index(second)
         J = nominal.joint_jacobian(found.before.q[rows])
         largest = np.maximum(
             largest, np.abs(np.linalg.solve(J, np.broadcast_to(velocity, (len(J), 6))[..., None])).max(0)[:, 0]
@@ -198,9 +200,9 @@ def test_an_arc_whose_start_is_not_known_stays_an_arc(calibration, robot, make_m
     )
     program = read_program(path, robot=robot)
     found = correct(calibration, program)
-    assert [move.kind for move in found.moves] == ["circular", "linear"]
-    true = true_poses(calibration, [replace(m, end=m.via) for m in found.moves[:1]] + list(found.moves), robot)
-    wanted = [program.moves[0].via.T, program.moves[0].end.T, program.moves[1].end.T]
+    assert [move.kind for move in found.motions] == ["circular", "linear"]
+    true = true_poses(calibration, [replace(m, end=m.via) for m in found.motions[:1]] + list(found.motions), robot)
+    wanted = [program.motions[0].via.T, program.motions[0].end.T, program.motions[1].end.T]
     np.testing.assert_allclose(true[:, :3, 3], np.array(wanted)[:, :3, 3], atol=2e-9)
     assert "start point unknown" in str(found.diagnostics[0])
 

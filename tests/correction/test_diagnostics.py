@@ -25,9 +25,9 @@ class Motions(Program):
 
 @pytest.fixture
 def program(make_moves, shifted):
-    moves = tuple(make_moves([shifted(20 * k, 0, 0) for k in range(3)]))
-    source = Source.of(moves[0].place.path, b"")
-    return Motions(sources=(source,), moves=moves, diagnostics=())
+    motions = tuple(make_moves([shifted(20 * k, 0, 0) for k in range(3)]))
+    source = Source.of(motions[0].place.path, b"")
+    return Motions(sources=(source,), motions=motions, diagnostics=())
 
 
 def test_diagnose_unchanged_files_names_them(program):
@@ -50,7 +50,7 @@ def said(program, corrected, motion, deviation=(0.0, 0.0, 0.0), tolerance=2e-5):
     trajectory, subdivision = corrected([0.0] * 3, [0.0] * 3, [0.0] * 3)
     subdivision = replace(subdivision, deviation=np.array(deviation), tolerance=tolerance)
     origin = [(i, 0.0, 1.0) for i in range(3)]
-    return diagnose(program, trajectory, trajectory, origin, program.moves, subdivision, motion)
+    return diagnose(program, trajectory, trajectory, origin, program.motions, subdivision, motion)
 
 
 def test_nothing_is_said_where_there_is_nothing_to_say(robot, program, corrected):
@@ -59,7 +59,7 @@ def test_nothing_is_said_where_there_is_nothing_to_say(robot, program, corrected
 
 def test_a_motion_that_leaves_its_path_is_named_by_its_line(robot, program, corrected):
     (diagnostic,) = said(program, corrected, calm(robot), deviation=(0.0, 3e-5, 1e-5))
-    assert diagnostic.place == program.moves[1].place
+    assert diagnostic.place == program.motions[1].place
     assert "leaves its path by 0.030 mm" in diagnostic.text
     assert said(program, corrected, calm(robot), deviation=(0.0, 3e-5, 1e-5), tolerance=1e-4) == ()
 
@@ -75,13 +75,13 @@ def test_too_fast_joints_are_named_with_their_ratio(robot, program, corrected):
 def test_singular_posture_is_named_by_its_motion(robot, program, corrected):
     """A singular posture is named by the motion that passes it."""
     (diagnostic,) = said(program, corrected, calm(robot, conditioning=0.01, nearest_singular=2))
-    assert diagnostic.place == program.moves[2].place
+    assert diagnostic.place == program.motions[2].place
     assert "passes near a singular posture (ratio 0.010)" in diagnostic.text
 
 
 def test_an_assumed_turning_speed_is_said_in_degrees_per_second(robot, program, corrected):
     (diagnostic,) = said(program, corrected, calm(robot, turn_speed_assumed=1))
-    assert diagnostic.place == program.moves[1].place
+    assert diagnostic.place == program.motions[1].place
     assert f"those at {round(180.0 / np.pi * TURN_SPEED_RAD_S)}°/s from here on" in diagnostic.text
 
 
@@ -96,9 +96,9 @@ def test_unused_frames_are_named_with_the_used_ones(program):
 
 
 def test_corners_of_unknown_size_are_said_once_with_how_many(robot, program, corrected):
-    unknown = replace(program, moves=tuple(replace(move, zone=None) for move in program.moves))
+    unknown = replace(program, motions=tuple(replace(move, zone=None) for move in program.motions))
     (diagnostic,) = said(unknown, corrected, calm(robot))
-    assert diagnostic.place == program.moves[0].place
+    assert diagnostic.place == program.motions[0].place
     assert "in a corner whose size is not known, as 2 others do" in diagnostic.text
-    stopping = replace(unknown, moves=tuple(replace(move, stops=True) for move in unknown.moves))
+    stopping = replace(unknown, motions=tuple(replace(move, stops=True) for move in unknown.motions))
     assert said(stopping, corrected, calm(robot)) == ()

@@ -26,9 +26,9 @@ def came_from(driven, end):
 
 def test_directions_are_those_of_the_moves_between_targets(robot, make_moves, shifted):
     """Where no drive turns over on the way from one target to the next, and each moves by more than at rest."""
-    moves = make_moves(zigzag(shifted))
-    trajectory = simulate_controller(robot, moves)
-    found = drive_directions(robot, moves, trajectory).at(np.arange(6), np.ones(6)).approach
+    motions = make_moves(zigzag(shifted))
+    trajectory = simulate_controller(robot, motions)
+    found = drive_directions(robot, motions, trajectory).at(np.arange(6), np.ones(6)).approach
     turned = np.diff(trajectory.end @ drive_motion(robot).T, axis=0)
     np.testing.assert_array_equal(found[0], 0.0)  # nobody knows from where the first target was reached
     clear = np.abs(turned) > 1e-2
@@ -40,9 +40,9 @@ def test_directions_are_those_of_the_moves_between_targets(robot, make_moves, sh
 
 def test_reversing_drive_turns_over_evenly(robot, make_moves, shifted):
     """A drive that turns over does so evenly and one at rest does not."""
-    moves = make_moves(zigzag(shifted))
-    trajectory = simulate_controller(robot, moves)
-    directions = drive_directions(robot, moves, trajectory)
+    motions = make_moves(zigzag(shifted))
+    trajectory = simulate_controller(robot, motions)
+    directions = drive_directions(robot, motions, trajectory)
     assert np.abs(directions.approach).max() <= 1.0
     step = np.abs(np.diff(trajectory.q @ drive_motion(robot).T, axis=0))
     shares = np.linspace(0.0, 1.0, 401)
@@ -51,15 +51,15 @@ def test_reversing_drive_turns_over_evenly(robot, make_moves, shifted):
     assert np.abs(np.diff(along, axis=0)).max() < 0.1
     # a tremble below what a controller reports of a joint at rest turns nothing over
     q = trajectory.q + 0.4 * MAX_REST_MOTION * (-1.0) ** np.arange(len(trajectory.q))[:, None]
-    trembling = drive_directions(robot, moves, replace(trajectory, q=q)).approach
+    trembling = drive_directions(robot, motions, replace(trajectory, q=q)).approach
     assert (step > 20 * MAX_REST_MOTION).any()
     assert (np.sign(trembling[2:]) == np.sign(directions.approach[2:])).mean() > 0.9
 
 
 def test_after_a_gap_nothing_is_known(robot, make_moves, shifted):
-    moves = make_moves(zigzag(shifted))
-    moves[3] = replace(moves[3], follows=None, kind="joint")
-    directions = drive_directions(robot, moves, simulate_controller(robot, moves))
+    motions = make_moves(zigzag(shifted))
+    motions[3] = replace(motions[3], follows=None, kind="joint")
+    directions = drive_directions(robot, motions, simulate_controller(robot, motions))
     np.testing.assert_array_equal(directions.at(np.array([3]), np.ones(1)).approach, 0.0)
     assert np.abs(directions.at(np.array([4]), np.ones(1)).approach).max() == 1.0
 
@@ -69,20 +69,20 @@ def test_corrected_targets_are_met_from_each_side(tmp_path, lost_motion, robot, 
     program = read_program(write_path(tmp_path / "zigzag.csv", zigzag(shifted)), robot=robot)
     assert uses_directions(lost_motion.model)
     correction = correct(lost_motion, program, bounds=Bounds(tolerance=1.0))
-    wanted = np.array([move.end.T for move in program.moves])[1:, :3, 3]
-    trajectory = simulate_controller(robot, correction.moves)
+    wanted = np.array([move.end.T for move in program.motions])[1:, :3, 3]
+    trajectory = simulate_controller(robot, correction.motions)
     driven = np.concatenate([trajectory.end[:1], trajectory.q]) @ drive_motion(robot).T
     ends = [np.flatnonzero(trajectory.move == move)[-1] + 1 for move in range(1, 6)]
     sides = Conditions(approach=np.array([[came_from(column, end) for column in driven.T] for end in ends]))
     # a drive that is just turning over at a target stands between its sides
     over = (
-        np.abs(drive_directions(robot, correction.moves, trajectory).at(np.arange(1, 6), np.ones(5)).approach) == 1.0
+        np.abs(drive_directions(robot, correction.motions, trajectory).at(np.arange(1, 6), np.ones(5)).approach) == 1.0
     ).all(axis=1)
     assert over.sum() >= 3
     reached = lost_motion.tool_in_base(trajectory.end[1:], sides)[:, :3, 3]
     # drives turn over a little elsewhere in the corrected program than in the one that was given
     np.testing.assert_allclose(reached[over], wanted[over], atol=1e-6)
-    in_the_middle = true_poses(lost_motion, correction.moves, robot)[1:, :3, 3]
+    in_the_middle = true_poses(lost_motion, correction.motions, robot)[1:, :3, 3]
     off = np.linalg.norm(in_the_middle - wanted, axis=1)
     assert off.max() > 2e-5
     assert correction.after.length[correction.after.at_target].max() < 5e-9

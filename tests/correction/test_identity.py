@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_programs.core.program import Frame, Move, Target
+from robot_programs.core.program import Frame, Motion, Target
 from robot_programs.core.source import Place, Source
 from robot_programs.languages import Composition, language_of
 from robot_programs.reading import parse_program
@@ -39,23 +39,23 @@ def program_of(robot, name):
     flange = ErrorModel(robot).poses(HOME[None])[0]
     part = Frame(name="wPart", T=flange @ TOOL.T @ se3.translation(0.05, -0.03, 0.02) @ se3.rotation("x", 0.4))
     place = Place(path=Path(name), line=1)
-    moves, steps = [], [(0.0, 0.0, 0.0), (0.05, 0.0, 0.0), (0.05, 0.04, 0.01), (0.0, 0.02, 0.03)]
+    motions, steps = [], [(0.0, 0.0, 0.0), (0.05, 0.0, 0.0), (0.05, 0.04, 0.01), (0.0, 0.02, 0.03)]
     for i, step in enumerate(steps):
         T = se3.inverse(part.T) @ se3.translation(*step) @ flange @ TOOL.T
         end = Target(name="", T=T, q=None, posture=None, place=place)
-        moves.append(
-            Move(
+        motions.append(
+            Motion(
                 kind="linear" if i else "joint", end=end, via=None, tool=TOOL, part=part, part_in_hand=False, speed=0.1,
                 stops=True, follows=i - 1 if i else None, routine="p", place=place,
             )
         )  # fmt: skip
     if name.endswith(".apt"):
-        lines = ["GOTO/" + ",".join(f"{v:.9f}" for v in (*m.end.T[:3, 3] * 1e3, *-m.end.T[:3, 2])) for m in moves]
+        lines = ["GOTO/" + ",".join(f"{v:.9f}" for v in (*m.end.T[:3, 3] * 1e3, *-m.end.T[:3, 2])) for m in motions]
         text = "\n".join(["UNITS/MM", "MULTAX/ON", "FEDRAT/600,MMPM", *lines, "FINI", ""])
         return Source.of(Path(name), text.encode()), {"tool": TOOL, "part": part}
     language = language_of(Path(name))
-    at = np.tile(HOME, (len(moves), 1))
-    source = language.compose(Composition(name="p", robot=robot, moves=moves, q=at))
+    at = np.tile(HOME, (len(motions), 1))
+    source = language.compose(Composition(name="p", robot=robot, motions=motions, q=at))
     return source, {} if language.declares_frames else {"tool": TOOL, "part": part}
 
 
@@ -64,7 +64,7 @@ def test_a_program_of_any_language_stays_as_it_is(nothing, name):
     robot = nothing.model.robot
     source, frames = program_of(robot, name)
     program = parse_program((source,), robot=robot, **frames)
-    assert len(program.moves) == 4
+    assert len(program.motions) == 4
     found = correct(nothing, program)
     assert not found.rejected
     assert not len(found.corrected)
@@ -88,14 +88,14 @@ def test_random_tp_programs_stay_as_they_are(nothing_of_a_fanuc):
     for seed in range(40):
         sources = generate(np.random.default_rng(seed), trouble=False)
         program = read_tp(sources, robot=R2000)
-        if not program.moves:
+        if not program.motions:
             continue
         found = correct(nothing_of_a_fanuc, program)
         assert not len(found.corrected)
         assert [source.encode() for source in found.sources] == [source.encode() for source in sources]
         if not found.rejected:
             assert found.after.length.max() < 1e-8
-            lines += sum(move.kind != "axes" for move in program.moves)
+            lines += sum(move.kind != "axes" for move in program.motions)
         if lines > 10:  # positions are random, and some beyond reach
             return
     raise AssertionError(f"only {lines} lines could be corrected")

@@ -30,9 +30,9 @@ def turn(make_moves, middle):
 @pytest.mark.parametrize("turn_speed", [0.2, None])
 def test_a_reorientation_has_its_own_speed(robot, turn, length, turn_speed):
     """Joint rates are J⁻¹ times the turning of the tool, however short the way of its point."""
-    moves = turn(length, turn_speed)
-    trajectory = simulate_controller(robot, moves)
-    found = joint_motion(robot, moves, trajectory)
+    motions = turn(length, turn_speed)
+    trajectory = simulate_controller(robot, motions)
+    found = joint_motion(robot, motions, trajectory)
     rate = turn_speed or TURN_SPEED_RAD_S
     J = ErrorModel(robot).joint_jacobian(trajectory.q)
     twist = np.concatenate([[length * rate / TURN, 0.0, 0.0], rate * AXIS])
@@ -42,12 +42,12 @@ def test_a_reorientation_has_its_own_speed(robot, turn, length, turn_speed):
 
 
 def test_the_path_speed_counts_where_it_takes_longer(robot, turn):
-    moves = turn(0.2, TURN_SPEED_RAD_S)
-    trajectory = simulate_controller(robot, moves)
-    found = joint_motion(robot, moves, trajectory)
-    faster = joint_motion(robot, [replace(m, turn_speed=10.0 * TURN_SPEED_RAD_S) for m in moves], trajectory)
+    motions = turn(0.2, TURN_SPEED_RAD_S)
+    trajectory = simulate_controller(robot, motions)
+    found = joint_motion(robot, motions, trajectory)
+    faster = joint_motion(robot, [replace(m, turn_speed=10.0 * TURN_SPEED_RAD_S) for m in motions], trajectory)
     np.testing.assert_array_equal(found.speed, faster.speed)
-    assert joint_motion(robot, [replace(m, turn_speed=None) for m in moves], trajectory).turn_speed_assumed is None
+    assert joint_motion(robot, [replace(m, turn_speed=None) for m in motions], trajectory).turn_speed_assumed is None
 
 
 def test_the_motion_nearest_to_a_singular_posture_is_named(robot, make_moves, middle):

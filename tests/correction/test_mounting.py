@@ -81,7 +81,7 @@ def in_part(part, poses):
 
 
 def ends(correction):
-    return np.array([move.end.T for move in correction.moves])
+    return np.array([move.end.T for move in correction.motions])
 
 
 def test_a_robot_on_a_pedestal_corrects_as_one_in_the_origin(corners, part, robot, conf, calibration):
@@ -136,11 +136,11 @@ def test_the_true_tool_of_a_robot_on_a_track_goes_to_the_targets(corners, part, 
     cell = Cell(T_world_base=BASE, axes=(TRACK,))
     found = correct(calibration, program, cell=cell, bounds=COARSE)
     assert not found.rejected
-    true = [T @ BASE @ pose for T, pose in zip(travel, true_poses(calibration, found.moves, robot), strict=True)]
+    true = [T @ BASE @ pose for T, pose in zip(travel, true_poses(calibration, found.motions, robot), strict=True)]
     wanted = [world @ T for T in targets]
     np.testing.assert_allclose(np.array(true)[:, :3, 3], np.array(wanted)[:, :3, 3], atol=3e-7)
     # the line along which the track moves is corrected at its end; the one after it begins where it ended
-    assert [move.follows for move in mount(program, cell).program.moves] == [None, None, 1]
+    assert [move.follows for move in mount(program, cell).program.motions] == [None, None, 1]
     assert sum("an external axis moves robot or part along it" in str(d) for d in found.diagnostics) == 1
 
 
@@ -196,7 +196,7 @@ def test_an_axis_that_carries_nothing_goes_along_in_step(corners, part, robot, c
     plain = correct(calibration, read_rapid([program_of(targets, part, tool, conf=conf)]), bounds=fine)
     np.testing.assert_allclose(ends(found), ends(plain), atol=1e-12)
     assert found.pieces[1] > 1
-    pieces = np.array([move.external[3] for move in found.moves[1 : 1 + found.pieces[1]]])
+    pieces = np.array([move.external[3] for move in found.motions[1 : 1 + found.pieces[1]]])
     np.testing.assert_allclose(pieces, 10.0 + 100.0 * np.arange(1, len(pieces) + 1) / len(pieces), atol=1e-4)
 
 
@@ -216,7 +216,7 @@ def test_tools_that_are_loaded_have_to_be_told(tmp_path, corners, robot, calibra
     shorter = Frame(name="2", T=robot.T_flange_tool @ se3.translation(0.0, 0.0, -0.03))
     told = correct(calibration, read_program(path, robot=robot, tools={"2": shorter}), bounds=COARSE)
     assert not told.rejected
-    assert {move.tool.name for move in told.moves} == {"", "2"}
+    assert {move.tool.name for move in told.motions} == {"", "2"}
 
 
 def test_the_same_track_in_krl(corners, part, robot, conf, calibration):
@@ -238,7 +238,7 @@ def test_the_same_track_in_krl(corners, part, robot, conf, calibration):
     cell = Cell(T_world_base=BASE, axes=(TRACK,))
     found = correct(calibration, program, cell=cell, bounds=COARSE)
     assert not found.rejected
-    true = true_poses(calibration, found.moves, robot)
+    true = true_poses(calibration, found.motions, robot)
     expected = [
         se3.inverse(T @ BASE) @ BASE @ part @ target
         for T, target in zip((*travel, travel[1]), (*targets, targets[1]), strict=True)

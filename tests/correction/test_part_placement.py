@@ -42,10 +42,10 @@ def program(robot, middle):
 def test_a_placement_is_the_program_with_its_frame_moved(calibration, program):
     shift, turn = np.array([0.05, -0.08, 0.03]), 0.2
     (placed,) = place(calibration, program, around(*shift, turn=turn)).all
-    middle = np.mean([m.flange(m.end.T)[:3, 3] for m in program.moves], axis=0)
+    middle = np.mean([m.flange(m.end.T)[:3, 3] for m in program.motions], axis=0)
     S = se3.translation(*shift) @ se3.translation(*middle) @ se3.rotation("z", turn) @ se3.translation(*-middle)
-    part = Frame(name="part", T=S @ program.moves[0].part.T)
-    moved = replace(program, moves=tuple(replace(m, part=part) for m in program.moves))
+    part = Frame(name="part", T=S @ program.motions[0].part.T)
+    moved = replace(program, motions=tuple(replace(m, part=part) for m in program.motions))
     now = place(calibration, moved, NOWHERE).now
     assert placed.possible
     np.testing.assert_allclose(placed.before, now.before, rtol=1e-6)
@@ -60,8 +60,8 @@ def test_touched_part_keeps_relative_errors_only(calibration, program, robot):
     touched = place(calibration, program, NOWHERE, touched_off=True).now
     assert touched.after < 0.9 * whole.after
     assert touched.before < whole.before
-    trajectory = simulate_controller(robot, program.moves)
-    frames, _ = frames_on(calibration, program.moves, Cell())
+    trajectory = simulate_controller(robot, program.motions)
+    frames, _ = frames_on(calibration, program.motions, Cell())
     (frame,) = frames
     points, spread = frame.points(trajectory.end), frame.spread(trajectory.end)
     about = points - points.mean(axis=0)
@@ -89,7 +89,7 @@ def test_rigid_motion_is_no_error_of_a_touched_part(robot):
 def test_without_a_calibration_the_tolerances_count(robot, program):
     shift = np.array([0.1, 0.05, -0.05])
     (placed,) = place(robot, program, around(*shift)).all
-    trajectory = simulate_controller(robot, program.moves)
+    trajectory = simulate_controller(robot, program.motions)
     model = ErrorModel(robot)
     T = se3.translation(*shift) @ model.poses(trajectory.end)
     q = solve_near(model, T, trajectory.end).q
@@ -133,7 +133,7 @@ def test_a_robot_whose_stiffness_is_not_known_is_not_pushed(robot, program):
 
 
 def test_a_task_is_placed_as_its_poses_are(robot, program, middle):
-    poses = np.stack([move.flange(move.end.T) @ robot.T_flange_tool for move in program.moves])
+    poses = np.stack([move.flange(move.end.T) @ robot.T_flange_tool for move in program.motions])
     task = Task(name="square", poses=poses)
     shift = (0.1, 0.0, 0.05)
     (of_task,), (of_program,) = place(robot, task, around(*shift)).all, place(robot, program, around(*shift)).all

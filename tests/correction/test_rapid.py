@@ -27,9 +27,11 @@ def program(robot, shifted, make_moves):
     corners = [(0, 0, 0), (200, 0, 0), (200, 150, 20), (0, 150, 20), (0, 0, 0)]
     poses = [se3.inverse(part.T) @ shifted(*corner) for corner in corners]
     via = {4: se3.inverse(part.T) @ shifted(-60, 60, 0)}
-    moves = make_moves(poses, vias=via, tool=tool, part=part)
-    posture = find_posture(ErrorModel(robot), moves[0].flange(poses[0]) @ robot.T_flange_tool)
-    source = compose_rapid(Composition(name="Pocket", robot=robot, moves=moves, q=np.tile(posture, (len(moves), 1))))
+    motions = make_moves(poses, vias=via, tool=tool, part=part)
+    posture = find_posture(ErrorModel(robot), motions[0].flange(poses[0]) @ robot.T_flange_tool)
+    source = compose_rapid(
+        Composition(name="Pocket", robot=robot, motions=motions, q=np.tile(posture, (len(motions), 1)))
+    )
     return read_rapid([source])
 
 
@@ -38,12 +40,12 @@ def test_the_true_tool_goes_to_the_targets_of_a_rapid_program(program, calibrati
     again = read_rapid(found.sources)
     assert not program.diagnostics
     assert not again.diagnostics
-    wanted = np.array([move.end.T for move in program.moves])
-    parts = np.array([move.part.T for move in program.moves])
-    after = true_poses(calibration, again.moves, robot)
+    wanted = np.array([move.end.T for move in program.motions])
+    parts = np.array([move.part.T for move in program.motions])
+    after = true_poses(calibration, again.motions, robot)
     # positions are written in single precision, 1.2e-4 mm at 1 m
     np.testing.assert_allclose(after[:, :3, 3], (parts @ wanted)[:, :3, 3], atol=2e-7)
-    before = true_poses(calibration, program.moves, robot)
+    before = true_poses(calibration, program.motions, robot)
     assert np.linalg.norm(before[:, :3, 3] - (parts @ wanted)[:, :3, 3], axis=1).min() > 3e-4
 
 
@@ -61,7 +63,7 @@ def test_the_configurations_are_those_of_the_joints(program, calibration, robot)
     found = correct(calibration, program, bounds=Bounds(tolerance=1.0))
     again = read_rapid(found.sources)
     seed = found.before.q[found.before.at_target]
-    for move, q in zip(again.moves, seed, strict=True):
+    for move, q in zip(again.motions, seed, strict=True):
         assert move.end.posture.agrees(robot, q[None])[0]
         assert move.end.posture == Configuration.of(robot, q, move.end.posture)
 
@@ -71,9 +73,9 @@ def test_lines_and_arcs_are_divided_in_the_text(program, calibration):
     between = coarse.after.length[~coarse.after.at_target].max()
     fine = correct(calibration, program, bounds=Bounds(tolerance=between / 10.0))
     again = read_rapid(fine.sources)
-    assert len(again.moves) == len(fine.moves) > len(program.moves)
+    assert len(again.motions) == len(fine.motions) > len(program.motions)
     assert not again.diagnostics
-    for written, meant in zip(again.moves, fine.moves, strict=True):
+    for written, meant in zip(again.motions, fine.motions, strict=True):
         assert written.kind == meant.kind
         assert written.follows == meant.follows
         np.testing.assert_allclose(written.end.T, meant.end.T, atol=3e-7)
@@ -93,15 +95,15 @@ def test_the_true_tool_goes_to_targets_that_calls_and_loops_give(program, calibr
     ]  # fmt: skip
     shared = read_rapid([Source.of(Path("shared.mod"), (head + "\n".join(lines)).encode())])
     assert not shared.diagnostics
-    assert sorted(move.texts_motions for move in shared.moves) == [1, 2, 2, 2, 2, 3, 3, 3]
+    assert sorted(move.texts_motions for move in shared.motions) == [1, 2, 2, 2, 2, 3, 3, 3]
     found = correct(calibration, shared, bounds=Bounds(tolerance=1e-4))
     assert not found.rejected
     again = read_rapid(found.sources)
-    order = np.argsort([move.kind != "joint" for move in shared.moves], kind="stable")  # to begin with a posture
-    after = true_poses(calibration, [again.moves[i] for i in order], robot)
-    wanted = np.array([shared.moves[i].part.T @ shared.moves[i].end.T for i in order])
+    order = np.argsort([move.kind != "joint" for move in shared.motions], kind="stable")  # to begin with a posture
+    after = true_poses(calibration, [again.motions[i] for i in order], robot)
+    wanted = np.array([shared.motions[i].part.T @ shared.motions[i].end.T for i in order])
     off = np.linalg.norm(after[:, :3, 3] - wanted[:, :3, 3], axis=1)
-    carried = np.array([shared.moves[i].end.name == "" for i in order])
+    carried = np.array([shared.motions[i].end.name == "" for i in order])
     assert carried.sum() == 2
     assert off[~carried].max() < 3e-7
     assert off[carried].max() < 1e-4

@@ -70,7 +70,7 @@ def tp():
     )
 
     def build(*instructions: str) -> Program:
-        (move,) = read_tp([listing(["L P[1] 9mm/sec FINE"], {"1": pose(0, 0, 0)}), *backup()], robot=R2000).moves
+        (move,) = read_tp([listing(["L P[1] 9mm/sec FINE"], {"1": pose(0, 0, 0)}), *backup()], robot=R2000).motions
         T = move.target(flange)
         r, p, w = angles(T[:3, :3])
         x, y, z = T[:3, 3] * 1e3
@@ -92,11 +92,11 @@ def test_correct_writes_approach_and_target_of_a_called_routine(calls, rapid, ca
     """Called once as called twice: the way down to the part stays the one that was programmed."""
     program = rapid(calls, PICK)
     found = correct(calibration, program, bounds=FREE)
-    assert len(found.corrected) in (0, len(program.moves))
+    assert len(found.corrected) in (0, len(program.motions))
     if calls.count("pick") == 1:
         assert len(found.corrected) == 3
         again = program.reread(found.sources)
-        shift = [(b.end.T - a.end.T)[:3, 3] for a, b in zip(program.moves, again.moves, strict=True)]
+        shift = [(b.end.T - a.end.T)[:3, 3] for a, b in zip(program.motions, again.motions, strict=True)]
         assert np.ptp(shift, axis=0).max() < 3e-4 < np.abs(shift).max()
 
 
@@ -137,8 +137,8 @@ def check_law(calibration, program: Program, expected: set[int]):
 )
 def test_rapid_motions_to_one_target_are_corrected_together(main, routines, rapid, calibration):
     program = rapid(main, routines)
-    assert len(program.moves) == 4
-    check_law(calibration, program, {i for i, move in enumerate(program.moves) if move.end.name != "p2"})
+    assert len(program.motions) == 4
+    check_law(calibration, program, {i for i, move in enumerate(program.motions) if move.end.name != "p2"})
 
 
 @pytest.mark.parametrize(
@@ -152,7 +152,7 @@ def test_rapid_motions_to_one_target_are_corrected_together(main, routines, rapi
 def test_krl_motions_to_one_point_are_corrected_together(lines, krl, calibration):
     program = krl("PTP XP2", *lines)
     assert [str(d) for d in program.diagnostics] == []
-    assert len(program.moves) == 4
+    assert len(program.motions) == 4
     moved = correct(calibration, program, bounds=FREE)
     assert not moved.rejected
     for refused, _ in one_refused(calibration, program):
@@ -162,7 +162,7 @@ def test_krl_motions_to_one_point_are_corrected_together(lines, krl, calibration
 def test_tp_motions_to_one_position_are_corrected_together(tp, tp_calibration):  # noqa: F811
     up = "L P[1] 9mm/sec FINE Offset,PR[2]"
     program = tp(up, "L P[1] 9mm/sec FINE", "L P[1] 9mm/sec FINE Tool_Offset,PR[2]", "L P[2] 9mm/sec FINE")
-    assert len(program.moves) == 4
+    assert len(program.motions) == 4
     check_law(tp_calibration, program, {0, 1, 2})
 
 
@@ -174,10 +174,10 @@ def test_motions_stay_with_one_to_their_target_that_is_not_read(rapid, krl, tp, 
         (tp_calibration, tp("L P[1] 9mm/sec FINE Offset,PR[3]", "L P[1] 9mm/sec FINE", "L P[2] 9mm/sec FINE")),
     ]
     for calibrated, program in programs:
-        assert len(program.moves) == 2
+        assert len(program.motions) == 2
         found = correct(calibrated, program, bounds=FREE)
         ((refused, why),) = found.rejected.items()
-        assert program.moves[refused].end.name in ("p1", "XP1", "P[1]")
+        assert program.motions[refused].end.name in ("p1", "XP1", "P[1]")
         assert "shares its target with the motion in" in why
         assert len(found.corrected) == 1
 

@@ -11,16 +11,18 @@ from taskcal.correction.subdivision import CorrectionProblem, subdivide
 @pytest.fixture
 def problem(robot, calibration, make_moves, shifted):
     def build(tolerance, widest=0.0):
-        moves = make_moves([shifted(0, 0, 0), shifted(150, 0, 0), shifted(150, 120, 0)], vias={2: shifted(180, 60, 0)})
-        trajectory = simulate_controller(robot, moves)
+        motions = make_moves(
+            [shifted(0, 0, 0), shifted(150, 0, 0), shifted(150, 120, 0)], vias={2: shifted(180, 60, 0)}
+        )
+        trajectory = simulate_controller(robot, motions)
         placed = Placed(
             tool_in_base=lambda q, move, share: calibration.tool_in_base(q),
             placements=(Placement(T_tool_grasped=np.eye(4), T_base_fixed=np.eye(4), part_in_hand=False),),
-            number=np.zeros(len(moves), dtype=np.int64),
+            number=np.zeros(len(motions), dtype=np.int64),
         )
         return CorrectionProblem(
-            robot=robot, moves=moves, calibration=calibration, placed=placed, trajectory=trajectory, directions=None,
-            wanted=trajectory.path_on(placed, moves).segments, tolerance=tolerance, widest=widest,
+            robot=robot, motions=motions, calibration=calibration, placed=placed, trajectory=trajectory, directions=None,
+            wanted=trajectory.path_on(placed, motions).segments, tolerance=tolerance, widest=widest,
         )  # fmt: skip
 
     return build

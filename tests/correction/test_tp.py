@@ -35,7 +35,7 @@ def program():
     """A square with an arc in user frame 1, from a position by joints."""
     first = read_tp(
         [listing(["J P[1] 100% FINE"], {"1": joints(0, 25, -30, 10, -60, 20)}), *backup()], robot=R2000
-    ).moves[0]
+    ).motions[0]
     flange = ErrorModel(R2000).poses(first.end.q[None])[0] @ se3.inverse(R2000.T_flange_tool)
     T = first.target(flange)
     r, p, w = angles(T[:3, :3])
@@ -56,13 +56,13 @@ def test_the_true_tool_goes_to_the_targets_of_a_tp_program(program, calibration)
     again = program.reread(found.sources)
     assert not program.diagnostics
     assert not again.diagnostics
-    parts = np.array([move.part.T for move in program.moves[1:]])
-    wanted = (parts @ np.array([move.end.T for move in program.moves[1:]]))[:, :3, 3]
-    tip = [se3.inverse(R2000.T_flange_tool) @ move.tool.T for move in program.moves[1:]]
-    after = (true_poses(calibration, again.moves[1:], R2000) @ tip)[:, :3, 3]
+    parts = np.array([move.part.T for move in program.motions[1:]])
+    wanted = (parts @ np.array([move.end.T for move in program.motions[1:]]))[:, :3, 3]
+    tip = [se3.inverse(R2000.T_flange_tool) @ move.tool.T for move in program.motions[1:]]
+    after = (true_poses(calibration, again.motions[1:], R2000) @ tip)[:, :3, 3]
     # positions are written to 0.1 µm and 10⁻⁵ degrees
     np.testing.assert_allclose(after, wanted, atol=4e-7)
-    before = (true_poses(calibration, program.moves[1:], R2000) @ tip)[:, :3, 3]
+    before = (true_poses(calibration, program.motions[1:], R2000) @ tip)[:, :3, 3]
     assert np.linalg.norm(before - wanted, axis=1).min() > 2e-4
 
 
@@ -71,9 +71,9 @@ def test_lines_and_arcs_are_divided_in_the_text(program, calibration):
     between = coarse.after.length[~coarse.after.at_target].max()
     fine = correct(calibration, program, bounds=Bounds(tolerance=between / 4.0, shift=0.02))
     again = program.reread(fine.sources)
-    assert len(again.moves) == len(fine.moves) > len(program.moves)
+    assert len(again.motions) == len(fine.motions) > len(program.motions)
     assert not again.diagnostics
-    assert [move.kind for move in again.moves] == [move.kind for move in fine.moves]
+    assert [move.kind for move in again.motions] == [move.kind for move in fine.motions]
 
 
 def test_the_world_frame_is_stated_and_another_one_is_refused(program, calibration):
@@ -87,11 +87,11 @@ def test_corrected_positions_keep_their_configuration(program, calibration):
     found = correct(calibration, program, bounds=COARSE)
     again = program.reread(found.sources)
     seed = found.before.q[found.before.at_target]
-    for move, q in zip(again.moves[1:], seed[1:], strict=True):
+    for move, q in zip(again.motions[1:], seed[1:], strict=True):
         assert move.end.posture.agrees(R2000, q[None])[0]
 
 
 def test_a_corrected_home_position_is_written_by_joints(program):
-    q = program.moves[0].end.q + degrees(0.01, 0, 0, 0, 0, 0)
+    q = program.motions[0].end.q + degrees(0.01, 0, 0, 0, 0, 0)
     text = program.rewrite(R2000, {0: (Waypoint(kind="axes", q=q, T=None),)})[0].text
     assert "J1=   0.01000 deg" in text

@@ -42,11 +42,11 @@ def test_the_true_tool_of_a_tp_program_is_where_it_wants_it(stations):
     source = listing(["J P[1] 100% FINE", "L P[2] 100mm/sec FINE", "L P[3] 100mm/sec FINE"], positions)
     frames = {"tool": Frame(name="1", T=TOOL), "part": Frame(name="1", T=np.linalg.inv(world) @ part)}
     program = parse_program((source,), robot=robot, **frames)
-    assert len(program.moves) == 3, program.diagnostics
+    assert len(program.motions) == 3, program.diagnostics
     found = correct(calibration, program, cell=Cell(axes=(track,) if stations else ()), bounds=COARSE)
     assert not found.rejected
     again = parse_program(found.sources, robot=robot, **frames)
-    for T, move, at, posture in zip(wanted, again.moves, parts, near, strict=True):
+    for T, move, at, posture in zip(wanted, again.motions, parts, near, strict=True):
         got = np.linalg.inv(at) @ true_tool(calibration, chain, at @ move.end.T @ np.linalg.inv(TOOL), posture, TOOL)
         np.testing.assert_allclose(got[:3, 3], T[:3, 3], atol=1e-6)
         np.testing.assert_allclose(got[:3, :3], T[:3, :3], atol=2e-6)

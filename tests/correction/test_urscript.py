@@ -41,8 +41,8 @@ def corrected(calibration, *lines, **given):
     program = parse_program((source,), robot=calibration.model.robot, **given)
     found = correct(calibration, program, bounds=COARSE)
     assert not found.rejected
-    assert len(found.corrected) == len(program.moves)
-    return found, program.moves, parse_program(found.sources, robot=calibration.model.robot, **given).moves
+    assert len(found.corrected) == len(program.motions)
+    return found, program.motions, parse_program(found.sources, robot=calibration.model.robot, **given).motions
 
 
 @pytest.mark.long
@@ -89,12 +89,14 @@ def test_joints_drive_the_true_tool_where_the_nominal_one_was(true_robot):
     """Of motions of the joints, and of lines to joints."""
     calibration, chain, q = true_robot
     other = q + 0.05
-    _, moves, again = corrected(calibration, f"set_tcp({pose(TOOL)})", f"movej({joints(q)})", f"movel({joints(other)})")
+    _, motions, again = corrected(
+        calibration, f"set_tcp({pose(TOOL)})", f"movej({joints(q)})", f"movel({joints(other)})"
+    )
     for near, move in zip((q, other), again, strict=True):
         driven = move.end.q if move.end.q is not None else chain.joints(move.end.T @ np.linalg.inv(TOOL), near)
         got = calibration.tool_in_base(driven[None])[0]
         np.testing.assert_allclose(got[:3, 3], chain.pose(near)[:3, 3], atol=1e-6)
-    assert moves[1].end.posture is not None
+    assert motions[1].end.posture is not None
 
 
 def test_its_logic_is_not_lost_in_a_new_program(true_robot):

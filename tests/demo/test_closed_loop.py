@@ -77,7 +77,7 @@ def test_radius_95_covers_95_percent_of_isotropic_errors():
 def test_the_correction_does_not_know_the_truth(loop, runs):
     """What it predicts of the touched-off program is near the truth, not the truth."""
     for run in runs:
-        predicted = run.correction.before.of_moves(np.array([move.kind != "axes" for move in loop.program.moves]))
+        predicted = run.correction.before.of_moves(np.array([move.kind != "axes" for move in loop.program.motions]))
         np.testing.assert_array_equal(predicted.q, run.touched_off.q)
         off = np.linalg.norm(predicted.error - run.touched_off.error, axis=1)
         assert 1e-5 < off.max() < 0.2e-3

@@ -17,20 +17,20 @@ def milling(robot):
 
 
 @pytest.fixture(scope="module")
-def moves(milling, robot, tmp_path_factory):
+def motions(milling, robot, tmp_path_factory):
     path = tmp_path_factory.mktemp("milling") / "Milling.mod"
     path.write_bytes(milling.source.encode())
-    return read_program(path, robot=robot).moves
+    return read_program(path, robot=robot).motions
 
 
-def cuts(moves, routine):
+def cuts(motions, routine):
     """Poses of the cutter in the part, in the order of a routine, with those on the way to them."""
-    return [(move.via, move.end.T) for move in moves if move.routine.casefold() == routine.casefold()]
+    return [(move.via, move.end.T) for move in motions if move.routine.casefold() == routine.casefold()]
 
 
-def test_pocket_corners_are_quarters_of_circles(moves):
+def test_pocket_corners_are_quarters_of_circles(motions):
     arcs, last = 0, None
-    for via, T in cuts(moves, "MillPocket"):
+    for via, T in cuts(motions, "MillPocket"):
         end = T[:3, 3]
         np.testing.assert_allclose(T[:3, :3], se3.rotation("x", np.pi)[:3, :3], atol=1e-6)
         assert np.all(np.abs(end[:2]) <= [0.08 + 1e-9, 0.05 + 1e-9])
@@ -48,8 +48,8 @@ def test_pocket_corners_are_quarters_of_circles(moves):
     assert arcs == 4 * 4 * 4
 
 
-def test_cutter_is_normal_to_the_surface_it_makes(moves):
-    T = np.array([T for _, T in cuts(moves, "MillForm")])[1:-1]
+def test_cutter_is_normal_to_the_surface_it_makes(motions):
+    T = np.array([T for _, T in cuts(motions, "MillForm")])[1:-1]
     rows = T.reshape(ROWS, -1, 4, 4).copy()
     rows[1::2] = rows[1::2, ::-1]  # there and back
     p, axis = rows[..., :3, 3], rows[..., :3, 2]
@@ -69,7 +69,7 @@ def test_other_frames_of_parts_move_the_parts_alone(milling, robot, tmp_path):
     assert other.tools == milling.tools
     path = tmp_path / "Milling.mod"
     path.write_bytes(other.source.encode())
-    for move in read_program(path, robot=robot).moves:
+    for move in read_program(path, robot=robot).motions:
         if move.part.stated and move.routine.casefold() in ("millform", "millpocket"):
             name = {"millform": "wobjForm", "millpocket": "wobjPocket"}[move.routine.casefold()]
             np.testing.assert_allclose(move.part.T, other.parts[name], atol=1e-6)

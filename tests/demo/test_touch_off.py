@@ -16,28 +16,28 @@ from taskcal.robot.error_model import ErrorModel
 
 
 @pytest.fixture(scope="module")
-def moves(robot):
-    return read_rapid((milling_program(robot, reference_task(), 2).source,)).moves
+def motions(robot):
+    return read_rapid((milling_program(robot, reference_task(), 2).source,)).motions
 
 
-def touched_error(robot, moves, displaced):
+def touched_error(robot, motions, displaced):
     """Where the true cutter is at the targets of the touched-off program, less where it is wanted, metres."""
     inward = se3.inverse(robot.T_flange_tool)
     placements = {
         (m.tool.name, m.part.name): Placement(
             T_tool_grasped=inward @ m.tool.T, T_base_fixed=m.part.T, part_in_hand=False
         )
-        for m in moves
+        for m in motions
     }
     nominal = ErrorModel(robot)
 
     def true_poses(q):
         return displaced @ nominal.poses(q)
 
-    trajectory = simulate_controller(robot, moves)
+    trajectory = simulate_controller(robot, motions)
     frames = {}
     again = []
-    for i, move in enumerate(moves):
+    for i, move in enumerate(motions):
         if move.kind == "axes":
             again.append(move)
             continue
@@ -46,24 +46,24 @@ def touched_error(robot, moves, displaced):
             frames[key] = touch_off(robot, move, trajectory.end[i], placements[key], true_poses, MARKS).T
         again.append(replace(move, part=replace(move.part, T=frames[key])))
     out = []
-    for move, end, wanted in zip(moves, simulate_controller(robot, again).end, trajectory.segments.end, strict=True):
+    for move, end, wanted in zip(motions, simulate_controller(robot, again).end, trajectory.segments.end, strict=True):
         if move.kind != "axes":
             at = placements[move.tool.name, move.part.name].tool_in_part(true_poses(end[None]))[0]
             out.append(at[:3, 3] - wanted[:3, 3])
     return np.array(out)
 
 
-def test_a_base_that_is_shifted_is_touched_off_whole(robot, moves):
+def test_a_base_that_is_shifted_is_touched_off_whole(robot, motions):
     displaced = se3.translation(2e-3, -1e-3, 1.5e-3)
-    assert np.abs(touched_error(robot, moves, displaced)).max() < 1e-8
+    assert np.abs(touched_error(robot, motions, displaced)).max() < 1e-8
 
 
-def test_touch_off_removes_base_rotation_to_second_order(robot, moves):
+def test_touch_off_removes_base_rotation_to_second_order(robot, motions):
     """Touch-off removes the rotation of a base except for second-order terms."""
     displaced = se3.pose(se3.exp(np.array([1e-3, -5e-4, 8e-4])), np.zeros(3))
-    assert np.abs(touched_error(robot, moves, displaced)).max() < 5e-6
+    assert np.abs(touched_error(robot, motions, displaced)).max() < 5e-6
 
 
-def test_lengths_that_are_wrong_are_not(robot, moves):
+def test_lengths_that_are_wrong_are_not(robot, motions):
     grown = np.diag([1.001, 1.001, 1.001, 1.0])
-    assert np.abs(touched_error(robot, moves, grown)).max() > 2e-5
+    assert np.abs(touched_error(robot, motions, grown)).max() > 2e-5

@@ -192,7 +192,7 @@ import numpy as np, taskcal as tc
 open("part.pts", "w", newline="").write({PROGRAM!r})
 calibration = tc.load_calibration("plain.json")
 program = tc.read_program("part.pts", robot=calibration.model.robot)
-assert np.allclose(program.moves[0].end.T[:3, 3], [0.5, -0.1, 0.4]), program
+assert np.allclose(program.motions[0].end.T[:3, 3], [0.5, -0.1, 0.4]), program
 """
     calibrated("-c", code)
     result = json.loads(taskcal("correct", "--calibration", "plain.json", "part.pts", "-o", "new.pts",

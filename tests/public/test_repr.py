@@ -74,7 +74,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     )
     return {
         "robot": robot, "model": model, "campaign": campaign, "truth": truth, "calibration": calibration, "task": task,
-        "workspace": workspace, "plan": plan, "program": program, "move": program.moves[0],
+        "workspace": workspace, "plan": plan, "program": program, "move": program.motions[0],
         "reached": tc.reach_task(model, task, 20), "selection": selection,
         "study": tc.Study(rows=tuple(rows), robots=200, seed=0),
         "validation": tc.validate(calibration, campaign), "sensitivity": tc.sensitivity(model, q),

@@ -110,8 +110,8 @@ def test_words_of_a_correction_are_its_figures(corrected: Correction) -> None:
     shares = [int(number) for number in re.findall(r"(\d+)%", facts["uncertainty budget"])]
     assert shares == [round(100 * share) for share in budget.shares.values()]
     assert sum(budget.shares.values()) == pytest.approx(1.0)
-    moves, done, pieces, rejected, unchanged, unread = map(int, re.findall(r"\d+", facts["motions"]))
-    assert (moves, done + rejected + unchanged) == (len(corrected.program.moves), moves)
+    motions, done, pieces, rejected, unchanged, unread = map(int, re.findall(r"\d+", facts["motions"]))
+    assert (motions, done + rejected + unchanged) == (len(corrected.program.motions), motions)
     assert (rejected, unread) == (summary["refused"], summary["unresolved"])
     assert facts["lines and arcs"].endswith(f": {pieces - done} more motions")
     assert f"ratio {corrected.motion.conditioning:.3f} " in facts["nearest to singular"]

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_programs.core.program import Move, Program, Waypoint
+from robot_programs.core.program import Motion, Program, Waypoint
 from robot_programs.core.source import Source
 from taskcal.errors import TaskcalError
 from taskcal.robot.robot import Robot
@@ -43,11 +43,11 @@ LANGUAGES = tuple(sorted(path.parent.name for path in Path(__file__).parent.glob
 
 def unchanged(language: Language, program: Program) -> dict[int, tuple[Waypoint, ...]]:
     """The own ends of the motions that are written as they are."""
-    postures = {number: language.posture(program, number) for number in range(len(program.moves))}
-    return {number: (_own(program.moves[number], q),) for number, q in postures.items() if q is not None}
+    postures = {number: language.posture(program, number) for number in range(len(program.motions))}
+    return {number: (_own(program.motions[number], q),) for number, q in postures.items() if q is not None}
 
 
-def _own(move: Move, q: np.ndarray) -> Waypoint:
+def _own(move: Motion, q: np.ndarray) -> Waypoint:
     via = None if move.via is None else Waypoint(kind=move.kind, q=q, T=move.via.T)
     return Waypoint(kind=move.kind, q=q if move.end.q is None else move.end.q, T=move.end.T, via=via)
 
@@ -104,8 +104,8 @@ def check_case(language: Language, seed: int) -> str:
     except TaskcalError:
         return "read"
     again = program.reread(after)
-    expected = len(program.moves) + sum(len(path) - 1 for path in waypoints.values())
-    assert len(again.moves) == expected, f"{len(again.moves)} motions instead of {expected}"
+    expected = len(program.motions) + sum(len(path) - 1 for path in waypoints.values())
+    assert len(again.motions) == expected, f"{len(again.motions)} motions instead of {expected}"
     return "rewritten"
 
 

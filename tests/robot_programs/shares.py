@@ -66,10 +66,10 @@ def share_of(files: Sequence[Path], robot: Robot) -> Share:
 def understood_in(program: Program) -> int:
     """Motion instructions that are understood; one that stands for several motions counts once."""
     if isinstance(program, RapidProgram):
-        return len({motion.instruction for motion in program.motions})
+        return len({motion.instruction for motion in program.sites})
     if isinstance(program, KrlProgram):
         return len({site.text for site in program.sites})
-    return len(program.moves) - sum(getattr(i, "half", False) for i in getattr(program, "instructions", ()))
+    return len(program.motions) - sum(getattr(i, "half", False) for i in getattr(program, "instructions", ()))
 
 
 def motions_in(source: Source) -> int:

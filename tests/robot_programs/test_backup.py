@@ -54,7 +54,7 @@ def contents(path: Path) -> dict[str, bytes]:
 def test_backup_is_read_and_missing_names_are_listed_once(made):
     """The program in it is read and what is missing is said once."""
     program = read_program(made)
-    assert [move.end.name for move in program.moves] == ["p1"]
+    assert [move.end.name for move in program.motions] == ["p1"]
     assert program.T_world_base[2, 3] == 0.5
     assert program.backup.skipped == 4
     place = made / "RAPID/TASK1/PROGMOD/Part.mod"
@@ -207,7 +207,7 @@ def test_tasks_are_programs_of_their_own(tmp_path):
         (tmp_path / f"RAPID/{task}/PROGMOD/Part.mod").write_text(MODULE)
     with pytest.raises(FileError, match=r"2 tasks: T_ROB1 \(1 modules\), T_ROB2 \(1 modules\)"):
         read_program(tmp_path)
-    assert read_program(tmp_path / "RAPID/T_ROB1").moves
+    assert read_program(tmp_path / "RAPID/T_ROB1").motions
 
 
 @pytest.mark.parametrize("top", [".", "Backup_2026"])
@@ -234,7 +234,7 @@ def test_krl_and_tp_backups_leave_out_what_is_no_program(tmp_path):
     (tmp_path / "krl/log.dat").write_text("binary\0")
     (tmp_path / "krl/notes.dat").write_text("measured today")
     program = read_program(tmp_path / "krl")
-    assert (len(program.moves), program.backup.skipped) == (1, 2)
+    assert (len(program.motions), program.backup.skipped) == (1, 2)
     (tmp_path / "tp").mkdir()
     (tmp_path / "tp/ERRALL.LS").write_text("ERRALL.LS Robot Name ROBOT\n")
     text = listing(["J P[1] 10% FINE"], {"1": joints(0, 0, 0, 0, -90, 0)}).text

@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from robot_programs.core.program import Frame, Move, Target
+from robot_programs.core.program import Frame, Motion, Target
 from robot_programs.core.source import Place
 from robot_programs.languages import COMPOSED
-from robot_programs.reading import compose_program, moves_to_joints, read_program
+from robot_programs.reading import compose_program, motions_to_joints, read_program
 from taskcal.errors import FileError, TaskcalError
 from taskcal.geometry import se3
 from taskcal.io.files import write_whole
@@ -26,12 +26,12 @@ def test_motions_to_joint_positions_come_back_in_their_order(tmp_path_factory, r
     path = tmp_path_factory.mktemp("composed") / f"Measure{suffix}"
     q = rng.uniform(-HALF, HALF, (int(rng.integers(1, 12)), 6))
     notes = [f"pose {k}" for k in range(len(q))]
-    source = compose_program(path, ROBOT, moves_to_joints(ROBOT, q, path), notes=notes, wait_s=2.5)
+    source = compose_program(path, ROBOT, motions_to_joints(ROBOT, q, path), notes=notes, wait_s=2.5)
     write_whole(source.path, source.encode())
     program = read_program(path, robot=ROBOT)
     assert not program.diagnostics
-    assert [(move.kind, move.stops) for move in program.moves] == [("axes", True)] * len(q)
-    np.testing.assert_allclose([move.end.q for move in program.moves], q, atol=2e-7)
+    assert [(move.kind, move.stops) for move in program.motions] == [("axes", True)] * len(q)
+    np.testing.assert_allclose([move.end.q for move in program.motions], q, atol=2e-7)
     positions = [source.text.index(note) for note in notes]
     assert positions == sorted(positions)
     if suffix != ".csv":
@@ -48,18 +48,18 @@ def test_poses_in_csv_come_back_with_arcs_and_speeds(tmp_path):
         return Target(name=f"p{k}", T=T[k], q=None, posture=None, place=place)
 
     common = {"tool": frame, "part": frame, "part_in_hand": False, "routine": "", "place": place, "follows": None}
-    moves = (
-        Move(kind="joint", end=to(0), via=None, speed=None, stops=True, **common),
-        Move(kind="linear", end=to(1), via=None, speed=0.25, stops=False, **common),
-        Move(kind="circular", end=to(3), via=to(2), speed=0.25, stops=False, **common),
+    motions = (
+        Motion(kind="joint", end=to(0), via=None, speed=None, stops=True, **common),
+        Motion(kind="linear", end=to(1), via=None, speed=0.25, stops=False, **common),
+        Motion(kind="circular", end=to(3), via=to(2), speed=0.25, stops=False, **common),
     )
-    source = compose_program(tmp_path / "path.csv", ROBOT, moves)
+    source = compose_program(tmp_path / "path.csv", ROBOT, motions)
     write_whole(source.path, source.encode())
-    again = read_program(source.path, robot=ROBOT).moves
+    again = read_program(source.path, robot=ROBOT).motions
     assert [m.kind for m in again] == ["joint", "linear", "circular"]
     assert [m.speed for m in again] == [None, 0.25, 0.25]
     assert [m.stops for m in again] == [True, False, False]
-    for old, new in zip(moves, again, strict=True):
+    for old, new in zip(motions, again, strict=True):
         np.testing.assert_allclose(new.end.T, old.end.T, atol=1e-9)
         assert new.end.name == old.end.name
     np.testing.assert_allclose(again[2].via.T, T[2], atol=1e-9)
@@ -68,7 +68,10 @@ def test_poses_in_csv_come_back_with_arcs_and_speeds(tmp_path):
         compose_program(
             "path.csv",
             ROBOT,
-            (moves[0], Move(kind="linear", end=to(1), via=None, speed=None, stops=True, **{**common, "tool": other})),
+            (
+                motions[0],
+                Motion(kind="linear", end=to(1), via=None, speed=None, stops=True, **{**common, "tool": other}),
+            ),
         )
 
 

@@ -28,7 +28,7 @@ def test_every_suffix_has_one_language_whatever_its_letter_case():
 def test_a_file_is_read_by_its_suffix(tmp_path):
     (tmp_path / "PATH.CSV").write_text(JOINTS)
     program = taskcal.read_program(tmp_path / "PATH.CSV")
-    np.testing.assert_allclose(program.moves[0].end.q, np.radians([10.0, 20.0]))
+    np.testing.assert_allclose(program.motions[0].end.q, np.radians([10.0, 20.0]))
 
 
 def test_what_cannot_be_read_says_what_would_work(tmp_path):

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_programs.core.source import MAX_LINE_LENGTH, MAX_LINES, Edit, FreshNames, Source, numeral, renumbered
+from robot_programs.core.source import MAX_LINE_LENGTH, MAX_LINES, FreshNames, Source, TextEdit, numeral, renumbered
 from taskcal.errors import FileError
 
 PATH = Path("program.mod")
@@ -27,7 +27,7 @@ def test_edits_may_come_in_any_order(data, text):
         else [0] * 4
     )
     a, b, c, d = cuts
-    edits = [Edit(start=a, end=b, text="first"), Edit(start=c, end=d, text="second")]
+    edits = [TextEdit(start=a, end=b, text="first"), TextEdit(start=c, end=d, text="second")]
     source = Source(path=PATH, text=text, encoding="utf-8")
     expected = text[:a] + "first" + text[b:c] + "second" + text[d:]
     assert source.edited(edits).text == expected
@@ -38,7 +38,7 @@ def test_edits_may_come_in_any_order(data, text):
 def test_edits_that_overlap_are_refused_with_their_line():
     source = Source(path=PATH, text="one\ntwo three\n", encoding="utf-8")
     with pytest.raises(ValueError, match=r"edits of program\.mod overlap in line 2"):
-        source.edited([Edit(start=4, end=9, text=""), Edit(start=8, end=10, text="")])
+        source.edited([TextEdit(start=4, end=9, text=""), TextEdit(start=8, end=10, text="")])
 
 
 @given(texts)

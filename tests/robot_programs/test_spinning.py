@@ -40,8 +40,8 @@ def test_spins_let_the_joints_follow_every_run():
     given = program(circle(40) + "CIRCLE/0,0,0,0,0,1,5\nGOTO/0,0,100\n" + circle(5))
     spun = with_spins(given, ROBOT)
     assert (spun.sources, spun.diagnostics) == (given.sources, given.diagnostics)
-    assert [move.follows for move in spun.moves] == [move.follows for move in given.moves]
-    old, new = (np.array([m.end.T for m in p.moves]) for p in (given, spun))
+    assert [move.follows for move in spun.motions] == [move.follows for move in given.motions]
+    old, new = (np.array([m.end.T for m in p.motions]) for p in (given, spun))
     np.testing.assert_allclose(new[:, :, 2:], old[:, :, 2:], atol=1e-12)
     np.testing.assert_allclose(np.linalg.det(new[:, :3, :3]), 1.0, atol=1e-12)
     model = ErrorModel(ROBOT)
@@ -55,9 +55,9 @@ def test_spins_come_as_near_to_those_wanted_as_the_axes_allow():
     text = circle(5) + "GOTO/50,0,0,0,0,1\nINDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,50),ON,(LINE/0,0,0,0,50,0)\n"
     read = program(text)
     spin, tilt = se3.rotation("z", 1.2), se3.rotation("x", 1e-3)
-    paths = [[t.T @ spin @ tilt for t in (move.via, move.end) if t is not None] for move in read.moves]
+    paths = [[t.T @ spin @ tilt for t in (move.via, move.end) if t is not None] for move in read.motions]
     near = with_spins_near(read, paths)
-    for old, new, wanted in zip(read.moves, near.moves, paths, strict=True):
+    for old, new, wanted in zip(read.motions, near.motions, paths, strict=True):
         targets = [(t, n) for t, n in ((old.via, new.via), (old.end, new.end)) if t is not None]
         for (before, after), T in zip(targets, wanted, strict=True):
             np.testing.assert_allclose(after.T[:, 2:], before.T[:, 2:], atol=1e-12)
@@ -69,7 +69,7 @@ def test_spins_come_as_near_to_those_wanted_as_the_axes_allow():
 def test_spins_of_arcs_and_refusal_out_of_reach():
     """Arcs get spins too and a path out of reach is named by its line."""
     text = "GOTO/50,0,0\nINDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,50),ON,(LINE/0,0,0,0,50,0)\n"
-    arc = with_spins(program(text), ROBOT).moves[1]
+    arc = with_spins(program(text), ROBOT).motions[1]
     np.testing.assert_allclose(arc.via.T[:3, :3], arc.end.T[:3, :3], atol=1e-12)
     with pytest.raises(ReachError, match=r"path\.apt:1: of the motions from this line on: .* does not reach the start"):
         with_spins(program("GOTO/9000,0,0\n"), ROBOT)

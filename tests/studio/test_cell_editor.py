@@ -187,8 +187,8 @@ def test_a_line_of_other_numbers_is_refused_by_its_place(line: str) -> None:
 
 def test_tools_and_parts_of_a_program_are_each_named_once(tmp_path: Path) -> None:
     (tmp_path / "m.mod").write_text(RAPID)
-    moves = read_program(tmp_path / "m.mod", robot=load_robot("abb-irb120")).moves
-    assert [(one.kind, one.name, one.held) for one in named_in([*moves, *moves])] == [
+    motions = read_program(tmp_path / "m.mod", robot=load_robot("abb-irb120")).motions
+    assert [(one.kind, one.name, one.held) for one in named_in([*motions, *motions])] == [
         ("tool", "tool0", True),
         ("part", "wobj0", False),
     ]

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_programs.core.program import Frame, Move, Program, Target, angles, rotation
-from robot_programs.core.source import Edit
+from robot_programs.core.program import Frame, Motion, Program, Target, angles, rotation
+from robot_programs.core.source import TextEdit
 from robot_programs.languages import Language
 from taskcal import FileError
 
@@ -35,7 +35,7 @@ class PtsProgram(Program):
         for number, path in waypoints.items():
             file, start, end = self.spans[number]
             text = f"{self.sources[file].newline}LIN ".join(numbers_of(waypoint.T) for waypoint in path)
-            edits[file].append(Edit(start=start, end=end, text=text))
+            edits[file].append(TextEdit(start=start, end=end, text=text))
         return tuple(source.edited(own) for source, own in zip(self.sources, edits, strict=True))
 
     def reread(self, sources):
@@ -49,7 +49,7 @@ def read(sources, given) -> PtsProgram:
         raise FileError(sources[0].path, "does not say what its positions are of; give the tool, or the robot")
     tool = given.tool or Frame(name="", T=given.robot.T_flange_tool)
     part = given.part or Frame(name="", T=np.eye(4))
-    moves, spans = [], []
+    motions, spans = [], []
     for file, source in enumerate(sources):
         for wrong in re.finditer(r"^[ \t]*LIN\b.*$", source.text, re.MULTILINE):
             if not LINE.match(wrong[0]):
@@ -61,8 +61,8 @@ def read(sources, given) -> PtsProgram:
             T[:3, :3], T[:3, 3] = rotation(r, p, w), 1e-3 * np.array([x, y, z])
             place = source.place(match.start(1))
             end = Target(name="", T=T, q=None, posture=None, place=place)
-            moves.append(
-                Move(
+            motions.append(
+                Motion(
                     kind="linear",
                     end=end,
                     via=None,
@@ -71,13 +71,13 @@ def read(sources, given) -> PtsProgram:
                     part_in_hand=False,
                     speed=None,
                     stops=True,
-                    follows=len(moves) - 1 if number else None,
+                    follows=len(motions) - 1 if number else None,
                     routine=source.path.stem,
                     place=place,
                 )
             )
             spans.append((file, match.start(1) + len(match[1]) - len(match[1].lstrip()), match.end(1)))
-    return PtsProgram(sources=tuple(sources), moves=tuple(moves), diagnostics=(), spans=tuple(spans), given=given)
+    return PtsProgram(sources=tuple(sources), motions=tuple(motions), diagnostics=(), spans=tuple(spans), given=given)
 
 
 PTS = Language(name="PTS", suffixes=(".pts",), read=read, compose=None, declares_frames=False, marks=r"^[ \t]*LIN\b")

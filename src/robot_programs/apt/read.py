@@ -32,7 +32,7 @@ from robot_programs.apt.syntax import (
 )
 from robot_programs.core import se3
 from robot_programs.core.errors import FileError
-from robot_programs.core.program import Diagnostic, Frame, Move, MoveKind, Target, with_axis
+from robot_programs.core.program import Diagnostic, Frame, Motion, MotionKind, Target, with_axis
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Place, Source
 
@@ -206,7 +206,7 @@ class Reading:
     """Motions read so far of all files."""
 
     part: Frame
-    moves: list[Move] = field(default_factory=list[Move])
+    motions: list[Motion] = field(default_factory=list[Motion])
     instructions: list[Instruction] = field(default_factory=list[Instruction])
     diagnostics: list[Diagnostic] = field(default_factory=list[Diagnostic])
 
@@ -411,9 +411,9 @@ class Resolver:
     ) -> None:
         """A motion whose numbers are known."""
         # a cycle goes to its points by ways that are not written, as a motion of all joints does
-        kind: MoveKind = "joint" if self.cycle else "linear" if via is None else "circular"
-        self.reading.moves.append(
-            Move(
+        kind: MotionKind = "joint" if self.cycle else "linear" if via is None else "circular"
+        self.reading.motions.append(
+            Motion(
                 kind=kind,
                 end=self._target(statement, end),
                 via=None if via is None else self._target(statement, via),
@@ -443,7 +443,7 @@ class Resolver:
                 begin=self.position,
             )
         )
-        self.position, self.previous, self.rapid = end, len(self.reading.moves) - 1, False
+        self.position, self.previous, self.rapid = end, len(self.reading.motions) - 1, False
 
     def _target(self, statement: Statement, point: np.ndarray) -> Target:
         T = se3.pose(with_axis(self.axis), point)
@@ -576,7 +576,7 @@ def read_apt(
             resolver.read(statement)
     return AptProgram(
         sources=tuple(sources),
-        moves=tuple(reading.moves),
+        motions=tuple(reading.motions),
         diagnostics=tuple(reading.diagnostics),
         instructions=tuple(reading.instructions),
         read=partial(read_apt, tool=own, part=reading.part, tools=named),

@@ -9,9 +9,9 @@ from jaxtyping import Float
 from robot_programs.apt.circle import Arc, Instruction, arc_through
 from robot_programs.apt.syntax import Token
 from robot_programs.core.errors import InputError
-from robot_programs.core.program import SAME_POSE, Move, Program, Waypoint
+from robot_programs.core.program import SAME_POSE, Motion, Program, Waypoint
 from robot_programs.core.robot import Robot
-from robot_programs.core.source import Edit, Place, Source, numeral, renumbered
+from robot_programs.core.source import Place, Source, TextEdit, numeral, renumbered
 
 MM, INCHES, AXIS = 5, 6, 7
 """Decimals written of lengths and of directions."""
@@ -33,13 +33,13 @@ class AptProgram(Program):
         Raises:
             InputError: a motion is to become one to joint positions, which APT does not know.
         """
-        edits: list[list[Edit]] = [[] for _ in self.sources]
-        for number, (move, instruction) in enumerate(zip(self.moves, self.instructions, strict=True)):
+        edits: list[list[TextEdit]] = [[] for _ in self.sources]
+        for number, (move, instruction) in enumerate(zip(self.motions, self.instructions, strict=True)):
             start = _start(move, instruction, waypoints)
             path = waypoints.get(number)
             if instruction.half:
                 halves = number, number + 1
-                kept = all(half not in waypoints or self.moves[half].stays(waypoints[half]) for half in halves)
+                kept = all(half not in waypoints or self.motions[half].stays(waypoints[half]) for half in halves)
                 if kept and _same_point(start, instruction.begin):
                     continue
                 path = path or (move.own_waypoint(),)
@@ -54,7 +54,7 @@ class AptProgram(Program):
 
 
 def _start(
-    move: Move, instruction: Instruction, waypoints: Mapping[int, tuple[Waypoint, ...]]
+    move: Motion, instruction: Instruction, waypoints: Mapping[int, tuple[Waypoint, ...]]
 ) -> Float[np.ndarray, " 3"] | None:
     """Start of a motion in the rewritten program."""
     if move.follows is None or move.follows not in waypoints:
@@ -73,7 +73,7 @@ class _Writing:
 
     source: Source
     instruction: Instruction
-    move: Move
+    move: Motion
 
     @property
     def place(self) -> Place:
@@ -84,7 +84,7 @@ class _Writing:
         """Decimals of lengths, in the program's unit."""
         return MM if self.instruction.unit <= 1e-3 else INCHES
 
-    def edits(self, begin: Float[np.ndarray, " 3"] | None, path: Sequence[Waypoint]) -> list[Edit]:
+    def edits(self, begin: Float[np.ndarray, " 3"] | None, path: Sequence[Waypoint]) -> list[TextEdit]:
         """Edits that give the motion its waypoints: statements before it, and its own numbers."""
         own = self.instruction
         texts: list[str] = []
@@ -95,7 +95,7 @@ class _Writing:
         if own.rapid:
             parting += "RAPID" + parting
         ahead = "".join(text + parting for text in texts)
-        out = [Edit(start=own.start, end=own.start, text=ahead)] if ahead else []
+        out = [TextEdit(start=own.start, end=own.start, text=ahead)] if ahead else []
         return out if own.half else out + self._own(begin, path[-1])
 
     def _end(self, waypoint: Waypoint) -> Float[np.ndarray, " 3"]:
@@ -117,13 +117,13 @@ class _Writing:
             texts += [numeral(float(value), AXIS) for value in -waypoint.T[:3, 2]]
         return "GOTO/" + ",".join(texts)
 
-    def _own(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> list[Edit]:
+    def _own(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> list[TextEdit]:
         """Edits of the motion's own statements."""
         own, end = self.instruction, self._end(waypoint)
         if own.circle is not None or own.record is not None:
             if waypoint.via is not None:
                 return self._arc_edits(begin, waypoint)
-            return [Edit(start=own.start, end=own.end, text=self._point(waypoint))]
+            return [TextEdit(start=own.start, end=own.end, text=self._point(waypoint))]
         if waypoint.via is not None:
             raise InputError(f"{self.place}: a line cannot become an arc here; write the program in another language")
         assert self.move.end.T is not None
@@ -131,7 +131,7 @@ class _Writing:
         was = self.move.end.T
         if own.relative:
             kept = _same_point(begin, own.begin) and bool(np.abs(end - was[:3, 3]).max() < SAME_POSE)
-            return [] if kept else [Edit(start=own.body, end=own.end, text=self._point(waypoint))]
+            return [] if kept else [TextEdit(start=own.body, end=own.end, text=self._point(waypoint))]
         out = [
             self._edit(token, was[a, 3] / own.unit, end[a] / own.unit, self.decimals)
             for a, token in enumerate(own.numbers[:3])
@@ -139,7 +139,7 @@ class _Writing:
         axes = own.numbers[3:]
         return out + [self._edit(token, -was[a, 2], -waypoint.T[a, 2], AXIS) for a, token in enumerate(axes)]
 
-    def _arc_edits(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> list[Edit]:
+    def _arc_edits(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> list[TextEdit]:
         """Edits of the numbers of an arc."""
         own = self.instruction
         if own.circle is None and own.record is None:
@@ -162,7 +162,7 @@ class _Writing:
         # all anew: a centre and a radius that were rounded apart from these would miss the arc's ends
         lengths = np.concatenate([arc.center, [arc.radius], arc.center, arc.end]) / own.unit
         out = [
-            Edit(start=token.start, end=token.end, text=numeral(float(value), decimals))
+            TextEdit(start=token.start, end=token.end, text=numeral(float(value), decimals))
             for tokens, values, decimals in (
                 (own.numbers, arc.direction, AXIS),
                 (own.circle.circle + own.circle.line, lengths, self.decimals),
@@ -171,10 +171,10 @@ class _Writing:
         ]
         start, behind = own.circle.second
         if arc.second != (start < behind):
-            out.append(Edit(start=start, end=behind, text=",2,INTOF" if arc.second else ""))
+            out.append(TextEdit(start=start, end=behind, text=",2,INTOF" if arc.second else ""))
         return out
 
-    def _record_edits(self, arc: Arc, begin: Float[np.ndarray, " 3"], waypoint: Waypoint) -> list[Edit]:
+    def _record_edits(self, arc: Arc, begin: Float[np.ndarray, " 3"], waypoint: Waypoint) -> list[TextEdit]:
         """Edits of a circle's record, and of the end behind it."""
         own = self.instruction
         assert own.record is not None
@@ -185,11 +185,11 @@ class _Writing:
         ends = [*(waypoint.T[:3, 3] / own.unit), *(-waypoint.T[:3, 2])]
         written = zip(own.record.tokens, values, decimals, strict=False), zip(own.numbers, ends, decimals, strict=False)
         return [
-            Edit(start=token.start, end=token.end, text=numeral(float(value), places))
+            TextEdit(start=token.start, end=token.end, text=numeral(float(value), places))
             for tokens in written
             for token, value, places in tokens
         ]
 
-    def _edit(self, token: Token, was: float, now: float, decimals: int) -> Edit:
+    def _edit(self, token: Token, was: float, now: float, decimals: int) -> TextEdit:
         text = renumbered(token.text, float(was), float(now), decimals)
-        return Edit(start=token.start, end=token.end, text=text)
+        return TextEdit(start=token.start, end=token.end, text=text)

@@ -54,7 +54,7 @@ MAX_JOINTS = 6
 SAME_POSE = 1e-9
 """Poses and joint positions that differ by less are one, metres and radians; single precision on a metre is coarser."""
 
-MoveKind = Literal["joint", "linear", "circular", "axes"]
+MotionKind = Literal["joint", "linear", "circular", "axes"]
 """To a pose with all joints at once, along a line, along an arc; or to joint positions."""
 
 
@@ -152,10 +152,10 @@ class Target:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Move:
+class Motion:
     """One motion instruction whose target, tool and frame are known."""
 
-    kind: MoveKind
+    kind: MotionKind
     end: Target
     via: Target | None
     """Via point of an arc."""
@@ -190,7 +190,7 @@ class Move:
     """How near it passes by its target where it does not stop; None where the text does not tell."""
 
     def __repr__(self) -> str:
-        return f"Move({self.kind} to {shortened(self.end.name, 60)!r}, {shortened(str(self.place), 120)})"
+        return f"Motion({self.kind} to {shortened(self.end.name, 60)!r}, {shortened(str(self.place), 120)})"
 
     def flange(self, T: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4"]:
         """Poses of the flange in the base for poses of the tool in the part's frame."""
@@ -229,7 +229,7 @@ class Move:
 class Waypoint:
     """End of one motion of a rewritten program."""
 
-    kind: MoveKind
+    kind: MotionKind
     q: Float[np.ndarray, " joints"]
     """Joint positions that the controller is to drive there, radians; they decide the posture that is written."""
     T: Float[np.ndarray, "4 4"] | None
@@ -237,7 +237,7 @@ class Waypoint:
     via: "Waypoint | None" = None
     """Via point of an arc."""
     external: tuple[float, ...] = ()
-    """Positions of the external axes, as in `Move`; empty to leave them as the motion states them."""
+    """Positions of the external axes, as in `Motion`; empty to leave them as the motion states them."""
     share: float = 1.0
     """How much of the motion is done there, of its length."""
 
@@ -271,7 +271,7 @@ class Program(ABC):
     """Robot program read from one or several files."""
 
     sources: tuple[Source, ...]
-    moves: tuple[Move, ...]
+    motions: tuple[Motion, ...]
     """Those that were resolved, in the order of the text."""
     diagnostics: tuple[Diagnostic, ...]
     """Motions that could not be resolved, and warnings."""
@@ -287,7 +287,7 @@ class Program(ABC):
     def __repr__(self) -> str:
         paths = shortened(", ".join(str(source.path) for source in self.sources), 120)
         diagnostics = f", {len(self.diagnostics)} diagnostics" if self.diagnostics else ""
-        return f"{type(self).__name__}({paths}: {len(self.moves)} motions{diagnostics})"
+        return f"{type(self).__name__}({paths}: {len(self.motions)} motions{diagnostics})"
 
     @abstractmethod
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
@@ -354,7 +354,7 @@ class Composition:
 
     name: str
     robot: Robot
-    moves: Sequence[Move]
+    motions: Sequence[Motion]
     q: Float[np.ndarray, "moves joints"] | None = None
     """Joint positions in which each motion ends, radians; they decide the posture of motions to a pose that do not say it."""
     notes: Sequence[str] = ()
@@ -396,7 +396,7 @@ class Composition:
 
     def waits_s(self, number: int) -> float:
         """Seconds to wait behind a motion."""
-        move = self.moves[number]
+        move = self.motions[number]
         return self.wait_s if move.stops and move.waits else 0.0
 
     def written(self, lines: Iterable[str], suffix: str, newline: str = "\r\n") -> Source:

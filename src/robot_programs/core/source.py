@@ -21,7 +21,7 @@ MAX_LINES = 3_000_000
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Edit:
+class TextEdit:
     """Characters to be replaced."""
 
     start: int
@@ -112,7 +112,7 @@ class Source:
             end += 1
         return self.text[start:end]
 
-    def edited(self, edits: Iterable[Edit]) -> "Source":
+    def edited(self, edits: Iterable[TextEdit]) -> "Source":
         """The source with characters replaced; insertions at one place come in the order given.
 
         Raises:
@@ -120,7 +120,7 @@ class Source:
         """
         return replace(self, text=self.piece(0, len(self.text), edits))
 
-    def piece(self, start: int, end: int, edits: Iterable[Edit]) -> str:
+    def piece(self, start: int, end: int, edits: Iterable[TextEdit]) -> str:
         """A piece of the text with edits that lie in it; see `edited`."""
         parts: list[str] = []
         for edit in sorted(edits, key=lambda edit: (edit.start, edit.end)):

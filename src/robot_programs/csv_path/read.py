@@ -18,15 +18,15 @@ from robot_programs.core.program import (
     Composition,
     Diagnostic,
     Frame,
-    Move,
-    MoveKind,
+    Motion,
+    MotionKind,
     Program,
     Target,
     Waypoint,
     with_axis,
 )
 from robot_programs.core.robot import Robot
-from robot_programs.core.source import Edit, Place, Source, numeral, renumbered
+from robot_programs.core.source import Place, Source, TextEdit, numeral, renumbered
 
 # The cells of a table in CSV, as text and where they stand, so that single ones can be rewritten.
 
@@ -368,7 +368,7 @@ def _numbered_joints(table: Table) -> tuple[str, ...]:
 
 # What the rows of a path mean.
 
-_MOVES: dict[str, MoveKind] = {"joint": "joint", "linear": "linear", "circular": "circular", "via": "circular"}
+_MOVES: dict[str, MotionKind] = {"joint": "joint", "linear": "linear", "circular": "circular", "via": "circular"}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -407,7 +407,7 @@ class PathTable:
         name = self.columns.words.get(meaning)
         return "" if name is None else self.rows[row].texts[self.table.header.index(name)]
 
-    def kind(self, row: int) -> MoveKind:
+    def kind(self, row: int) -> MotionKind:
         """The motion of which a row holds the end, or the point on the way."""
         word = self.word(row, "move").lower()
         if np.isnan(self.T[row]).any():
@@ -510,7 +510,7 @@ class Written:
     """Of the via point, of an arc."""
 
 
-def rewrite(path_table: PathTable, written: Written, path: Sequence[Waypoint]) -> list[Edit]:
+def rewrite(path_table: PathTable, written: Written, path: Sequence[Waypoint]) -> list[TextEdit]:
     """Edits that give one motion its waypoints: a row for each, and one more for the via point of an arc."""
     first = written.row if written.via is None else written.via
     ahead = "".join(
@@ -519,19 +519,19 @@ def rewrite(path_table: PathTable, written: Written, path: Sequence[Waypoint]) -
         for row, edits in _rows_for(path_table, written, waypoint)
     )
     start = path_table.rows[first].start
-    out = [Edit(start=start, end=start, text=ahead)] if ahead else []
+    out = [TextEdit(start=start, end=start, text=ahead)] if ahead else []
     if written.via is not None and path[-1].via is None:
-        out.append(Edit(start=start, end=path_table.rows[first].next, text=""))
+        out.append(TextEdit(start=start, end=path_table.rows[first].next, text=""))
     return out + [edit for _, edits in _rows_for(path_table, written, path[-1]) for edit in edits]
 
 
-def _copied(path_table: PathTable, row: int, edits: Sequence[Edit]) -> str:
+def _copied(path_table: PathTable, row: int, edits: Sequence[TextEdit]) -> str:
     """A row's line with some of its cells edited."""
     source, place = path_table.source, path_table.rows[row]
     return source.piece(place.start, place.end, edits) + source.newline
 
 
-def _rows_for(path_table: PathTable, written: Written, waypoint: Waypoint) -> list[tuple[int, list[Edit]]]:
+def _rows_for(path_table: PathTable, written: Written, waypoint: Waypoint) -> list[tuple[int, list[TextEdit]]]:
     """The rows that hold a waypoint, with the edits of their cells."""
     if waypoint.via is None:
         return [(written.row, _edits(path_table, written.row, waypoint, waypoint.kind))]
@@ -543,7 +543,7 @@ def _rows_for(path_table: PathTable, written: Written, waypoint: Waypoint) -> li
     ]
 
 
-def _edits(path_table: PathTable, row: int, waypoint: Waypoint, word: str) -> list[Edit]:
+def _edits(path_table: PathTable, row: int, waypoint: Waypoint, word: str) -> list[TextEdit]:
     """Edits of a row's cells that are to hold a waypoint."""
     columns = path_table.columns
     values: dict[str, tuple[float, float, int]] = {}
@@ -566,7 +566,7 @@ def _edits(path_table: PathTable, row: int, waypoint: Waypoint, word: str) -> li
     if "move" not in columns.words:
         raise _lacking(path_table, row, f"without a column 'move' a motion cannot become '{word}'")
     start, end = path_table.cell(row, columns.words["move"])
-    return [*out, Edit(start=start, end=end, text=word)]
+    return [*out, TextEdit(start=start, end=end, text=word)]
 
 
 def _word(path_table: PathTable, row: int) -> str:
@@ -586,9 +586,9 @@ def _alike(path_table: PathTable, row: int, T: np.ndarray) -> tuple[np.ndarray, 
     return was / np.linalg.norm(was), now if now @ was >= 0 else -now
 
 
-def _edit(path_table: PathTable, row: int, column: str, was: float, now: float, decimals: int) -> Edit:
+def _edit(path_table: PathTable, row: int, column: str, was: float, now: float, decimals: int) -> TextEdit:
     start, end = path_table.cell(row, column)
-    return Edit(start=start, end=end, text=renumbered(path_table.source.text[start:end], was, now, decimals))
+    return TextEdit(start=start, end=end, text=renumbered(path_table.source.text[start:end], was, now, decimals))
 
 
 def _lacking(path_table: PathTable, row: int, message: str) -> InputError:
@@ -604,20 +604,20 @@ def compose_csv_path(program: Composition) -> Source:
     Raises:
         InputError: there are several tools or frames, which the file does not say.
     """
-    robot, moves = program.robot, program.moves
-    for k, move in enumerate(moves):
+    robot, motions = program.robot, program.motions
+    for k, move in enumerate(motions):
         if (
-            not (_alike_moves(move.tool.T, moves[0].tool.T) and _alike_moves(move.part.T, moves[0].part.T))
+            not (_alike_moves(move.tool.T, motions[0].tool.T) and _alike_moves(move.part.T, motions[0].part.T))
             or move.part_in_hand
         ):
             raise InputError(f"motion {k} has another tool or frame than the first; a path in CSV has one of each")
-    posed = any(move.end.T is not None for move in moves)
-    jointed = not posed or any(move.end.q is not None for move in moves)
+    posed = any(move.end.T is not None for move in motions)
+    jointed = not posed or any(move.end.q is not None for move in motions)
     units = ["mm" if slides else "deg" for slides in robot.prismatic]
     joints = [f"{joint}_{unit}" for joint, unit in zip(robot.joint_names, units, strict=True)] if jointed else []
     pose = [*POSITION, *QUATERNION] if posed else []
     rows: list[list[str]] = []
-    for k, move in enumerate(moves):
+    for k, move in enumerate(motions):
         targets = [(move.end, move.kind)] if move.via is None else [(move.via, "via"), (move.end, move.kind)]
         for target, word in targets:
             note = target.name or (program.notes[k] if program.notes else "")
@@ -664,7 +664,7 @@ def unknown_frame(path_table: PathTable, row: int, tool: Frame, part: Frame) -> 
 
 def resolve_move(
     path_table: PathTable, row: int, via: int | None, tool: Frame, part: Frame, before: int | None
-) -> Move:
+) -> Motion:
     """The motion of which a row holds the end.
 
     Raises:
@@ -674,7 +674,7 @@ def resolve_move(
     if (kind == "circular") != (via is not None):
         message = "a row 'via' with the via point must stand before the end of an arc, and 'circular' at its end"
         raise path_table.error(message, row, "move")
-    return Move(
+    return Motion(
         kind=kind,
         end=_target(path_table, row),
         via=None if via is None else _target(path_table, via),
@@ -722,7 +722,7 @@ class CsvProgram(Program):
         Raises:
             InputError: a motion is to become something for which the file has no columns.
         """
-        edits: list[list[Edit]] = [[] for _ in self.path_tables]
+        edits: list[list[TextEdit]] = [[] for _ in self.path_tables]
         for number, path in waypoints.items():
             s, written = self.written[number]
             edits[s] += rewrite(self.path_tables[s], written, path)
@@ -745,7 +745,7 @@ def read_csv_path(
     """
     part = part or Frame(name="", T=np.eye(4))
     path_tables = tuple(read_path_table(source, robot) for source in sources)
-    moves: list[Move] = []
+    motions: list[Motion] = []
     written: list[tuple[int, Written]] = []
     diagnostics: list[Diagnostic] = []
     for s, path_table in enumerate(path_tables):
@@ -767,13 +767,13 @@ def read_csv_path(
                 diagnostics.append(Diagnostic(place=path_table.place(row), text=unknown))
                 before = None
             else:
-                moves.append(resolve_move(path_table, row, via, own, part, before))
+                motions.append(resolve_move(path_table, row, via, own, part, before))
                 written.append((s, Written(row=row, via=via)))
-                before = len(moves) - 1
+                before = len(motions) - 1
             via = None
     return CsvProgram(
         sources=tuple(sources),
-        moves=tuple(moves),
+        motions=tuple(motions),
         diagnostics=tuple(diagnostics),
         path_tables=path_tables,
         written=tuple(written),

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core.program import Unresolved, angled_pose, pose_numbers
-from robot_programs.core.source import Edit, Place, Source, renumbered
+from robot_programs.core.source import Place, Source, TextEdit, renumbered
 from robot_programs.krl.syntax import (
     Aggregate,
     Assignment,
@@ -20,7 +20,7 @@ from robot_programs.krl.syntax import (
     Control,
     Declaration,
     End,
-    Motion,
+    MotionLine,
     Operand,
     Reference,
     Statement,
@@ -328,15 +328,15 @@ def _integer(old: str, value: int) -> str:
     return str(value)
 
 
-def edits_for(aggregate: Aggregate, values: Mapping[str, float]) -> list[Edit]:
+def edits_for(aggregate: Aggregate, values: Mapping[str, float]) -> list[TextEdit]:
     """The edits that give a position's components other values; those without a number of their own stay as they are."""
-    out: list[Edit] = []
+    out: list[TextEdit] = []
     for stated in aggregate.fields:
         if stated.name in values and stated.value is not None:
             text = _field_text(stated.name, stated.text, stated.value, values[stated.name])
             if text != stated.text:
                 blank = " " if stated.touches else ""
-                out.append(Edit(start=stated.start, end=stated.end, text=blank + text))
+                out.append(TextEdit(start=stated.start, end=stated.end, text=blank + text))
     return out
 
 
@@ -532,7 +532,7 @@ def _changed_by(line: Statement, by_value: Mapping[str, tuple[bool, ...]]) -> tu
             return (*_element(line), *passed_in_assignment(line, by_value))
         case Call() if line.name != BUILT_IN:
             return passed_by_reference(line, by_value)
-        case Motion():
+        case MotionLine():
             return passed_in_motion(line, by_value)
         case Beside(action=action) if action is not None:
             return _changed_by(action, by_value)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core import flow, se3
-from robot_programs.core.program import THROUGH_TARGET, Frame, MoveKind, Unresolved, Zone
+from robot_programs.core.program import THROUGH_TARGET, Frame, MotionKind, Unresolved, Zone
 from robot_programs.krl.data import Data, aggregate_of, pose
 from robot_programs.krl.syntax import (
     Aggregate,
@@ -55,7 +55,7 @@ class Approximation:
     share: float | None = None
     """CPTP, percent."""
 
-    def zone(self, passing: Sequence[str], kind: MoveKind) -> Zone | None:
+    def zone(self, passing: Sequence[str], kind: MotionKind) -> Zone | None:
         """Zone in which a motion passes by its target; None where the text does not tell.
 
         Args:

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from robot_programs.core import flow, se3
 from robot_programs.core.errors import FileError
 from robot_programs.core.flow import MIN_LINES, Body, Counts, Group, Loop, Node, lines_in
-from robot_programs.core.program import Diagnostic, Frame, Move, MoveKind, Target, Unresolved
+from robot_programs.core.program import Diagnostic, Frame, Motion, MotionKind, Target, Unresolved
 from robot_programs.core.source import Source, uncollected
 from robot_programs.krl.data import (
     AXES,
@@ -58,7 +58,7 @@ from robot_programs.krl.syntax import (
     Call,
     Condition,
     Control,
-    Motion,
+    MotionLine,
     Operand,
     Reference,
     Statement,
@@ -111,7 +111,7 @@ def is_incomplete(aggregate: Aggregate) -> bool:
     return not {component.name for component in aggregate.fields}.issuperset(names)
 
 
-def completed_axes(aggregate: Aggregate, before: Move | None) -> Float[np.ndarray, " joints"]:
+def completed_axes(aggregate: Aggregate, before: Motion | None) -> Float[np.ndarray, " joints"]:
     """Joint positions, those left out as they were, radians.
 
     Raises:
@@ -125,7 +125,7 @@ def completed_axes(aggregate: Aggregate, before: Move | None) -> Float[np.ndarra
     return np.where([aggregate.field(name) is not None for name in AXES], axes(aggregate, needed=()), before.end.q)
 
 
-def completed_pose(aggregate: Aggregate, before: Move | None) -> Float[np.ndarray, "4 4"]:
+def completed_pose(aggregate: Aggregate, before: Motion | None) -> Float[np.ndarray, "4 4"]:
     """A pose, what is left out as it was; either all of A, B and C are, or none.
 
     Args:
@@ -148,7 +148,7 @@ def completed_pose(aggregate: Aggregate, before: Move | None) -> Float[np.ndarra
     return se3.pose(T[:3, :3] if oriented else before.end.T[:3, :3], np.array(xyz))
 
 
-def moved_pose(step: Float[np.ndarray, "4 4"], before: Move | None, *, by_tool: bool) -> Float[np.ndarray, "4 4"]:
+def moved_pose(step: Float[np.ndarray, "4 4"], before: Motion | None, *, by_tool: bool) -> Float[np.ndarray, "4 4"]:
     """End of a motion by a distance.
 
     Args:
@@ -181,7 +181,7 @@ def refuse_moved_axes(aggregate: Aggregate) -> None:
             )
 
 
-def moved_axes(aggregate: Aggregate, before: Move | None) -> Float[np.ndarray, " joints"]:
+def moved_axes(aggregate: Aggregate, before: Motion | None) -> Float[np.ndarray, " joints"]:
     """End of a motion by angles of the axes.
 
     Raises:
@@ -196,7 +196,7 @@ def moved_axes(aggregate: Aggregate, before: Move | None) -> Float[np.ndarray, "
 
 
 @dataclass(eq=False, kw_only=True)
-class Findings(flow.Findings[Text, tuple[Move, Site]]):
+class Findings(flow.Findings[Text, tuple[Motion, Site]]):
     """Motions found so far."""
 
     diagnostics: list[tuple[int, int, str]] = field(default_factory=list[tuple[int, int, str]])
@@ -206,7 +206,7 @@ class Findings(flow.Findings[Text, tuple[Move, Site]]):
         """Note something about a place."""
         self.diagnostics.append((file.number, position, text))
 
-    def note(self, move: Move, site: Site, before: int | None) -> int:
+    def note(self, move: Motion, site: Site, before: int | None) -> int:
         """The number of a motion."""
         meaning = (
             site.text, *_target(move.end.T, move.end.q), *_target(None if move.via is None else move.via.T, None),
@@ -216,7 +216,7 @@ class Findings(flow.Findings[Text, tuple[Move, Site]]):
         )  # fmt: skip
         return self.number(site.text, (move, site), meaning, before)
 
-    def finished(self) -> Iterator[tuple[Move, Site]]:
+    def finished(self) -> Iterator[tuple[Motion, Site]]:
         """The motions that are understood on all ways that lead to them, in the order of the text."""
         for found in self.ordered(lambda found: found.text not in self.reasons, lambda text: text):
             move, site = found.motion
@@ -229,7 +229,7 @@ def _target(T: Float[np.ndarray, "4 4"] | None, q: Float[np.ndarray, " joints"] 
     return (None if T is None else T.tobytes(), None if q is None else q.tobytes())
 
 
-KINDS: dict[str, MoveKind] = {
+KINDS: dict[str, MotionKind] = {
     "PTP": "joint", "SPTP": "joint", "LIN": "linear", "SLIN": "linear", "CIRC": "circular", "SCIRC": "circular",
     "SPL": "linear", "PTP_REL": "joint", "SPTP_REL": "joint", "LIN_REL": "linear", "SLIN_REL": "linear",
     "CIRC_REL": "circular", "SCIRC_REL": "circular",
@@ -245,8 +245,8 @@ class Resolver:
     frames: Frames
 
     def resolve(
-        self, line: Motion, state: State, *, in_spline: bool, returned: Mapping[int, AbstractValue]
-    ) -> tuple[Move, Site]:
+        self, line: MotionLine, state: State, *, in_spline: bool, returned: Mapping[int, AbstractValue]
+    ) -> tuple[Motion, Site]:
         """A motion and its place in the text.
 
         Args:
@@ -271,7 +271,7 @@ class Resolver:
             return None
         return structure("$POS_ACT", dict(pose_values(before.end.T)))
 
-    def stays_there(self, line: Motion, state: State) -> bool:
+    def stays_there(self, line: MotionLine, state: State) -> bool:
         """Whether a motion goes to where the robot is, as programs begin."""
         parts = line.operands[0].parts if len(line.operands) == 1 else ()
         if len(parts) != 1 or not isinstance(parts[0], Reference) or parts[0].index:
@@ -282,7 +282,7 @@ class Resolver:
         except Unresolved:
             return False
 
-    def _resolve(self, line: Motion, state: State, returned: Mapping[int, AbstractValue]) -> tuple[Move, Site]:
+    def _resolve(self, line: MotionLine, state: State, returned: Mapping[int, AbstractValue]) -> tuple[Motion, Site]:
         kind = KINDS[line.keyword]
         known = self.frames.known(state)
         if any(_asks_for_its_place(operand) for operand in line.operands):
@@ -306,7 +306,7 @@ class Resolver:
             if kind != "axes":
                 raise
             tool = part = NULL  # joint positions are reached with any tool
-        move = Move(
+        move = Motion(
             kind=kind,
             end=end,
             via=via,
@@ -327,7 +327,7 @@ class Resolver:
         leans = line.keyword in RELATIVE_MOTIONS or is_incomplete(first) or first.type == "$POS_ACT"
         return move, Site(file=self.routine.file, motion=line, written=written, leans=leans)
 
-    def _before(self, state: State) -> Move | None:
+    def _before(self, state: State) -> Motion | None:
         """The motion before, if tool and base are still the same."""
         if state.last is None:
             return None
@@ -350,7 +350,9 @@ class Resolver:
         )
         return Written(operand=operand, aggregates=aggregates, datum=datum, file=self.routine.file, computed=computed)
 
-    def _computed(self, line: Motion, operand: Operand, known: Known, returned: Mapping[int, AbstractValue]) -> Written:
+    def _computed(
+        self, line: MotionLine, operand: Operand, known: Known, returned: Mapping[int, AbstractValue]
+    ) -> Written:
         """A point that functions compute."""
         words = line.words_of(operand)
         if not words:
@@ -379,7 +381,7 @@ class Resolver:
             raise Unresolved(f"{name} is set to something that is not a position")
         return assigned
 
-    def _target(self, written: Written, kind: MoveKind, line: Motion, before: Move | None) -> Target:
+    def _target(self, written: Written, kind: MotionKind, line: MotionLine, before: Motion | None) -> Target:
         first, last = written.aggregates[0], written.aggregates[-1]
         place = self.routine.file.source.place(written.operand.start) if written.datum is None else written.datum.place
         name = "" if written.datum is None else written.datum.name
@@ -407,7 +409,7 @@ class Resolver:
         stated = kind == "joint" and (S is not None or turn is not None)
         return Target(name=name, T=T, q=None, posture=Status(S=S, T=turn) if stated else None, place=place)
 
-    def _via(self, written: Written, end: Float[np.ndarray, "4 4"], line: Motion, before: Move | None) -> Target:
+    def _via(self, written: Written, end: Float[np.ndarray, "4 4"], line: MotionLine, before: Motion | None) -> Target:
         """The auxiliary point of an arc, which need not state an orientation."""
         place = self.routine.file.source.place(written.operand.start) if written.datum is None else written.datum.place
         name = "" if written.datum is None else written.datum.name
@@ -446,7 +448,7 @@ def _distance(written: Written) -> Float[np.ndarray, "4 4"]:
     return T
 
 
-def _external(aggregate: Aggregate, line: Motion) -> tuple[float, ...]:
+def _external(aggregate: Aggregate, line: MotionLine) -> tuple[float, ...]:
     """Positions of the external axes at the end of a motion; NaN where they stay as they are."""
     if line.keyword not in RELATIVE_MOTIONS:
         return external(aggregate)
@@ -522,7 +524,7 @@ class Flow(flow.Flow[State, Routine]):
 
     def found_all(self, routine: Routine) -> bool:
         """Whether all motions of a routine were found."""
-        motions = {(routine.file.number, line.start) for line in routine.lines if isinstance(line, Motion)}
+        motions = {(routine.file.number, line.start) for line in routine.lines if isinstance(line, MotionLine)}
         return motions <= self.findings.seen
 
     def idle(self, name: str) -> bool:
@@ -693,7 +695,7 @@ class _Walk(flow.Walk[State, Routine]):
     def step(self, line: Statement, state: State) -> State:
         """State after a line."""
         match line:
-            case Motion():
+            case MotionLine():
                 return self._motion(line, state)
             case Assignment():
                 return self._assignment(line, state)
@@ -811,7 +813,7 @@ class _Walk(flow.Walk[State, Routine]):
             back[key] = value
         return back
 
-    def _motion(self, line: Motion, state: State) -> State:
+    def _motion(self, line: MotionLine, state: State) -> State:
         findings, file = self.flow.findings, self.routine.file
         resolver = Resolver(findings=findings, routine=self.routine, frames=self.frames)
         if resolver.stays_there(line, state):
@@ -837,7 +839,7 @@ class _Walk(flow.Walk[State, Routine]):
         number = findings.note(move, site, None if self.in_spline else state.last)
         return replace(state, last=number, variables=variables)
 
-    def _points_returned(self, line: Motion, state: State) -> tuple[State, dict[int, AbstractValue]]:
+    def _points_returned(self, line: MotionLine, state: State) -> tuple[State, dict[int, AbstractValue]]:
         """State after the program's functions in a motion, and what they return of its points, by their first character."""
         returned: dict[int, AbstractValue] = {}
         for operand in line.operands:
@@ -977,7 +979,7 @@ class _Reading:
         failed = ((number, start, text) for (number, start), (_, text) in self.findings.reasons.items())
         return KrlProgram(
             sources=tuple(file.source for file in self.files),
-            moves=tuple(move for move, _ in found),
+            motions=tuple(move for move, _ in found),
             diagnostics=tuple(
                 Diagnostic(place=self.files[file].source.place(position), text=text)
                 for file, position, text in sorted({*self.findings.diagnostics, *failed})

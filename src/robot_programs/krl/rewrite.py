@@ -12,9 +12,18 @@ from jaxtyping import Bool, Float
 
 from robot_programs.core import se3
 from robot_programs.core.errors import InputError
-from robot_programs.core.program import Composition, Move, MoveKind, Program, Target, Visit, Waypoint, reject_in_turn
+from robot_programs.core.program import (
+    Composition,
+    Motion,
+    MotionKind,
+    Program,
+    Target,
+    Visit,
+    Waypoint,
+    reject_in_turn,
+)
 from robot_programs.core.robot import Robot, meeting_point
-from robot_programs.core.source import Edit, FreshNames, Place, Source, numeral
+from robot_programs.core.source import FreshNames, Place, Source, TextEdit, numeral
 from robot_programs.krl.data import (
     AXES,
     DECIMALS,
@@ -31,7 +40,7 @@ from robot_programs.krl.data import (
 from robot_programs.krl.syntax import (
     Aggregate,
     Assignment,
-    Motion,
+    MotionLine,
     Operand,
     Reference,
 )
@@ -171,7 +180,7 @@ MAX_NAME_LENGTH = 24
 
 _ALONG = re.compile(r"\s*#(BASE|TOOL)\b", re.IGNORECASE)
 
-KEYWORDS: dict[MoveKind, str] = {"joint": "PTP", "axes": "PTP", "linear": "LIN", "circular": "CIRC"}
+KEYWORDS: dict[MotionKind, str] = {"joint": "PTP", "axes": "PTP", "linear": "LIN", "circular": "CIRC"}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -207,7 +216,7 @@ class Site:
     """A motion's place in the text."""
 
     file: File
-    motion: Motion
+    motion: MotionLine
     written: tuple[Written, ...]
     """Its points, the last of them the end."""
     leans: bool = False
@@ -226,7 +235,7 @@ class _Use:
     """A variable that gets other numbers for some motions."""
 
     datum: Datum
-    changes: tuple[Edit, ...]
+    changes: tuple[TextEdit, ...]
     points: list[Written] = field(default_factory=list[Written])
 
 
@@ -253,12 +262,14 @@ class KrlProgram(Program):
             InputError: a motion is to be rewritten that cannot be, because others share its text.
         """
         for number, why in self.unwritable(robot, waypoints).items():
-            raise InputError(f"motion {number} of {self.moves[number].place} cannot be rewritten: {why}; leave it out")
-        elements = in_data_list(self.sites, self.moves, waypoints)
+            raise InputError(
+                f"motion {number} of {self.motions[number].place} cannot be rewritten: {why}; leave it out"
+            )
+        elements = in_data_list(self.sites, self.motions, waypoints)
         rewriting = _Rewriting(robot=robot, files=_files(self.sites))
-        changed = {number for number, path in waypoints.items() if not self.moves[number].stays(path)}
+        changed = {number for number, path in waypoints.items() if not self.motions[number].stays(path)}
         done: set[tuple[int, int]] = set()
-        for number, (site, move) in enumerate(zip(self.sites, self.moves, strict=True)):
+        for number, (site, move) in enumerate(zip(self.sites, self.motions, strict=True)):
             path = waypoints.get(number)
             if site.leans:
                 leaned_on = number in changed or changed.intersection(site.before)
@@ -279,11 +290,11 @@ class KrlProgram(Program):
         self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float = 0.0
     ) -> dict[int, str]:
         """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
-        return Sharing(sites=self.sites, moves=self.moves, robot=robot).unwritable(waypoints)
+        return Sharing(sites=self.sites, motions=self.motions, robot=robot).unwritable(waypoints)
 
     def visits(self) -> Iterable[Visit]:
         """Motions of one routine that name one point; see `Program.visits`."""
-        return visits_of(self.sites, self.moves, self.files)
+        return visits_of(self.sites, self.motions, self.files)
 
 
 def _files(sites: Sequence[Site]) -> tuple[File, ...]:
@@ -295,38 +306,38 @@ def _files(sites: Sequence[Site]) -> tuple[File, ...]:
 class _Rewriting:
     robot: Robot
     files: tuple[File, ...]
-    edits: dict[int, list[Edit]] = field(default_factory=dict[int, list[Edit]])
+    edits: dict[int, list[TextEdit]] = field(default_factory=dict[int, list[TextEdit]])
     """By number of the file."""
-    uses: dict[tuple[int, int, tuple[Edit, ...]], _Use] = field(
-        default_factory=dict[tuple[int, int, tuple[Edit, ...]], _Use]
+    uses: dict[tuple[int, int, tuple[TextEdit, ...]], _Use] = field(
+        default_factory=dict[tuple[int, int, tuple[TextEdit, ...]], _Use]
     )
     """By file and position of the variable, and by what changes."""
 
-    def _edit(self, file: File, edit: Edit) -> None:
+    def _edit(self, file: File, edit: TextEdit) -> None:
         self.edits.setdefault(file.number, []).append(edit)
 
-    def motion(self, site: Site, move: Move, path: tuple[Waypoint, ...]) -> None:
+    def motion(self, site: Site, move: Motion, path: tuple[Waypoint, ...]) -> None:
         """Rewrite a motion, with motions of their own for all waypoints but the last."""
         *before, last = path
         self._before(site, move, before)
         start = site.motion.start
         if last.kind != move.kind or site.leans:
             text = self._instruction(site, move, last, passing=not move.stops)
-            self._edit(site.file, Edit(start=start, end=site.motion.end, text=text))
+            self._edit(site.file, TextEdit(start=start, end=site.motion.end, text=text))
             return
         self._point(site.written[-1], last)
         if last.via is not None:
             self._point(site.written[0], last.via)
 
-    def _before(self, site: Site, move: Move, path: Sequence[Waypoint]) -> None:
+    def _before(self, site: Site, move: Motion, path: Sequence[Waypoint]) -> None:
         """Put motions of their own before a motion."""
         source, start = site.file.source, site.motion.start
         line = source.text.rfind("\n", 0, start) + 1
         for waypoint in path:
             text = self._instruction(site, move, waypoint, passing=True)
-            self._edit(site.file, Edit(start=line, end=line, text=f"{source.indent(start)}{text}{source.newline}"))
+            self._edit(site.file, TextEdit(start=line, end=line, text=f"{source.indent(start)}{text}{source.newline}"))
 
-    def elements(self, site: Site, move: Move, path: tuple[Waypoint, ...]) -> None:
+    def elements(self, site: Site, move: Motion, path: tuple[Waypoint, ...]) -> None:
         """Give the elements to which a motion goes their new numbers, in the data list."""
         *before, last = path
         self._before(site, move, before)
@@ -339,7 +350,7 @@ class _Rewriting:
             changes = edits_for(datum.aggregate, values_at(self.robot, written, waypoint))
             edits += [change for change in changes if (change.start, change.end) not in known]
 
-    def _instruction(self, site: Site, move: Move, waypoint: Waypoint, *, passing: bool) -> str:
+    def _instruction(self, site: Site, move: Motion, waypoint: Waypoint, *, passing: bool) -> str:
         """A motion instruction to a waypoint, with all else that the motion says."""
         keyword = KEYWORDS[waypoint.kind]
         spline = site.motion.keyword.startswith("S")
@@ -375,7 +386,9 @@ class _Rewriting:
                 return
             if not changes and len(operand.parts) < 2:
                 return
-        self._edit(written.file, Edit(start=operand.start, end=operand.end, text=self._aggregate(written, waypoint)))
+        self._edit(
+            written.file, TextEdit(start=operand.start, end=operand.end, text=self._aggregate(written, waypoint))
+        )
 
     def _aggregate(self, written: Written, waypoint: Waypoint) -> str:
         """A waypoint in braces: as the point is written, if it states the same kind of position completely, in numbers."""
@@ -429,7 +442,7 @@ class _Rewriting:
                         len(operand.parts) > 1
                         or written.file.source.text[operand.start : operand.end].upper() != name.upper()
                     ):
-                        self._edit(written.file, Edit(start=operand.start, end=operand.end, text=name))
+                        self._edit(written.file, TextEdit(start=operand.start, end=operand.end, text=name))
 
     def _copied(self, use: _Use, names: FreshNames) -> str:
         """Put a copy of a variable with other numbers behind its line."""
@@ -437,10 +450,10 @@ class _Rewriting:
         name = names.like(_name(datum))
         start = source.text.rfind("\n", 0, datum.start) + 1
         end = source.text.find("\n", datum.start) + 1
-        renamed = Edit(start=datum.start, end=datum.start + len(_name(datum)), text=name)
+        renamed = TextEdit(start=datum.start, end=datum.start + len(_name(datum)), text=name)
         at = end or len(source.text)
         line = source.piece(start, at, [renamed, *use.changes])
-        self._edit(datum.file, Edit(start=at, end=at, text=line if end else source.newline + line))
+        self._edit(datum.file, TextEdit(start=at, end=at, text=line if end else source.newline + line))
         return name
 
 
@@ -478,17 +491,17 @@ Values = tuple[dict[str, float] | None, ...]
 
 
 def in_data_list(
-    sites: Sequence[Site], moves: Sequence[Move], waypoints: Mapping[int, tuple[Waypoint, ...]]
+    sites: Sequence[Site], motions: Sequence[Motion], waypoints: Mapping[int, tuple[Waypoint, ...]]
 ) -> frozenset[int]:
     """Numbers of motions whose points get their numbers in the data list.
 
     They go to elements of arrays of the program's own to which a text leads that stands for several motions.
     """
     arrays = [_arrays(site) for site in sites]
-    shared = frozenset[str]().union(*(own for own, move in zip(arrays, moves, strict=True) if move.texts_motions > 1))
+    shared = frozenset[str]().union(*(own for own, move in zip(arrays, motions, strict=True) if move.texts_motions > 1))
     return frozenset(
         i
-        for i, (own, move) in enumerate(zip(arrays, moves, strict=True))
+        for i, (own, move) in enumerate(zip(arrays, motions, strict=True))
         if own & shared and all(point.kind == move.kind for point in waypoints.get(i, ())[-1:])
     )
 
@@ -514,7 +527,7 @@ class Sharing:
     """The motions of a program."""
 
     sites: Sequence[Site]
-    moves: Sequence[Move]
+    motions: Sequence[Motion]
     robot: Robot
 
     def unwritable(self, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> dict[int, str]:
@@ -523,8 +536,8 @@ class Sharing:
 
     def _conflicts(self, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> Iterator[tuple[int, str]]:
         texts: dict[tuple[int, int], list[int]] = defaultdict(list)
-        elements = in_data_list(self.sites, self.moves, waypoints)
-        for i, (site, move) in enumerate(zip(self.sites, self.moves, strict=True)):
+        elements = in_data_list(self.sites, self.motions, waypoints)
+        for i, (site, move) in enumerate(zip(self.sites, self.motions, strict=True)):
             if move.texts_motions == 1:
                 continue
             yield from self._alone(i, waypoints)
@@ -536,7 +549,7 @@ class Sharing:
 
     def _alone(self, i: int, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> Iterator[tuple[int, str]]:
         """Conflicts of one of several motions of a text, and of those that it affects."""
-        site, move = self.sites[i], self.moves[i]
+        site, move = self.sites[i], self.motions[i]
         path = waypoints.get(i)
         if path is not None and move.stays(path):
             path = None
@@ -556,9 +569,9 @@ class Sharing:
         if not changing or all(_agree(wants[0], want) for want in wants):
             return
         places = {
-            np.asarray(end.T if end.T is not None else end.q).tobytes() for end in (self.moves[i].end for i in group)
+            np.asarray(end.T if end.T is not None else end.q).tobytes() for end in (self.motions[i].end for i in group)
         }
-        count = self.moves[group[0]].texts_motions
+        count = self.motions[group[0]].texts_motions
         apart = " to different places" if len(places) > 1 else ", which need different numbers"
         why = f"its text stands for {count} motions{apart}"
         yield from ((i, why) for i in changing)
@@ -586,7 +599,7 @@ class Sharing:
                 why = f"its target {data[key].name} is read for something else in {other}, too"
                 yield from ((i, why) for i in changing)
             elif not all(_agree((wants[0][1],), (values,)) for _, values in wants):
-                places = ", ".join(dict.fromkeys(str(self.moves[i].place) for i, _ in wants))
+                places = ", ".join(dict.fromkeys(str(self.motions[i].place) for i, _ in wants))
                 why = f"has its target {data[key].name} in common with {places}, which need other numbers"
                 yield from ((i, why) for i in changing)
 
@@ -603,7 +616,7 @@ class Sharing:
 
     def _wanted(self, i: int, path: tuple[Waypoint, ...] | None) -> Values:
         site = self.sites[i]
-        if path is None or self.moves[i].stays(path):
+        if path is None or self.motions[i].stays(path):
             return (None,) * len(site.written)
         last = path[-1]
         points = (last,) if last.via is None or len(site.written) == 1 else (last.via, last)
@@ -622,20 +635,20 @@ def _agree(one: Values, other: Values) -> bool:
     return True
 
 
-def visits_of(sites: Sequence[Site], moves: Sequence[Move], files: Iterable[File]) -> Iterator[Visit]:
+def visits_of(sites: Sequence[Site], motions: Sequence[Motion], files: Iterable[File]) -> Iterator[Visit]:
     """Motions of one routine that name one point, or a variable that was last set by it, and those that lean on each other."""
     numbers: dict[tuple[int, int], list[int]] = defaultdict(list)
     for i, site in enumerate(sites):
         numbers[site.text].append(i)
     for file in files:
         for routine in file.sections:
-            points = {name for line in routine.lines if isinstance(line, Motion) for name in _named(line)}
+            points = {name for line in routine.lines if isinstance(line, MotionLine) for name in _named(line)}
             sets: dict[str, frozenset[str]] = {}
             for line in routine.lines:
                 if isinstance(line, Assignment) and not line.component:
                     named = frozenset(points.intersection(word.upper for word in line.words)) - {line.name}
                     sets[line.name] = named.union(*(sets.get(name, ()) for name in named))
-                elif isinstance(line, Motion):
+                elif isinstance(line, MotionLine):
                     named = frozenset(_named(line))
                     for name in named.union(*(sets.get(name, ()) for name in named)):
                         for i in numbers.get((file.number, line.start), (None,)):
@@ -643,10 +656,10 @@ def visits_of(sites: Sequence[Site], moves: Sequence[Move], files: Iterable[File
                             yield Visit(number=i, target=target, place=file.source.place(line.start))
     for i, site in enumerate(sites):
         for number in (i, *site.before) if site.leans else ():
-            yield Visit(number=number, target=i, place=moves[number].place)
+            yield Visit(number=number, target=i, place=motions[number].place)
 
 
-def _named(motion: Motion) -> Iterator[str]:
+def _named(motion: MotionLine) -> Iterator[str]:
     """Variables in the points of a motion."""
     for operand in motion.operands:
         yield from (part.name for part in operand.parts if isinstance(part, Reference))
@@ -678,7 +691,7 @@ def compose_krl(program: Composition) -> Source:
         "INTERRUPT ON 3",
         "BAS (#INITMOV,0 )",
         f"BAS (#VEL_PTP,{program.joint_speed_percent:g} )",
-        *(nearest if any(not move.stops for move in program.moves) else ()),
+        *(nearest if any(not move.stops for move in program.motions) else ()),
         *_motions(program),
         "END",
     ]
@@ -687,7 +700,7 @@ def compose_krl(program: Composition) -> Source:
 
 def _motions(program: Composition) -> Iterator[str]:
     before: dict[str, str] = {}
-    for i, move in enumerate(program.moves):
+    for i, move in enumerate(program.motions):
         if program.notes:
             yield f"; {program.note(i)}"
         for name, text in _settings(i, move).items():
@@ -705,7 +718,7 @@ def _motions(program: Composition) -> Iterator[str]:
             yield f"WAIT SEC {waits_s:g}"
 
 
-def _settings(number: int, move: Move) -> dict[str, str]:
+def _settings(number: int, move: Motion) -> dict[str, str]:
     """System variables that must hold for a motion, and their values."""
     if move.kind == "axes":
         return {}
@@ -723,7 +736,7 @@ def _settings(number: int, move: Move) -> dict[str, str]:
 
 
 def _status(program: Composition, number: int) -> Status:
-    q, stated = program.posture(number), program.moves[number].end.posture
+    q, stated = program.posture(number), program.motions[number].end.posture
     if q is not None:
         return Status(S=0, T=0).of(program.robot, q)
     if isinstance(stated, Status):

@@ -14,7 +14,7 @@ from robot_programs.krl.syntax import (
     Call,
     Control,
     Declaration,
-    Motion,
+    MotionLine,
     Statement,
     Word,
     passed_by_reference,
@@ -76,7 +76,7 @@ def changed_by(
             own = {variable for variable, what in _VARIABLES.items() if what in facts - {"parameters"}}
         case Call():
             own = {*passed_by_reference(line, by_value)}
-        case Motion():
+        case MotionLine():
             own, facts = {*passed_in_motion(line, by_value)}, frozenset({"motion"})
         case Control():
             own = {*line.changed, *(word.upper for word in line.words[:1] if line.keyword == "FOR")}
@@ -91,7 +91,7 @@ def calls_of(line: Statement) -> tuple[str, ...]:
         case Call():
             words = (word for argument in line.arguments for word in (*argument, None))
             return (line.name, *_before_parentheses(tuple(words)))
-        case Assignment() | Control() | Motion():
+        case Assignment() | Control() | MotionLine():
             return _before_parentheses(line.words)
         case _:
             return ()
@@ -183,7 +183,7 @@ def matters(line: Statement, read: frozenset[str], routines: Container[str]) -> 
         case Assignment():
             asks = line.changed or any(name in routines for name in calls_of(line))
             return bool(asks) or line.variable in read
-        case Motion() | Call() | Control() | Beside():
+        case MotionLine() | Call() | Control() | Beside():
             return True
         case _:
             return False

@@ -229,7 +229,7 @@ class Assignment(Statement):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Motion(Statement):
+class MotionLine(Statement):
     """A motion instruction."""
 
     keyword: str
@@ -673,7 +673,7 @@ def _declaration(words: list[Word], shared: bool) -> Declaration:
     )
 
 
-def _motion(words: list[Word]) -> Motion:
+def _motion(words: list[Word]) -> MotionLine:
     keyword = words[0].upper
     cursor = Cursor(words[1:])
     operands, passing = [cursor.operand()], list[str]()
@@ -698,7 +698,7 @@ def _motion(words: list[Word]) -> Motion:
             trouble = trouble or f"'{word.text}' is not understood behind {keyword}"
     if keyword in POINT_MOTIONS and len(operands) != (2 if arc else 1):
         trouble = trouble or f"{keyword} is given {len(operands)} points"
-    return Motion(
+    return MotionLine(
         start=words[0].start,
         end=words[-1].end,
         keyword=keyword,
@@ -955,7 +955,7 @@ def passed_in_assignment(line: Assignment, by_value: Mapping[str, tuple[bool, ..
     return line.changed if called is None or called.name not in by_value else passed_by_reference(called, by_value)
 
 
-def passed_in_motion(line: Motion, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
+def passed_in_motion(line: MotionLine, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
     """Variables that the program's functions in a motion may change; the controller's own change nothing."""
     out: list[str] = []
     for i, (name, behind) in enumerate(pairwise(line.words)):

@@ -49,9 +49,9 @@ from robot_programs.rapid.resolve import (
     MOTION_FORMS,
     ONLY_EXTERNAL,
     SUFFIX,
-    Motion,
     Resolved,
     Settings,
+    Site,
     TargetArgument,
     base_frame,
     motion_of,
@@ -506,7 +506,7 @@ class Findings(form.Findings[Instruction, Resolved]):
             instruction, found, (instruction, *_meaning(found.end), *via, found.manner.meaning), state.last
         )
 
-    def motions(self) -> list[Motion]:
+    def sites(self) -> list[Site]:
         """All that can be rewritten, in the order of the text."""
         order = {id(file): i for i, file in enumerate(self.files)}
         file_of = {found.text: order[id(found.motion.file)] for found in self.occurrences}
@@ -533,9 +533,9 @@ class Findings(form.Findings[Instruction, Resolved]):
             return False
         return any(target.passed is None for target in (motion.end, motion.via) if target is not None)
 
-    def diagnostics(self, motions: Iterable[Motion]) -> Iterator[Diagnostic]:
+    def diagnostics(self, sites: Iterable[Site]) -> Iterator[Diagnostic]:
         """Why motions stay as they are, on all ways or on some."""
-        partly = {motion.instruction for motion in motions}
+        partly = {motion.instruction for motion in sites}
         for instruction, (file, reason) in self.reasons.items():
             where = " in some calls" if instruction in partly else ""
             text = f"{instruction.name.text} stays as it is{where}: {reason}"
@@ -669,8 +669,8 @@ def read_rapid(sources: Sequence[Source]) -> RapidProgram:
     settings = replace(_settings(everywhere), T_world_base=T_world_base)
     findings = Findings(settings=settings, files=files)
     follow_program(everywhere, effects_of(everywhere, changed), values, findings)
-    motions = findings.motions()
-    diagnostics += findings.diagnostics(motions)
+    sites = findings.sites()
+    diagnostics += findings.diagnostics(sites)
     for context in everywhere:
         diagnostics += _lost_motions(context)
     diagnostics += _cautions(everywhere)
@@ -678,9 +678,9 @@ def read_rapid(sources: Sequence[Source]) -> RapidProgram:
     order = {source.path: i for i, source in enumerate(sources)}
     diagnostics.sort(key=lambda diagnostic: (order[diagnostic.place.path], diagnostic.place.line))
     return RapidProgram(
-        sources=tuple(sources), moves=tuple(motion.move for motion in motions), diagnostics=tuple(diagnostics),
-        motions=tuple(motions), uses=uses(everywhere, values), everywhere=everywhere, read=read_rapid, T_world_base=T_world_base,
-        unresolved=frozenset(findings.reasons).difference(motion.instruction for motion in motions),
+        sources=tuple(sources), motions=tuple(motion.move for motion in sites), diagnostics=tuple(diagnostics),
+        sites=tuple(sites), uses=uses(everywhere, values), everywhere=everywhere, read=read_rapid, T_world_base=T_world_base,
+        unresolved=frozenset(findings.reasons).difference(motion.instruction for motion in sites),
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from robot_programs.core import se3
 from robot_programs.core.errors import FileError
-from robot_programs.core.program import THROUGH_TARGET, Move, MoveKind, Target, Unresolved, Zone
+from robot_programs.core.program import THROUGH_TARGET, Motion, MotionKind, Target, Unresolved, Zone
 from robot_programs.core.robot import Robot, arm_bends
 from robot_programs.core.source import Place, Source
 from robot_programs.rapid.names import DATA, File, Scope, Value
@@ -402,7 +402,7 @@ _EVERY = frozenset({"conc", "v", "z", "inpos", "wobj", "tload", "noeoffs"})
 class MotionForm:
     """Form of a motion instruction."""
 
-    kind: MoveKind
+    kind: MotionKind
     before: int = 0
     """Required arguments before the target."""
     between: tuple[int, ...] = (0,)
@@ -426,7 +426,7 @@ class MotionForm:
 
 
 def _family(
-    names: Mapping[str, MoveKind],
+    names: Mapping[str, MotionKind],
     *,
     before: int = 0,
     between: tuple[int, ...] = (0,),
@@ -445,7 +445,7 @@ def _family(
 
 
 _ARC_OPTIONS = _EVERY | {"on", "off", "weave", "seamname", "advanced", *(f"t{k}" for k in range(1, 8))}
-_ARC_KINDS: Mapping[str, MoveKind] = {"l": "linear", "c": "circular"}
+_ARC_KINDS: Mapping[str, MotionKind] = {"l": "linear", "c": "circular"}
 
 
 def _arc_welding() -> dict[str, MotionForm]:
@@ -459,7 +459,7 @@ def _arc_welding() -> dict[str, MotionForm]:
     return forms
 
 
-_SPLIT: Mapping[str, MoveKind] = {"movej": "joint", "movel": "linear", "movec": "circular"}
+_SPLIT: Mapping[str, MotionKind] = {"movej": "joint", "movel": "linear", "movec": "circular"}
 
 MOTION_FORMS: Mapping[str, MotionForm] = {
     **{name: MotionForm(kind=kind) for name, kind in _SPLIT.items()},
@@ -487,7 +487,7 @@ ONLY_EXTERNAL = "moveextj"
 """Moves external axes alone; the robot stays where it is."""
 
 
-NAMES: Mapping[MoveKind, str] = {"joint": "MoveJ", "linear": "MoveL", "circular": "MoveC", "axes": "MoveAbsJ"}
+NAMES: Mapping[MotionKind, str] = {"joint": "MoveJ", "linear": "MoveL", "circular": "MoveC", "axes": "MoveAbsJ"}
 
 MAX_AXIS_POSITION = 1e8
 """Positions of external axes beyond this, usually 9E9, are of axes that are not there."""
@@ -527,10 +527,10 @@ class Layout:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Motion:
+class Site:
     """A motion with its text."""
 
-    move: Move
+    move: Motion
     file: File
     instruction: Instruction
     end: TargetArgument
@@ -710,7 +710,7 @@ def motion_of(
     follows: int | None,
     settings: Settings,
     texts_motions: int,
-) -> Motion:
+) -> Site:
     """A motion whose place among the others is known.
 
     Args:
@@ -726,7 +726,7 @@ def motion_of(
     binds = kind not in settings.postures_off
     counts = binds or follows is None
     frames, place = manner.frames, found.file.source.place(found.instruction.start)
-    move = Move(
+    move = Motion(
         kind=kind, end=found.end.target(end, place, counts, binds),
         via=found.via.target(via, place, counts) if found.via else None,
         tool=frames.tool, part=frames.part, part_in_hand=frames.part_in_hand, speed=manner.speed,
@@ -736,7 +736,7 @@ def motion_of(
         external=_axes(found.end.external),
         external_offset=manner.external_offset,
     )  # fmt: skip
-    return Motion(
+    return Site(
         move=move, file=found.file, instruction=found.instruction, end=found.end, via=found.via, redefined=manner.redefined,
     )  # fmt: skip
 

@@ -16,8 +16,8 @@ from robot_programs.core.errors import InputError
 from robot_programs.core.program import (
     Composition,
     Frame,
-    Move,
-    MoveKind,
+    Motion,
+    MotionKind,
     Program,
     Target,
     Visit,
@@ -25,7 +25,7 @@ from robot_programs.core.program import (
     reject_in_turn,
 )
 from robot_programs.core.robot import Robot
-from robot_programs.core.source import Edit, FreshNames, Place, Source
+from robot_programs.core.source import FreshNames, Place, Source, TextEdit
 from robot_programs.rapid.changes import Use
 from robot_programs.rapid.names import DATA, Context, File, Symbol
 from robot_programs.rapid.parse import RESERVED
@@ -33,7 +33,7 @@ from robot_programs.rapid.resolve import (
     JOINTS,
     NAMES,
     Configuration,
-    Motion,
+    Site,
     TargetArgument,
     TargetType,
     configuration,
@@ -203,7 +203,7 @@ class Want:
     """New numbers for a target argument."""
 
     target: TargetArgument
-    motion: Motion
+    motion: Site
     texts: Texts
 
     @property
@@ -253,7 +253,7 @@ class Want:
 class Sharing:
     """The motions of a program, and what reads its data."""
 
-    motions: Sequence[Motion]
+    sites: Sequence[Site]
     uses: Mapping[Symbol, tuple[Use, ...]]
     robot: Robot
     tolerance: float
@@ -264,7 +264,7 @@ class Sharing:
         sharing = self._sharing()
         ends: dict[TargetArgument, Waypoint] = {}
         for i in sharing:
-            motion, last = self.motions[i], waypoints[i][-1] if i in waypoints else None
+            motion, last = self.sites[i], waypoints[i][-1] if i in waypoints else None
             if last is not None and last.kind == motion.move.kind:
                 ends[motion.end] = last
                 if motion.via is not None and last.via is not None:
@@ -274,13 +274,13 @@ class Sharing:
 
     def _sharing(self) -> list[int]:
         """Motions whose texts stand for several or are given by calls, and all that have a target in common with these."""
-        others = [motion for motion in self.motions if not _stands_alone(motion)]
+        others = [motion for motion in self.sites if not _stands_alone(motion)]
         homes = {
             home_of(one) for motion in others for target in _targets(motion) for one in (target, target.base or target)
         }
         return [
             i
-            for i, motion in enumerate(self.motions)
+            for i, motion in enumerate(self.sites)
             if homes and (not _stands_alone(motion) or any(home_of(target) in homes for target in _targets(motion)))
         ]
 
@@ -291,7 +291,7 @@ class Sharing:
         texts: Mapping[TargetArgument, Texts],
     ) -> Iterator[tuple[int, str]]:
         for i in sharing:
-            motion = self.motions[i]
+            motion = self.sites[i]
             count = motion.move.texts_motions
             (*before, last) = waypoints.get(i, (None,))
             if count > 1 and (before or (last is not None and last.kind != motion.move.kind)):
@@ -300,7 +300,7 @@ class Sharing:
         by_home: dict[Home, list[tuple[int, Want]]] = defaultdict(list)
         carried: list[tuple[int, Want]] = []
         for i in sharing:
-            for want in _wants(self.motions[i], texts if i in waypoints else {}):
+            for want in _wants(self.sites[i], texts if i in waypoints else {}):
                 if want.is_carried:
                     carried.append((i, want))
                 else:
@@ -417,16 +417,16 @@ class Sharing:
                 )
 
 
-def _wants(motion: Motion, texts: Mapping[TargetArgument, Texts]) -> Iterator[Want]:
+def _wants(motion: Site, texts: Mapping[TargetArgument, Texts]) -> Iterator[Want]:
     for target in _targets(motion):
         yield Want(target=target, motion=motion, texts=texts.get(target) or (None,) * len(target.meant))
 
 
-def _targets(motion: Motion) -> list[TargetArgument]:
+def _targets(motion: Site) -> list[TargetArgument]:
     return [motion.end] if motion.via is None else [motion.end, motion.via]
 
 
-def _stands_alone(motion: Motion) -> bool:
+def _stands_alone(motion: Site) -> bool:
     """Whether a motion has its text for itself, so that another name or other numbers may stand there."""
     return motion.move.texts_motions == 1 and all(
         target.passed is None and target.root.passed is None for target in _targets(motion)
@@ -514,7 +514,7 @@ class _RoutineText:
     file: File
     read: Sequence[tuple[int, Symbol, Use]]
     """References to targets, in the order of the text."""
-    motions: Sequence[Motion]
+    sites: Sequence[Site]
     numbers: Mapping[Instruction, Sequence[int]]
 
     @cached_property
@@ -550,12 +550,12 @@ class _RoutineText:
     ) -> _Stop:
         text, place = self.file.source.text, self.file.source.place(statement.start)
         names = named.union(*(made_of.get(symbol, ()) for symbol, _ in named))
-        arguments = statement.arguments if i is None else (self.motions[i].layout.tool,)
+        arguments = statement.arguments if i is None else (self.sites[i].layout.tool,)
         frames = [text[a.start : a.end].lower() for a in arguments if not a.option]
         frames += [text[a.start : a.end].lower() for a in statement.arguments if a.option == "wobj"]
         given = None
         if i is not None:
-            root = self.motions[i].end.root
+            root = self.sites[i].end.root
             given = None if root.passed is None else root.passed.argument
             if root.origin is not None:  # the index of an element is known, which the text may not state
                 own = root.origin
@@ -582,17 +582,17 @@ FLY_BY = "z0"
 class _Edits:
     """Edits by file."""
 
-    by_path: dict[str, list[Edit]] = field(default_factory=dict[str, list[Edit]])
+    by_path: dict[str, list[TextEdit]] = field(default_factory=dict[str, list[TextEdit]])
 
     def add(self, source: Source, start: int, end: int, text: str) -> None:
-        self.by_path.setdefault(str(source.path), []).append(Edit(start=start, end=end, text=text))
+        self.by_path.setdefault(str(source.path), []).append(TextEdit(start=start, end=end, text=text))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class RapidProgram(Program):
     """A program of one or several RAPID modules."""
 
-    motions: tuple[Motion, ...]
+    sites: tuple[Site, ...]
     """The moves with their text, in the same order."""
     uses: Mapping[Symbol, tuple[Use, ...]]
     """All references to declared data."""
@@ -616,18 +616,18 @@ class RapidProgram(Program):
             raise InputError(f"{robot.name} has {count} joints; a RAPID program of it is not written, only of six")
         edits = _Edits()
         ends: dict[TargetArgument, Waypoint] = {}
-        motions: dict[TargetArgument, Motion] = {}
+        sites: dict[TargetArgument, Site] = {}
         for number in sorted(waypoints):
-            path, motion = waypoints[number], self.motions[number]
+            path, motion = waypoints[number], self.sites[number]
             if not path:
                 raise ValueError(f"motion {number} has no waypoint; it needs one at least")
             own = _ends(motion, path[-1], robot, edits)
             ends |= own
-            motions |= dict.fromkeys(own, motion)
+            sites |= dict.fromkeys(own, motion)
             if len(path) > 1:
                 _insert(motion, path[:-1], robot, edits)
         texts = new_texts(ends, robot)
-        wants = [Want(target=target, motion=motion, texts=texts[target]) for target, motion in motions.items()]
+        wants = [Want(target=target, motion=motion, texts=texts[target]) for target, motion in sites.items()]
         _write_targets(wants, self.sources, self.uses, edits)
         return tuple(source.edited(edits.by_path.get(str(source.path), ())) for source in self.sources)
 
@@ -635,7 +635,7 @@ class RapidProgram(Program):
         self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
     ) -> dict[int, str]:
         """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
-        return Sharing(motions=self.motions, uses=self.uses, robot=robot, tolerance=tolerance).unwritable(waypoints)
+        return Sharing(sites=self.sites, uses=self.uses, robot=robot, tolerance=tolerance).unwritable(waypoints)
 
     def visits(self) -> Iterator[Visit]:
         """Motions of one routine to one target in one tool and work object; see `Program.visits`.
@@ -643,7 +643,7 @@ class RapidProgram(Program):
         A motion goes to the target that it names or shifts, and to those from which a variable was set last that it names.
         """
         numbers: dict[Instruction, list[int]] = defaultdict(list)
-        for i, motion in enumerate(self.motions):
+        for i, motion in enumerate(self.sites):
             numbers[motion.instruction].append(i)
         read: dict[int, list[tuple[int, Symbol, Use]]] = defaultdict(list)
         for symbol, use in ((symbol, use) for symbol, own in self.uses.items() for use in own):
@@ -654,15 +654,15 @@ class RapidProgram(Program):
         for context in self.everywhere:
             if context.routine is not None:
                 own = read[id(context.file)]
-                text = _RoutineText(file=context.file, read=own, motions=self.motions, numbers=numbers)
+                text = _RoutineText(file=context.file, read=own, sites=self.sites, numbers=numbers)
                 yield from _visits(context.routine, text.stops(context.routine, self.unresolved))
 
 
-def _type(kind: MoveKind) -> TargetType:
+def _type(kind: MotionKind) -> TargetType:
     return "jointtarget" if kind == "axes" else "robtarget"
 
 
-def _ends(motion: Motion, waypoint: Waypoint, robot: Robot, edits: _Edits) -> Ends:
+def _ends(motion: Site, waypoint: Waypoint, robot: Robot, edits: _Edits) -> Ends:
     """Edit the instruction's name and arguments as the kind of its last waypoint needs; the numbers are left to do."""
     kind, ends = waypoint.kind, dict[TargetArgument, Waypoint]()
     if kind == motion.move.kind:
@@ -682,7 +682,7 @@ def _ends(motion: Motion, waypoint: Waypoint, robot: Robot, edits: _Edits) -> En
     return ends
 
 
-def _name(motion: Motion, kind: MoveKind) -> str:
+def _name(motion: Site, kind: MotionKind) -> str:
     """The instruction of another kind of motion that is given the same.
 
     Raises:
@@ -701,7 +701,7 @@ def _via(waypoint: Waypoint) -> Waypoint:
     return waypoint.via
 
 
-def _insert(motion: Motion, path: Iterable[Waypoint], robot: Robot, edits: _Edits) -> None:
+def _insert(motion: Site, path: Iterable[Waypoint], robot: Robot, edits: _Edits) -> None:
     r"""Write motions in front of an instruction, with its own arguments.
 
     They pass by in its zone, or where it stops in the finest zone. \Conc is left to the last one, since the controller
@@ -883,7 +883,7 @@ def compose_rapid(program: Composition) -> Source:
     )
     declared = _Declarations(fresh=fresh)
     body: list[str] = []
-    for i, move in enumerate(program.moves):
+    for i, move in enumerate(program.motions):
         body += _comment(program.note(i))
         at = program.posture(i)
         # the posture at the via point is that of the end, unless it says its own
@@ -959,7 +959,7 @@ def _speed(speed: float, declared: _Declarations) -> str:
     return declared.name(("speeddata", mm), "CONST speeddata", "vTool", f"[{mm},500,5000,1000]")
 
 
-def _tool(move: Move, declared: _Declarations) -> str:
+def _tool(move: Motion, declared: _Declarations) -> str:
     """The tool with its work object, as arguments of a motion."""
     tool_held, fixed = ("FALSE", "TRUE") if move.part_in_hand else ("TRUE", "FALSE")
     tool, work_object = "tool0", ""

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from robot_programs.core.program import THROUGH_TARGET, Unresolved, Zone, angled_pose, pose_numbers
 from robot_programs.core.robot import Robot, arm_bends
-from robot_programs.core.source import Edit, Source, lines_of, numeral, renumbered
+from robot_programs.core.source import Source, TextEdit, lines_of, numeral, renumbered
 
 # Stretches of a text, each from behind a mark to the next one.
 
@@ -349,9 +349,9 @@ def joint_values(q: Float[np.ndarray, " joints"]) -> dict[str, float]:
     return dict(zip(JOINTS, np.degrees(q).tolist(), strict=False))
 
 
-def edits_for(group: Group, values: Mapping[str, float]) -> list[Edit]:
+def edits_for(group: Group, values: Mapping[str, float]) -> list[TextEdit]:
     """The edits that give components other values, in the columns of the old ones where there is room."""
-    out: list[Edit] = []
+    out: list[TextEdit] = []
     for name, value in values.items():
         component = group.components.get(name)
         if component is None:
@@ -364,7 +364,7 @@ def edits_for(group: Group, values: Mapping[str, float]) -> list[Edit]:
         )
         if text != component.text:
             width = component.end - component.start
-            out.append(Edit(start=component.start, end=component.end, text=f" {text}".rjust(width)))
+            out.append(TextEdit(start=component.start, end=component.end, text=f" {text}".rjust(width)))
     return out
 
 
@@ -564,7 +564,7 @@ class Offset:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Motion:
+class MotionLine:
     """A motion instruction as it is written; places are characters of the file."""
 
     keyword: str
@@ -590,7 +590,7 @@ class Motion:
     """Why it cannot be read whole; empty where it can."""
 
 
-def parse_motion(text: str, at: int) -> Motion | None:
+def parse_motion(text: str, at: int) -> MotionLine | None:
     """The motion that an instruction is; None where it is not one.
 
     Args:
@@ -600,7 +600,7 @@ def parse_motion(text: str, at: int) -> Motion | None:
     begin = _KEYWORD.match(text)
     if begin is None:
         return None
-    motion = Motion(keyword=begin["keyword"].upper(), keyword_at=at + begin.start("keyword"))
+    motion = MotionLine(keyword=begin["keyword"].upper(), keyword_at=at + begin.start("keyword"))
     if motion.keyword == "S":
         return replace(motion, obstacle="how a spline runs between its points is not known")
     try:
@@ -644,7 +644,7 @@ def _closing(text: str, position: int) -> int:
     raise Unresolved("a bracket is not closed")
 
 
-def _behind_operands(text: str, position: int, at: int, motion: Motion) -> Motion:
+def _behind_operands(text: str, position: int, at: int, motion: MotionLine) -> MotionLine:
     """A motion with what stands behind its positions.
 
     Raises:
@@ -691,7 +691,7 @@ def _blanks(text: str, position: int) -> int:
     return position + len(text[position:]) - len(text[position:].lstrip())
 
 
-def _with_options(motion: Motion, text: str, position: int) -> Motion:
+def _with_options(motion: MotionLine, text: str, position: int) -> MotionLine:
     """A motion with what stands behind its termination.
 
     Raises:

@@ -14,8 +14,8 @@ from robot_programs.core.flow import with_called
 from robot_programs.core.program import (
     Diagnostic,
     Frame,
-    Move,
-    MoveKind,
+    Motion,
+    MotionKind,
     NearPosture,
     Posture,
     Target,
@@ -29,7 +29,7 @@ from robot_programs.tp.listing import (
     Configuration,
     Instruction,
     Listing,
-    Motion,
+    MotionLine,
     Offset,
     Operand,
     Variables,
@@ -122,7 +122,7 @@ class Frames:
         return self.made[kind, number]
 
 
-KINDS: dict[str, MoveKind] = {"J": "joint", "L": "linear", "C": "circular", "A": "linear"}
+KINDS: dict[str, MotionKind] = {"J": "joint", "L": "linear", "C": "circular", "A": "linear"}
 
 _SETTING = re.compile(r"\s*(?P<name>UFRAME_NUM|UTOOL_NUM)\s*(?:\[\s*GP1\s*\]\s*)?=\s*(?P<value>[^;]*)", re.IGNORECASE)
 _JOIN = re.compile(r"\s*(LBL\s*\[|ELSE\b|ENDIF\b|ENDFOR\b|FOR\b|WHILE\b|ENDWHILE\b|SELECT\b|CASE\b)", re.IGNORECASE)
@@ -245,7 +245,7 @@ def _is_code(text: str) -> bool:
 class Findings:
     """Motions read so far."""
 
-    moves: list[Move] = field(default_factory=list[Move])
+    motions: list[Motion] = field(default_factory=list[Motion])
     sites: list[Site] = field(default_factory=list[Site])
     diagnostics: list[Diagnostic] = field(default_factory=list[Diagnostic])
     unresolved: list[Visit] = field(default_factory=list[Visit])
@@ -323,7 +323,7 @@ class Resolver:
         elif _LEAVES.match(text):
             state.last = None
 
-    def _motion(self, motion: Motion, instruction: Instruction, state: State) -> None:
+    def _motion(self, motion: MotionLine, instruction: Instruction, state: State) -> None:
         place = self.source.place(motion.keyword_at)
         try:
             move, written = self._resolved(motion, state, place)
@@ -336,13 +336,13 @@ class Resolver:
             )
             state.last = None
             return
-        state.last = None if motion.skips else len(self.findings.moves)
-        self.findings.moves.append(move)
+        state.last = None if motion.skips else len(self.findings.motions)
+        self.findings.motions.append(move)
         self.findings.sites.append(
             Site(file=self.number, listing=self.listing, instruction=instruction, motion=motion, written=written)
         )
 
-    def _resolved(self, motion: Motion, state: State, place: Place) -> tuple[Move, tuple[Written, ...]]:
+    def _resolved(self, motion: MotionLine, state: State, place: Place) -> tuple[Motion, tuple[Written, ...]]:
         if motion.obstacle:
             raise Unresolved(motion.obstacle)
         offset = self._offset(motion.offsets, motion.keyword_at, state)
@@ -362,7 +362,7 @@ class Resolver:
                 else "with Wjnt it is corrected at its end, not looked at along the way"
             )
             self.findings.diagnostics.append(Diagnostic(place=place, text=what))
-        move = Move(
+        move = Motion(
             kind=kind,
             end=targets[-1],
             via=targets[0] if len(targets) > 1 else None,
@@ -489,7 +489,7 @@ class Resolver:
         frame, tool = written[-1].numbers
         return self.frames.user_frame(frame), self.frames.tool_frame(tool)
 
-    def _target(self, written: Written, motion: Motion, tool: Frame, frame: Frame) -> Target:
+    def _target(self, written: Written, motion: MotionLine, tool: Frame, frame: Frame) -> Target:
         """Target of a motion."""
         place, name, stated = self.source.place(written.start), written.operand.name, written.stated
         if not stated.is_pose:
@@ -560,7 +560,7 @@ def read_tp(
         ).run()
     return TpProgram(
         sources=tuple(sources),
-        moves=tuple(findings.moves),
+        motions=tuple(findings.motions),
         diagnostics=tuple(findings.diagnostics),
         T_world_base=se3.inverse(T_base_world),
         base_from="FANUC's world frame, on axis 1 at the height of axis 2",

@@ -9,15 +9,15 @@ from jaxtyping import Float
 
 from robot_programs.core import se3
 from robot_programs.core.errors import InputError
-from robot_programs.core.program import Composition, Move, Program, Visit, Waypoint
+from robot_programs.core.program import Composition, Motion, Program, Visit, Waypoint
 from robot_programs.core.robot import Robot
-from robot_programs.core.source import Edit, Source
+from robot_programs.core.source import Source, TextEdit
 from robot_programs.tp.listing import (
     Configuration,
     Group,
     Instruction,
     Listing,
-    Motion,
+    MotionLine,
     Operand,
     Position,
     Register,
@@ -59,7 +59,7 @@ class Site:
     file: int
     listing: Listing
     instruction: Instruction
-    motion: Motion
+    motion: MotionLine
     written: tuple[Written, ...]
 
 
@@ -93,13 +93,13 @@ class TpProgram(Program):
         for file, numbers in by_file.items():
             rewriting = _Rewriting(source=out[file], listing=self.sites[numbers[0]].listing, robot=robot)
             for number in numbers:
-                rewriting.motion(self.sites[number], self.moves[number], waypoints[number])
+                rewriting.motion(self.sites[number], self.motions[number], waypoints[number])
             out[file] = rewriting.result()
         return tuple(out)
 
     def visits(self) -> Iterable[Visit]:
         """Motions of one listing that name one position, whatever shifts it; see `Program.visits`."""
-        for number, (site, move) in enumerate(zip(self.sites, self.moves, strict=True)):
+        for number, (site, move) in enumerate(zip(self.sites, self.motions, strict=True)):
             for written in site.written:
                 yield Visit(number=number, target=(site.file, written.operand.name), place=move.place)
         yield from self.unresolved
@@ -112,7 +112,7 @@ class _Rewriting:
     source: Source
     listing: Listing
     robot: Robot
-    edits: list[Edit] = field(default_factory=list[Edit])
+    edits: list[TextEdit] = field(default_factory=list[TextEdit])
     added: list[str] = field(default_factory=list[str])
     """Texts of new positions."""
     inserted: dict[int, list[str]] = field(default_factory=dict[int, list[str]])
@@ -126,7 +126,7 @@ class _Rewriting:
         numbers = [int(m[1]) for m in _POSITION_NUMBER.finditer(self.source.text)]
         self.fresh = max(numbers, default=0)
 
-    def motion(self, site: Site, move: Move, path: tuple[Waypoint, ...]) -> None:
+    def motion(self, site: Site, move: Motion, path: tuple[Waypoint, ...]) -> None:
         """Rewrite a motion, with motions of their own for all waypoints but the last."""
         *before, last = path
         if any(waypoint.kind != move.kind for waypoint in path):
@@ -146,18 +146,18 @@ class _Rewriting:
             return
         self.changes.setdefault(number, {}).setdefault(text, []).append(written)
 
-    def _instruction(self, site: Site, move: Move, waypoint: Waypoint) -> str:
+    def _instruction(self, site: Site, move: Motion, waypoint: Waypoint) -> str:
         """The motion's own text with another position, passing by it."""
         motion, own = site.motion, site.instruction
-        edits: list[Edit] = []
+        edits: list[TextEdit] = []
         points = [waypoint] if waypoint.via is None else [waypoint.via, waypoint]
         for written, point in zip(site.written, points, strict=True):
             operand = written.operand
             name = f"P[{self._add(self._position(written, point))}]"
-            edits.append(Edit(start=operand.start, end=operand.end, text=name))
+            edits.append(TextEdit(start=operand.start, end=operand.end, text=name))
         if move.stops:
             start, end = motion.termination
-            edits.append(Edit(start=start, end=end, text=PASSING))
+            edits.append(TextEdit(start=start, end=end, text=PASSING))
         piece = self.source.piece(own.number[1], own.end, edits)
         # without a number and a semicolon, the line behind would go on with this one
         return piece if piece.endswith(";") else f"{piece} ;"
@@ -173,7 +173,7 @@ class _Rewriting:
         if configuration is not None and group.configuration_at[1]:
             start, end = group.configuration_at
             if str(configuration) != str(Configuration.parse(group.configuration)):
-                edits.append(Edit(start=start, end=end, text=str(configuration)))
+                edits.append(TextEdit(start=start, end=end, text=str(configuration)))
         for (number, name), value in zip(position.external, waypoint.external, strict=False):
             if not np.isnan(value):
                 edits += edits_for(position.groups[number], {name: value})
@@ -198,7 +198,7 @@ class _Rewriting:
         return self.fresh
 
     def _name(self, operand: Operand, number: int) -> None:
-        self.edits.append(Edit(start=operand.start, end=operand.end, text=f"P[{number}]"))
+        self.edits.append(TextEdit(start=operand.start, end=operand.end, text=f"P[{number}]"))
 
     def result(self) -> Source:
         """The file with all changes."""
@@ -208,7 +208,7 @@ class _Rewriting:
             newline = self.source.newline
             ends = [position.end for position in self.listing.positions.values()]
             behind = max(ends, default=self.listing.sections["POS"][0] - len(newline))
-            self.edits.append(Edit(start=behind, end=behind, text="".join(newline + text for text in self.added)))
+            self.edits.append(TextEdit(start=behind, end=behind, text="".join(newline + text for text in self.added)))
         return self.source.edited(self.edits)
 
     def _positions(self) -> None:
@@ -225,7 +225,7 @@ class _Rewriting:
                 if text == old:
                     continue
                 if not stays:
-                    self.edits.append(Edit(start=position.number_at[1], end=position.end, text=text))
+                    self.edits.append(TextEdit(start=position.number_at[1], end=position.end, text=text))
                     stays = True
                     continue
                 fresh = self._add(text)
@@ -254,11 +254,11 @@ class _Rewriting:
                 added += self._insert(instruction, int(number) + added if counts else None)
             if counts and added:
                 text = self._numbered(instruction, int(number) + added)
-                self.edits.append(Edit(start=instruction.start, end=end, text=text))
+                self.edits.append(TextEdit(start=instruction.start, end=end, text=text))
         start, end = self.listing.sections.get("ATTR", (0, 0))
         count = _LINE_COUNT.search(self.source.text, start, end)
         if count is not None:
-            self.edits.append(Edit(start=count.start(1), end=count.end(1), text=str(int(count[1]) + added)))
+            self.edits.append(TextEdit(start=count.start(1), end=count.end(1), text=str(int(count[1]) + added)))
 
     def _insert(self, instruction: Instruction, first: int | None) -> int:
         """Put the new instructions before one, numbered from a number on, and say how many they are."""
@@ -268,7 +268,7 @@ class _Rewriting:
             (head if first is None else self._numbered(instruction, first + k)) + text + self.source.newline
             for k, text in enumerate(texts)
         ]
-        self.edits.append(Edit(start=instruction.start, end=instruction.start, text="".join(lines)))
+        self.edits.append(TextEdit(start=instruction.start, end=instruction.start, text="".join(lines)))
         return len(texts)
 
     def _numbered(self, instruction: Instruction, number: int) -> str:
@@ -293,7 +293,7 @@ def compose_tp(program: Composition) -> Source:
     """
     program.expect_name("a TP program", MAX_NAME_LENGTH)
     positions: list[str] = []
-    for number, move in enumerate(program.moves):
+    for number, move in enumerate(program.motions):
         if move.end.q is None:
             raise InputError(
                 f"motion {number} goes to a pose in '{move.part.name}'; a TP program does not state its frames, so that new ones "
@@ -317,7 +317,7 @@ def compose_tp(program: Composition) -> Source:
 
 
 def _instructions(program: Composition) -> Iterator[str]:
-    for i, move in enumerate(program.moves):
+    for i, move in enumerate(program.motions):
         if program.notes:
             yield f"  !{program.note(i)[:MAX_REMARK_LENGTH]}"
         yield f"J P[{i + 1}] {program.joint_speed_percent:g}% {'FINE' if move.stops else 'CNT100'}"

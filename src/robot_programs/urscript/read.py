@@ -14,8 +14,8 @@ from robot_programs.core.flow import MIN_LINES, Body, Branches, Counts, Loop, No
 from robot_programs.core.program import (
     Diagnostic,
     Frame,
-    Move,
-    MoveKind,
+    Motion,
+    MotionKind,
     NearPosture,
     Target,
     Unresolved,
@@ -53,7 +53,7 @@ from robot_programs.urscript.values import (
 
 # What the language's own functions do beside returning a value.
 
-MOTIONS: Mapping[str, tuple[MoveKind, tuple[str, ...]]] = {
+MOTIONS: Mapping[str, tuple[MotionKind, tuple[str, ...]]] = {
     "movej": ("joint", ("q", "a", "v", "t", "r")),
     "movel": ("linear", ("pose", "a", "v", "t", "r")),
     "movep": ("linear", ("pose", "a", "v", "r")),
@@ -221,7 +221,7 @@ def _local(name: str, routine: Routine) -> str:
 
 
 @dataclass(eq=False, kw_only=True)
-class Findings(flow.Findings[tuple[int, int], tuple[Move, Site]]):
+class Findings(flow.Findings[tuple[int, int], tuple[Motion, Site]]):
     """Motions found so far."""
 
     strange: dict[str, list[tuple[int, int]]] = field(default_factory=dict[str, list[tuple[int, int]]])
@@ -538,7 +538,7 @@ class _Walk(flow.Walk[State, Routine]):
         )  # fmt: skip
         return replace(state, last=findings.number(text, (move, site), meaning, state.last))
 
-    def _resolved(self, call: Call, values: Mapping[int, Value], state: State) -> tuple[Move, Site]:
+    def _resolved(self, call: Call, values: Mapping[int, Value], state: State) -> tuple[Motion, Site]:
         kind, names = MOTIONS[call.name]
         given = signature(call, names)
         needed = names[: 2 if kind == "circular" else 1]
@@ -562,7 +562,7 @@ class _Walk(flow.Walk[State, Routine]):
         radius, time, speed = number("r", 0.0), number("t", 0.0), number("v", DEFAULT_SPEED_M_S)
         if end.q is not None:
             kind = "axes"
-        move = Move(
+        move = Motion(
             kind=kind,
             end=end,
             via=via if kind == "circular" else None,
@@ -583,7 +583,7 @@ class _Walk(flow.Walk[State, Routine]):
     def _part(self, point: Point) -> Frame:
         return self.flow.part if point.feature is None else self.flow.frame(*point.feature)
 
-    def _target(self, expression: Expression, value: Value, state: State, kind: MoveKind) -> tuple[Target, Point]:
+    def _target(self, expression: Expression, value: Value, state: State, kind: MotionKind) -> tuple[Target, Point]:
         """Target of a motion, and where the text states it."""
         place, name = self.routine.file.source.place(expression.start), ""
         if isinstance(value, Lost):
@@ -713,16 +713,16 @@ def read_urscript(
 
 def _program(files: Sequence[File], flow: Flow, read: Callable[..., UrscriptProgram]) -> UrscriptProgram:
     findings = flow.findings
-    moves: list[Move] = []
+    motions: list[Motion] = []
     sites: list[Site] = []
     for found in findings.ordered(lambda found: found.text not in findings.reasons, lambda text: text):
         move, site = found.motion
         divisible = move.divisible and found.same_text == 1
-        moves.append(replace(move, follows=found.follows, texts_motions=found.same_text, divisible=divisible))
+        motions.append(replace(move, follows=found.follows, texts_motions=found.same_text, divisible=divisible))
         sites.append(site)
     return UrscriptProgram(
         sources=tuple(file.source for file in files),
-        moves=tuple(moves),
+        motions=tuple(motions),
         diagnostics=tuple(
             Diagnostic(place=files[number].source.place(start), text=text)
             for (number, start), text in sorted(_diagnosed(findings))

@@ -14,7 +14,7 @@ from robot_programs.core.errors import InputError
 from robot_programs.core.program import (
     Composition,
     Frame,
-    Move,
+    Motion,
     NearPosture,
     Program,
     Target,
@@ -23,7 +23,7 @@ from robot_programs.core.program import (
     reject_in_turn,
 )
 from robot_programs.core.robot import JOINTS, Robot
-from robot_programs.core.source import Edit, Source, numeral, renumbered
+from robot_programs.core.source import Source, TextEdit, numeral, renumbered
 from robot_programs.urscript.syntax import Call, Expression, File, Index, Listed, Name, Operation, inside, plain_name
 from robot_programs.urscript.values import Literal, Six, six_of
 
@@ -233,39 +233,39 @@ class UrscriptProgram(Program):
             InputError: a motion is to become one of another kind, or cannot be what it should.
         """
         for number, path in waypoints.items():
-            if any(waypoint.kind != self.moves[number].kind for waypoint in path):
+            if any(waypoint.kind != self.motions[number].kind for waypoint in path):
                 raise InputError(
-                    f"{self.moves[number].place}: the motion cannot become one of another kind in URScript"
+                    f"{self.motions[number].place}: the motion cannot become one of another kind in URScript"
                 )
         plan = _Plan.of(self, waypoints)
         if plan.conflicts:
             number, why = plan.conflicts[0]
-            raise InputError(f"{self.moves[number].place}: {why}")
-        edits: list[list[Edit]] = [[] for _ in self.sources]
+            raise InputError(f"{self.motions[number].place}: {why}")
+        edits: list[list[TextEdit]] = [[] for _ in self.sources]
         for file, changes in enumerate(plan.edits):
             edits[file] += changes.values()
         for number, path in waypoints.items():
-            site, move = self.sites[number], self.moves[number]
+            site, move = self.sites[number], self.motions[number]
             source, start = self.sources[site.file.number], site.call.start
             parting = source.newline + source.indent(start)
             radius = _passing(path)
             texts = [self._inserted(site, move, waypoint, radius) + parting for waypoint in path[:-1]]
             if texts:
-                edits[site.file.number].insert(0, Edit(start=start, end=start, text="".join(texts)))
+                edits[site.file.number].insert(0, TextEdit(start=start, end=start, text="".join(texts)))
         return tuple(source.edited(e) for source, e in zip(self.sources, edits, strict=True))
 
-    def _inserted(self, site: Site, move: Move, waypoint: Waypoint, radius: float) -> str:
+    def _inserted(self, site: Site, move: Motion, waypoint: Waypoint, radius: float) -> str:
         """The motion's own text with another target, passing by it."""
         source, call = self.sources[site.file.number], site.call
         edits = [
-            Edit(start=point.slot.start, end=point.slot.end, text=_text(point, wanted))
+            TextEdit(start=point.slot.start, end=point.slot.end, text=_text(point, wanted))
             for point, wanted in _wanted(site, waypoint)
         ]
         order = [*POINTS[call.name], "a", "v", *(("t",) if call.name in ("movej", "movel") else ()), "r"]
         given = dict(zip(order, [value for name, value in call.arguments if not name], strict=False))
         given |= {name: value for name, value in call.arguments if name}
         at = (given["r"].start, given["r"].end) if "r" in given else (call.end - 1, call.end - 1)
-        edits.append(Edit(start=at[0], end=at[1], text=f"{radius:.5f}" if "r" in given else f", r={radius:.5f}"))
+        edits.append(TextEdit(start=at[0], end=at[1], text=f"{radius:.5f}" if "r" in given else f", r={radius:.5f}"))
         return source.piece(call.start, call.end, edits)
 
     def unwritable(
@@ -278,7 +278,7 @@ class UrscriptProgram(Program):
         """Motions whose targets are, or are computed of, numbers that variables hold; see `Program.visits`."""
         sources = self._made_of
         named = {name for site in self.sites for point in site.points for name in _names(point.slot)}
-        for number, (site, move) in enumerate(zip(self.sites, self.moves, strict=True)):
+        for number, (site, move) in enumerate(zip(self.sites, self.motions, strict=True)):
             for point in site.points:
                 names = set(_names(point.slot))
                 if point.literal is not None:
@@ -367,7 +367,7 @@ class _Plan:
     """What is to be written where."""
 
     program: UrscriptProgram
-    edits: list[dict[tuple[int, int], Edit]]
+    edits: list[dict[tuple[int, int], TextEdit]]
     """By file and place."""
     conflicts: list[tuple[int, str]] = field(default_factory=list[tuple[int, str]])
 
@@ -375,7 +375,7 @@ class _Plan:
     def of(cls, program: UrscriptProgram, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> "_Plan":
         """The plan for some motions."""
         plan = cls(program=program, edits=[{} for _ in program.sources])
-        paths = {i: path for i, path in waypoints.items() if not program.moves[i].stays(path)}
+        paths = {i: path for i, path in waypoints.items() if not program.motions[i].stays(path)}
         at_literals: dict[Literal, list[tuple[int, int, Six | None]]] = defaultdict(list)
         for i, site in enumerate(program.sites):
             wanted = list(_wanted(site, paths[i][-1])) if i in paths else []
@@ -405,7 +405,7 @@ class _Plan:
         text = self.program.sources[literal.file].text
         decimals = [RADIANS] * 6 if point.joints else [METRES] * 3 + [RADIANS] * 3
         for (start, end), was, value, places in zip(literal.items, point.values, values, decimals, strict=True):
-            edit = Edit(start=start, end=end, text=renumbered(text[start:end], was, value, places))
+            edit = TextEdit(start=start, end=end, text=renumbered(text[start:end], was, value, places))
             if edit.text != text[start:end]:
                 self.edits[literal.file][start, end] = edit
         return True
@@ -435,7 +435,7 @@ class _Plan:
                 self.conflicts += [(i, _several(group)) for i in left]
                 continue
             site, slot = program.sites[group[0]], point.slot
-            edit = Edit(start=slot.start, end=slot.end, text=_text(point, values))
+            edit = TextEdit(start=slot.start, end=slot.end, text=_text(point, values))
             self.edits[site.file.number][slot.start, slot.end] = edit
 
 
@@ -489,9 +489,9 @@ def _motions(program: Composition) -> Iterator[str]:
         return f"{stated.name} = {text}", stated.name
 
     tool: Frame | None = None
-    points = [None if move.end.T is None else (move.part.T @ move.end.T)[:3, 3] for move in program.moves]
+    points = [None if move.end.T is None else (move.part.T @ move.end.T)[:3, 3] for move in program.motions]
     ways = [np.inf if a is None or b is None else float(np.linalg.norm(b - a)) for a, b in pairwise(points)]
-    for i, move in enumerate(program.moves):
+    for i, move in enumerate(program.motions):
         if program.notes:
             yield f"# {program.note(i)}"
         if move.kind != "axes":
@@ -508,7 +508,7 @@ def _motions(program: Composition) -> Iterator[str]:
             yield f"sleep({waits_s:g})"
 
 
-def _motion(program: Composition, number: int, move: Move, part: str, radius: float) -> str:
+def _motion(program: Composition, number: int, move: Motion, part: str, radius: float) -> str:
     passing = "" if move.stops else f", r={radius:.5f}"
     if move.kind == "axes":
         assert move.end.q is not None

@@ -10,7 +10,7 @@ import tomli_w
 from jaxtyping import Float
 from pydantic import Field, model_validator
 
-from robot_programs.core.program import Diagnostic, Frame, Move, Program
+from robot_programs.core.program import Diagnostic, Frame, Motion, Program
 from robot_programs.languages import language_of
 from taskcal.arguments import checked, repeated
 from taskcal.errors import FileError, TaskcalError
@@ -385,20 +385,20 @@ def mount(program: Program, cell: Cell) -> Mounted:
             f"the robot stands at {_at(said)} by the cell file and at {_at(stated)} by {program.base_from}; state [robot] base "
             "as it is there, or leave it out"
         )
-    positions = _positions(program.moves)
-    plain = not any(move.carrier or move.external_offset or not move.tool.stated for move in program.moves)
+    positions = _positions(program.motions)
+    plain = not any(move.carrier or move.external_offset or not move.tool.stated for move in program.motions)
     if said is None and not cell.axes and not np.nan_to_num(positions).any() and plain:
         return Mounted(program=program, refused={}, diagnostics=())
     read_in = np.eye(4) if stated is None else stated
     mounting = _Mounting(cell=cell, read_in=read_in, base=read_in if said is None else said)
-    moves: list[Move] = []
+    motions: list[Motion] = []
     refused: dict[int, str] = {}
     diagnostics: list[Diagnostic] = []
-    for i, move in enumerate(program.moves):
+    for i, move in enumerate(program.motions):
         why = mounting.obstacle(move, positions[i])
         if why:
             refused[i] = why
-            moves.append(move)
+            motions.append(move)
             continue
         mounted = mounting.mounted(move, positions[i])
         follows = move.follows
@@ -411,8 +411,8 @@ def mount(program: Program, cell: Cell) -> Mounted:
         if mounted.follows != follows and follows not in refused:
             text = "an external axis moves robot or part along it: corrected at its points, not looked at between them"
             diagnostics.append(Diagnostic(place=move.place, text=text))
-        moves.append(mounted)
-    return Mounted(program=replace(program, moves=tuple(moves)), refused=refused, diagnostics=tuple(diagnostics))
+        motions.append(mounted)
+    return Mounted(program=replace(program, motions=tuple(motions)), refused=refused, diagnostics=tuple(diagnostics))
 
 
 def _at(T: Float[np.ndarray, "4 4"]) -> str:
@@ -420,10 +420,10 @@ def _at(T: Float[np.ndarray, "4 4"]) -> str:
     return f"[{x:.2f}, {y:.2f}, {z:.2f}] mm"
 
 
-def _positions(moves: Sequence[Move]) -> Float[np.ndarray, "m axes"]:
+def _positions(motions: Sequence[Motion]) -> Float[np.ndarray, "m axes"]:
     """Positions of the external axes at the end of each motion; unstated ones stay as the motion before left them."""
-    positions = np.full((len(moves), AXES), np.nan)
-    for i, move in enumerate(moves):
+    positions = np.full((len(motions), AXES), np.nan)
+    for i, move in enumerate(motions):
         if move.follows is not None and move.follows < i:
             positions[i] = positions[move.follows]
         own = np.array(move.external[:AXES])
@@ -446,7 +446,7 @@ class _Mounting:
     )
     """By the frame and the positions: the frame as it was read, and where it is."""
 
-    def relevant(self, move: Move) -> list[ExternalAxis]:
+    def relevant(self, move: Motion) -> list[ExternalAxis]:
         """Axes that move what stands still against the robot."""
         return [
             axis
@@ -454,7 +454,7 @@ class _Mounting:
             if axis.carries == "robot" or (axis.carries == "part" and move.carrier and _is_of(axis, move.carrier))
         ]
 
-    def obstacle(self, move: Move, positions: Float[np.ndarray, " axes"]) -> str:
+    def obstacle(self, move: Motion, positions: Float[np.ndarray, " axes"]) -> str:
         """Why it is not known where robot, part or tool is, and what to state; empty where it is."""
         if not move.tool.stated:
             return (
@@ -489,7 +489,7 @@ class _Mounting:
             return f"it does not say where {missing.name} stands, which carries the {missing.carries}"
         return ""
 
-    def mounted(self, move: Move, positions: Float[np.ndarray, " axes"]) -> Move:
+    def mounted(self, move: Motion, positions: Float[np.ndarray, " axes"]) -> Motion:
         """A motion with what stands still, or is carried, in the robot's base."""
         standing = move.tool if move.part_in_hand else move.part
         axes = self.relevant(move)
@@ -541,4 +541,4 @@ def ask_for_base(program: Program, cell: Cell, out_of_reach: Sequence[int]) -> l
         f"{'this motion is' if count == 1 else f'{count} motions are'} out of reach of a robot in the world's origin: where does "
         f"it stand? Pass {base_file} with the program, or state [robot] base in the cell file"
     )
-    return [Diagnostic(place=program.moves[out_of_reach[0]].place, text=text)]
+    return [Diagnostic(place=program.motions[out_of_reach[0]].place, text=text)]

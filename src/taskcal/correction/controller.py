@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robot_programs.core.program import GradedPosture, Move, Posture, Program, Target
+from robot_programs.core.program import GradedPosture, Motion, Posture, Program, Target
 from taskcal.correction.path import Corners, Placed, RoundedPath, Segments, find_corners
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
@@ -33,16 +33,16 @@ def with_spins(program: P, robot: Robot) -> P:
     Raises:
         ReachError: no rotations let the robot follow the motions; names the line.
     """
-    moves = list(program.moves)
-    for run in _runs(moves):
-        first = moves[run[0]]
+    motions = list(program.motions)
+    for run in _runs(motions):
+        first = motions[run[0]]
         tip = se3.inverse(robot.T_flange_tool) @ first.tool.T
         try:
-            spun = choose_spin(ErrorModel(robot), first.part.T @ _poses(moves, run), tip=tip)
+            spun = choose_spin(ErrorModel(robot), first.part.T @ _poses(motions, run), tip=tip)
         except ReachError as error:
             raise ReachError(f"{first.place}: of the motions from this line on: {error}") from error
-        _place(moves, run, se3.inverse(first.part.T) @ spun.T)
-    return replace(program, moves=tuple(moves))
+        _place(motions, run, se3.inverse(first.part.T) @ spun.T)
+    return replace(program, motions=tuple(motions))
 
 
 def with_spins_near(program: P, paths: Sequence[Sequence[Float[np.ndarray, "4 4"] | None]]) -> P:
@@ -52,23 +52,23 @@ def with_spins_near(program: P, paths: Sequence[Sequence[Float[np.ndarray, "4 4"
         program: the program.
         paths: of each motion the poses of its via point, if it has one, and of its end; None where it goes to joint positions.
     """
-    moves = list(program.moves)
+    motions = list(program.motions)
     for k, path in enumerate(paths):
-        if not moves[k].end.free_spin:
+        if not motions[k].end.free_spin:
             continue
-        T, wanted = _poses(moves, [k]), np.stack([pose for pose in path if pose is not None])
+        T, wanted = _poses(motions, [k]), np.stack([pose for pose in path if pose is not None])
         x = (np.swapaxes(T[:, :3, :3], 1, 2) @ wanted[:, :3, :1])[:, :, 0]
-        _place(moves, [k], T @ about_z(np.arctan2(x[:, 1], x[:, 0])))
-    return replace(program, moves=tuple(moves))
+        _place(motions, [k], T @ about_z(np.arctan2(x[:, 1], x[:, 0])))
+    return replace(program, motions=tuple(motions))
 
 
-def _runs(moves: Sequence[Move]) -> list[list[int]]:
+def _runs(motions: Sequence[Motion]) -> list[list[int]]:
     """Motions whose spin is open, in runs that follow each other with one tool and one part."""
     runs: list[list[int]] = []
-    for k, move in enumerate(moves):
+    for k, move in enumerate(motions):
         if not (move.end.free_spin and move.tool.stated):
             continue
-        before = moves[k - 1]
+        before = motions[k - 1]
         same_frames = move.tool is before.tool and move.part is before.part
         if runs and runs[-1][-1] == k - 1 and move.follows == k - 1 and same_frames:
             runs[-1].append(k)
@@ -77,19 +77,19 @@ def _runs(moves: Sequence[Move]) -> list[list[int]]:
     return runs
 
 
-def _poses(moves: Sequence[Move], run: Sequence[int]) -> Float[np.ndarray, "n 4 4"]:
+def _poses(motions: Sequence[Motion], run: Sequence[int]) -> Float[np.ndarray, "n 4 4"]:
     """Poses of the via points and the ends of some motions, in their order."""
-    targets = [t for k in run for t in (moves[k].via, moves[k].end) if t is not None]
+    targets = [t for k in run for t in (motions[k].via, motions[k].end) if t is not None]
     return np.stack([target.T for target in targets if target.T is not None])
 
 
-def _place(moves: list[Move], run: Sequence[int], T: Float[np.ndarray, "n 4 4"]) -> None:
+def _place(motions: list[Motion], run: Sequence[int], T: Float[np.ndarray, "n 4 4"]) -> None:
     """Give some motions other poses, in the order of `_poses`."""
     poses = iter(T)
     for k in run:
-        via = moves[k].via
+        via = motions[k].via
         via = None if via is None else replace(via, T=next(poses))
-        moves[k] = replace(moves[k], via=via, end=replace(moves[k].end, T=next(poses)))
+        motions[k] = replace(motions[k], via=via, end=replace(motions[k].end, T=next(poses)))
 
 
 # The joints of a program: in its targets, along lines and arcs, and in rounded corners.
@@ -132,16 +132,16 @@ class ControllerTrajectory:
     q: Float[np.ndarray, "k joints"]
     """Joint positions there, radians."""
 
-    def path_on(self, placed: Placed, moves: Sequence[Move]) -> RoundedPath:
+    def path_on(self, placed: Placed, motions: Sequence[Motion]) -> RoundedPath:
         """The path that the program asks for on some robot, its corners rounded as here."""
         own = self.segments
-        wanted = placed.segments(moves, own.end, own.via, np.isfinite(self.end[:, 0]))
+        wanted = placed.segments(motions, own.end, own.via, np.isfinite(self.end[:, 0]))
         return RoundedPath(segments=wanted, corners=self.corners)
 
 
 def simulate_controller(
     robot: Robot,
-    moves: Sequence[Move],
+    motions: Sequence[Motion],
     refused: Mapping[int, str] | None = None,
     near: Float[np.ndarray, "m joints"] | None = None,
 ) -> ControllerTrajectory:
@@ -149,25 +149,25 @@ def simulate_controller(
 
     Args:
         robot: the robot as its controller knows it.
-        moves: the motions, in the order of the program.
+        motions: the motions, in the order of the program.
         refused: motions of which it is not known where they lead, and why.
         near: where motions end whose targets state no posture, about, radians; NaN where that is not known. By default in the
             posture that is nearest to the one before, and at first in the best one.
     """
-    nowhere = np.full((len(moves), len(robot.joints)), np.nan)
-    return _Simulation(robot, moves, dict(refused or {}), nowhere if near is None else near).run()
+    nowhere = np.full((len(motions), len(robot.joints)), np.nan)
+    return _Simulation(robot, motions, dict(refused or {}), nowhere if near is None else near).run()
 
 
 class _Simulation:
     """One run through a program; motions that follow each other along lines and arcs are traced together."""
 
     def __init__(
-        self, robot: Robot, moves: Sequence[Move], refused: dict[int, str], near: Float[np.ndarray, "m joints"]
+        self, robot: Robot, motions: Sequence[Motion], refused: dict[int, str], near: Float[np.ndarray, "m joints"]
     ):
-        self.robot, self.moves, self.near = robot, moves, near
+        self.robot, self.motions, self.near = robot, motions, near
         self.model = ErrorModel(robot)
-        self.nominal = Placed.nominal(robot, moves)
-        m, joints = len(moves), len(robot.joints)
+        self.nominal = Placed.nominal(robot, motions)
+        m, joints = len(motions), len(robot.joints)
         self.start, self.end = np.full((m, joints), np.nan), np.full((m, joints), np.nan)
         self.rejected = refused
         self.out_of_reach: list[int] = []
@@ -180,8 +180,8 @@ class _Simulation:
     def run(self) -> ControllerTrajectory:
         joints = len(self.robot.joints)
         i = 0
-        while i < len(self.moves):
-            previous = self.moves[i].follows
+        while i < len(self.motions):
+            previous = self.motions[i].follows
             if previous is not None:
                 self.start[i] = self.end[previous]
             if self._is_path(i):
@@ -199,14 +199,14 @@ class _Simulation:
         self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"], q: Float[np.ndarray, "k joints"]
     ) -> ControllerTrajectory:
         """The trajectory with samples along lines and arcs to their targets, those in rounded corners replaced."""
-        moves, start, end, passes = self.moves, self.start, self.end, self.end
+        motions, start, end, passes = self.motions, self.start, self.end, self.end
         known = np.asarray(np.isfinite(start).all(axis=1) & np.isfinite(end).all(axis=1))
-        corners = find_corners(moves, self.segments, known, self._driven)
+        corners = find_corners(motions, self.segments, known, self._driven)
         path = RoundedPath(segments=self.segments, corners=corners).bent()
         corners = path.corners
         if (corners.after >= 0).any():
             move, share, q, added = self._with_corner_samples(move, share, q, corners)
-            alone = np.flatnonzero((corners.after >= 0) & ~np.isin(np.arange(len(moves)), move))
+            alone = np.flatnonzero((corners.after >= 0) & ~np.isin(np.arange(len(motions)), move))
             rows = np.flatnonzero(path.inside(move, share))
             number = np.concatenate([move[rows], alone])
             at = np.concatenate([share[rows], np.ones(len(alone))])
@@ -222,7 +222,7 @@ class _Simulation:
             needed = ~added
             needed[rows] |= solved[: len(rows)]
             move, share, q = move[needed], share[needed], q[needed]
-            corners = corners.only(~np.isin(np.arange(len(moves)), lost))
+            corners = corners.only(~np.isin(np.arange(len(motions)), lost))
             for i in lost:
                 self.warnings.setdefault(int(i), CORNER_LOST)
         return ControllerTrajectory(
@@ -271,7 +271,7 @@ class _Simulation:
 
     def _take_joint_targets(self) -> None:
         """Ends of motions to joint positions."""
-        for i, move in enumerate(self.moves):
+        for i, move in enumerate(self.motions):
             if move.end.q is None or i in self.rejected:
                 continue
             if len(move.end.q) != len(self.robot.joints):
@@ -286,33 +286,33 @@ class _Simulation:
 
     def _segments(self) -> Segments:
         """Segments of all motions, tool in part; each starts where the motion before ended, seen with its own frames."""
-        m = len(self.moves)
+        m = len(self.motions)
         end, via = np.full((m, 4, 4), np.nan), np.full((m, 3), np.nan)
         to_joints = np.flatnonzero(np.isfinite(self.end[:, 0]))
         if len(to_joints):
             end[to_joints] = self.nominal.tool_in_part(to_joints, np.ones(len(to_joints)), self.end[to_joints])
-        for i, move in enumerate(self.moves):
+        for i, move in enumerate(self.motions):
             if i in self.rejected:
                 continue
             if move.end.T is not None:
                 end[i] = move.end.T
             if move.via is not None and move.via.T is not None:
                 via[i] = move.via.T[:3, 3]
-        return self.nominal.segments(self.moves, end, via, np.isfinite(end[:, 0, 0]))
+        return self.nominal.segments(self.motions, end, via, np.isfinite(end[:, 0, 0]))
 
     def _is_path(self, i: int) -> bool:
         """Whether a motion is a line or an arc from a place that is known."""
         if i in self.rejected:
             return False
-        return self.moves[i].kind in ("linear", "circular") and bool(np.isfinite(self.start[i]).all())
+        return self.motions[i].kind in ("linear", "circular") and bool(np.isfinite(self.start[i]).all())
 
     def _trace(self, first: int) -> int:
         """Follow lines and arcs that continue each other; returns the motion to go on with."""
         stop = first + 1
         while (
-            stop < len(self.moves)
-            and self.moves[stop].kind in ("linear", "circular")
-            and self.moves[stop].follows == stop - 1
+            stop < len(self.motions)
+            and self.motions[stop].kind in ("linear", "circular")
+            and self.motions[stop].follows == stop - 1
             and stop not in self.rejected
         ):
             stop += 1
@@ -347,7 +347,7 @@ class _Simulation:
 
     def _solve_pose(self, i: int) -> None:
         """Find the joint positions of a pose that is not reached along a known path."""
-        move = self.moves[i]
+        move = self.motions[i]
         T = self.nominal.robot_tool(np.array([i]), self.segments.end[[i]])[0]
         if move.end.posture is None and np.isfinite(self.near[i, 0]):
             seed = self.near[i]
@@ -377,7 +377,7 @@ class _Simulation:
 
     def _take_nearest(self, i: int, postures: Float[np.ndarray, "n joints"]) -> None:
         """Take the posture nearest to a stated one that is not reached, where the controller does so."""
-        end = self.moves[i].end
+        end = self.motions[i].end
         stated = f"states the posture {end.posture}, in which the robot does not reach it inside its joint limits"
         if not isinstance(end.posture, GradedPosture):
             self.rejected[i] = f"{stated}; it does so in other postures only"
@@ -396,7 +396,7 @@ class _Simulation:
         """Warn of lines and arcs that lead to their ends in other postures than these state."""
         stated: dict[Posture, list[int]] = {}
         for i in motions:
-            posture = self.moves[i].end.posture
+            posture = self.motions[i].end.posture
             if posture is not None:
                 stated.setdefault(posture, []).append(i)
         for posture, rows in stated.items():
@@ -462,7 +462,7 @@ def _against(
     }
 
 
-def joint_motion(robot: Robot, moves: Sequence[Move], trajectory: ControllerTrajectory) -> JointMotion:
+def joint_motion(robot: Robot, motions: Sequence[Motion], trajectory: ControllerTrajectory) -> JointMotion:
     """Speeds and accelerations of the joints along a program's lines and arcs."""
     joints = len(robot.joints)
     speed, acceleration = np.full(joints, np.nan), np.full(joints, np.nan)
@@ -476,7 +476,7 @@ def joint_motion(robot: Robot, moves: Sequence[Move], trajectory: ControllerTraj
         corners = trajectory.corners
         joined = corners.before[i[starts]]
         q0[starts] = np.where((joined >= 0)[:, None], trajectory.passes[joined], trajectory.start[i[starts]])
-        time, assumed = _durations(moves, trajectory, trajectory.share - before)
+        time, assumed = _durations(motions, trajectory, trajectory.share - before)
         with np.errstate(invalid="ignore", divide="ignore"):
             rate = (trajectory.q - q0) / time[:, None]
             change = np.diff(rate, axis=0) / (0.5 * (time[1:] + time[:-1]))[:, None]
@@ -503,19 +503,19 @@ def joint_motion(robot: Robot, moves: Sequence[Move], trajectory: ControllerTraj
 
 
 def _durations(
-    moves: Sequence[Move], trajectory: ControllerTrajectory, step: Float[np.ndarray, " k"]
+    motions: Sequence[Motion], trajectory: ControllerTrajectory, step: Float[np.ndarray, " k"]
 ) -> tuple[Float[np.ndarray, " k"], int | None]:
     """Time between the samples of the path, seconds, and the first motion where an assumed reorientation speed sets it.
 
     A controller keeps to the path speed and to the reorientation speed, whichever takes longer.
 
     Args:
-        moves: the motions of the program.
+        motions: the motions of the program.
         trajectory: their samples.
         step: share of its motion's length that each sample is behind the one before.
     """
-    speed = np.array([move.speed or np.nan for move in moves])[trajectory.move]
-    stated = np.array([move.turn_speed or np.nan for move in moves])[trajectory.move]
+    speed = np.array([move.speed or np.nan for move in motions])[trajectory.move]
+    stated = np.array([move.turn_speed or np.nan for move in motions])[trajectory.move]
     unstated = np.isnan(stated)
     along = trajectory.segments.length[trajectory.move] * step / speed
     about = (
@@ -562,13 +562,13 @@ def uses_directions(model: ErrorModel) -> bool:
     return any("approach" in (*effect.needs, *effect.uses) for effect in model.effects)
 
 
-def drive_directions(robot: Robot, moves: Sequence[Move], trajectory: ControllerTrajectory) -> DriveDirections:
+def drive_directions(robot: Robot, motions: Sequence[Motion], trajectory: ControllerTrajectory) -> DriveDirections:
     """Follow the drives through a program.
 
     A drive has turned over when it has gone back by twice `MAX_REST_MOTION`; less is what a controller reports of a joint
     at rest. Where it is not known from where a motion begins, directions are unknown until the drives turn.
     """
-    number = np.arange(len(moves))
+    number = np.arange(len(motions))
     started = np.flatnonzero(np.isfinite(trajectory.start[:, 0]))
     alone = np.flatnonzero(np.isfinite(trajectory.end[:, 0]) & ~np.isin(number, trajectory.move))
     along = trajectory.move + np.minimum(trajectory.share, 1.0 - END_SHARE)
@@ -578,7 +578,7 @@ def drive_directions(robot: Robot, moves: Sequence[Move], trajectory: Controller
     place, turned = place[order], q[order] @ drive_motion(robot).T
     of_move = place.astype(np.int64)
     continues = np.array(
-        [move.follows is not None and move.follows == i - 1 for i, move in enumerate(moves)], dtype=bool
+        [move.follows is not None and move.follows == i - 1 for i, move in enumerate(motions)], dtype=bool
     )
     first = np.diff(of_move, prepend=-1) > 0
     gap = first & ~continues[of_move]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from robot_programs.core.program import Diagnostic, Move, Program, Waypoint, keep_together
+from robot_programs.core.program import Diagnostic, Motion, Program, Waypoint, keep_together
 from robot_programs.core.source import Place, Source, uncollected
 from robot_programs.languages import language_of
 from robot_programs.reading import compose_program, parse_program
@@ -161,11 +161,11 @@ def choose_waypoints(
         keep_joints: leave motions to joint positions as they are.
         program: the one whose own text is rewritten; None where a new one is written.
     """
-    moves, robot = problem.moves, problem.robot
-    joint_motions = {i for i, move in enumerate(moves) if keep_joints and move.kind == "axes"}
+    motions, robot = problem.motions, problem.robot
+    joint_motions = {i for i, move in enumerate(motions) if keep_joints and move.kind == "axes"}
     found = problem.trajectory.rejected | find_rejections(robot, subdivision, changes, bounds)
     rejected = {i: why for i, why in found.items() if i not in joint_motions}
-    waypoints = _waypoints(moves, subdivision, changes, joint_motions | rejected.keys())
+    waypoints = _waypoints(motions, subdivision, changes, joint_motions | rejected.keys())
     if program is not None:
         visits = tuple(program.visits())
         while True:
@@ -179,13 +179,13 @@ def choose_waypoints(
 
 
 def _waypoints(
-    moves: Sequence[Move], subdivision: Subdivision, changes: TargetChanges, left: Set[int]
+    motions: Sequence[Motion], subdivision: Subdivision, changes: TargetChanges, left: Set[int]
 ) -> dict[int, tuple[Waypoint, ...]]:
     """Waypoints of every motion that changes."""
     nodes = subdivision.nodes
-    first = np.searchsorted(nodes.move, np.arange(len(moves) + 1))
+    first = np.searchsorted(nodes.move, np.arange(len(motions) + 1))
     waypoints: dict[int, tuple[Waypoint, ...]] = {}
-    for i, move in enumerate(moves):
+    for i, move in enumerate(motions):
         rows = range(first[i], first[i + 1])
         unchanged = subdivision.pieces[i] == 1 and changes.shift[i] < MIN_SHIFT_M and changes.turn[i] < MIN_TURN_RAD
         if i in left or not rows or unchanged:
@@ -200,7 +200,7 @@ def _waypoints(
                 q=nodes.q[k],
                 T=nodes.T[k],
                 via=Waypoint(kind="circular", q=nodes.q[k - 1], T=nodes.T[k - 1]) if arc else None,
-                external=_external(moves, i, nodes.share[k]),
+                external=_external(motions, i, nodes.share[k]),
                 share=float(nodes.share[k]),
             )
             for k in (rows[1::2] if arc else rows)
@@ -208,13 +208,13 @@ def _waypoints(
     return waypoints
 
 
-def _external(moves: Sequence[Move], i: int, share: float) -> tuple[float, ...]:
+def _external(motions: Sequence[Motion], i: int, share: float) -> tuple[float, ...]:
     """Positions of the external axes at a share of a motion's length; empty where they stay, or their start is not known.
 
     A controller moves them in step with the way of the tool.
     """
-    follows = moves[i].follows
-    start, end = () if follows is None else moves[follows].external, moves[i].external
+    follows = motions[i].follows
+    start, end = () if follows is None else motions[follows].external, motions[i].external
     if share >= 1.0 or start == end or len(start) != len(end):
         return ()
     return tuple(b if np.isnan(a) else a + share * (b - a) for a, b in zip(start, end, strict=True))
@@ -228,7 +228,7 @@ def diagnose(
     trajectory: ControllerTrajectory,
     new_trajectory: ControllerTrajectory,
     origin: Sequence[tuple[int, float, float]],
-    written: Sequence[Move],
+    written: Sequence[Motion],
     subdivision: Subdivision,
     motion: JointMotion,
 ) -> tuple[Diagnostic, ...]:
@@ -243,12 +243,12 @@ def diagnose(
         subdivision: the corrected motions.
         motion: how the corrected program moves the joints.
     """
-    moves = program.moves
+    motions = program.motions
     found: list[tuple[int, str]] = sorted(trajectory.warnings.items())
     for k, text in sorted(new_trajectory.rejected.items()):
         if origin[k][0] not in trajectory.rejected:
             found.append((origin[k][0], f"as corrected, {text}"))
-    for i, move in enumerate(moves):
+    for i, move in enumerate(motions):
         why = ""
         if move.kind in ("linear", "circular") and subdivision.pieces[i]:
             why = _why_undivided(move, starts=bool(np.isfinite(trajectory.start[i, 0])))
@@ -288,10 +288,10 @@ def diagnose(
             found.append(
                 (0, f"{joint} would have to turn {speed / limit:.2f} times as fast as it can, at the programmed speed")
             )
-    return (*program.diagnostics, *(Diagnostic(place=moves[i].place, text=text) for i, text in found))
+    return (*program.diagnostics, *(Diagnostic(place=motions[i].place, text=text) for i, text in found))
 
 
-def _why_undivided(move: Move, *, starts: bool) -> str:
+def _why_undivided(move: Motion, *, starts: bool) -> str:
     """Why a line or an arc is corrected at its points alone; empty where it is divided."""
     if not starts:
         return "start point unknown: end points corrected, path between them not checked"
@@ -327,7 +327,7 @@ def diagnose_new_corners(
         f"the new program does not stop here, and passes by at {past[worst] * 1e3:.3f} mm, the farthest of {len(rows)} corners; "
         "where that is too far, let the motion stop"
     )
-    return [Diagnostic(place=program.moves[origin[rows[worst]][0]].place, text=text)]
+    return [Diagnostic(place=program.motions[origin[rows[worst]][0]].place, text=text)]
 
 
 def diagnose_range(
@@ -340,11 +340,11 @@ def diagnose_range(
         measured: the range.
         farthest: joint positions of each motion where it is farthest outside.
     """
-    names = [f"this one{f' ({move.end.name})' if move.end.name else ''}" for move in program.moves]
+    names = [f"this one{f' ({move.end.name})' if move.end.name else ''}" for move in program.motions]
     text = measured.warning(farthest, names, "motions")
     if not text:
         return []
-    return [Diagnostic(place=program.moves[int(measured.outside_rows(farthest)[0])].place, text=text)]
+    return [Diagnostic(place=program.motions[int(measured.outside_rows(farthest)[0])].place, text=text)]
 
 
 def diagnose_unchanged_files(program: Program, rejected: Container[int]) -> list[Diagnostic]:
@@ -354,8 +354,8 @@ def diagnose_unchanged_files(program: Program, rejected: Container[int]) -> list
     """
     if len(program.sources) < 2:
         return []
-    with_motions = {move.place.path for move in program.moves}
-    corrected = {move.place.path for i, move in enumerate(program.moves) if i not in rejected}
+    with_motions = {move.place.path for move in program.motions}
+    corrected = {move.place.path for i, move in enumerate(program.motions) if i not in rejected}
     return [
         Diagnostic(
             place=Place(path=source.path, line=1),
@@ -368,8 +368,8 @@ def diagnose_unchanged_files(program: Program, rejected: Container[int]) -> list
 
 def diagnose_unused_frames(cell: Cell, program: Program) -> list[Diagnostic]:
     """Tools and parts of the cell that no motion speaks of, which may be misspelled."""
-    tools = {move.tool.name.casefold() for move in program.moves}
-    parts = {move.part.name.casefold() for move in program.moves}
+    tools = {move.tool.name.casefold() for move in program.motions}
+    parts = {move.part.name.casefold() for move in program.motions}
     toucher = {measured.touched_with.casefold() for measured in cell.parts.values()}
     place = Place(path=program.sources[0].path, line=1)
     out: list[Diagnostic] = []
@@ -399,9 +399,9 @@ def compose_new_program(
             or its language cannot say it.
     """
     _check_plain(program)
-    written: list[Move] = []
+    written: list[Motion] = []
     q: list[np.ndarray] = []
-    for i, move in enumerate(program.moves):
+    for i, move in enumerate(program.motions):
         if i not in waypoints:
             if i in trajectory.rejected:
                 raise TaskcalError(f"{move.place}: {trajectory.rejected[i]}; a new program has no place for it")
@@ -441,7 +441,7 @@ ROUNDING_M = 1e-5
 
 
 def check_reading(
-    moves: Sequence[Move],
+    motions: Sequence[Motion],
     pieces: Int[np.ndarray, " m"],
     waypoints: Mapping[int, tuple[Waypoint, ...]],
     tolerance: float,
@@ -449,7 +449,7 @@ def check_reading(
     """See that rewritten motions go where they should: what they share with others may have been changed for those.
 
     Args:
-        moves: of the rewritten program, as read again.
+        motions: of the rewritten program, as read again.
         pieces: into how many of them each motion of the given program became.
         waypoints: what was to be written, by number of the motion.
         tolerance: how far a target may be off that goes with another one, metres.
@@ -459,7 +459,7 @@ def check_reading(
     """
     first = np.cumsum(pieces) - pieces
     for i, path in waypoints.items():
-        for move, waypoint in zip(moves[first[i] : first[i] + pieces[i]], path, strict=True):
+        for move, waypoint in zip(motions[first[i] : first[i] + pieces[i]], path, strict=True):
             if waypoint.T is None or move.end.T is None:
                 continue
             off = float(np.linalg.norm(move.end.T[:3, 3] - waypoint.T[:3, 3]))
@@ -477,7 +477,7 @@ class RewrittenProgram:
     """The corrected program."""
 
     sources: tuple[Source, ...]
-    moves: tuple[Move, ...]
+    motions: tuple[Motion, ...]
     """Motions as read again from its sources."""
     refused: dict[int, str]
     """Those of which it is not known where they lead."""
@@ -521,28 +521,28 @@ def rewrite_program(
         progress("reading the corrected program")
         again = program.reread(sources)
     else:
-        first = given.moves[0]
+        first = given.motions[0]
         # the new program counts its targets in the frames as they were read
-        pairs = zip(program.moves, given.moves, strict=True)
-        framed = replace(program, moves=tuple(replace(move, tool=read.tool, part=read.part) for move, read in pairs))
+        pairs = zip(program.motions, given.motions, strict=True)
+        framed = replace(program, motions=tuple(replace(move, tool=read.tool, part=read.part) for move, read in pairs))
         sources = (compose_new_program(Path(into), robot, framed, waypoints, trajectory),)
         declares = language_of(Path(into)).declares_frames
         tool, part = (None, None) if declares else (first.tool, first.part)
         progress("reading the corrected program")
         again = parse_program(sources, robot=robot, tool=tool, part=part)
-    pieces = np.array([len(waypoints.get(i, (1,))) for i in range(len(program.moves))], dtype=np.int64)
-    origin = _origins(len(program.moves), waypoints)
-    if len(origin) != len(again.moves):
+    pieces = np.array([len(waypoints.get(i, (1,))) for i in range(len(program.motions))], dtype=np.int64)
+    origin = _origins(len(program.motions), waypoints)
+    if len(origin) != len(again.motions):
         raise TaskcalError(
-            f"the corrected program reads as {len(again.moves)} motions instead of {len(origin)}; nothing was written"
+            f"the corrected program reads as {len(again.motions)} motions instead of {len(origin)}; nothing was written"
         )
     if into is None:
         again = with_spins_near(again, _wanted_poses(program, waypoints))
     mounted = mount(again, cell)
     if into is None:
-        check_reading(mounted.program.moves, pieces, waypoints, tolerance)
+        check_reading(mounted.program.motions, pieces, waypoints, tolerance)
     return RewrittenProgram(
-        sources=sources, moves=mounted.program.moves, refused=mounted.refused, pieces=pieces, origin=origin
+        sources=sources, motions=mounted.program.motions, refused=mounted.refused, pieces=pieces, origin=origin
     )
 
 
@@ -551,9 +551,9 @@ def _wanted_poses(
 ) -> list[list[Float[np.ndarray, "4 4"] | None]]:
     """Wanted poses of via point and end of each motion of a rewritten program."""
     poses: list[list[Float[np.ndarray, "4 4"] | None]] = []
-    for i, move in enumerate(program.moves):
+    for i, move in enumerate(program.motions):
         for wanted in waypoints.get(i, (move,)):
-            end = wanted.end.T if isinstance(wanted, Move) else wanted.T
+            end = wanted.end.T if isinstance(wanted, Motion) else wanted.T
             poses.append([end] if wanted.via is None else [wanted.via.T, end])
     return poses
 
@@ -606,27 +606,27 @@ def correct(
             measured does not fit; or the calibration knows less at the targets than the robot's tolerances do.
     """
     cell, bounds, robot = cell or Cell(), bounds or Bounds(), calibration.model.robot
-    if not program.moves:
+    if not program.motions:
         why = "".join(f"; {diagnostic}" for diagnostic in program.diagnostics[:MAX_REASONS])
         raise TaskcalError(f"{program.sources[0].path} has no motion that could be resolved{why}")
     progress("the joints of the nominal robot")
     given, mounted = program, mount(program, cell)
     program = with_spins(mounted.program, robot)
-    moves = program.moves
-    trajectory = simulate_controller(robot, moves, mounted.refused)
+    motions = program.motions
+    trajectory = simulate_controller(robot, motions, mounted.refused)
     if not accept_uncertain:
         ends = trajectory.end[np.isfinite(trajectory.end).all(axis=1)]
         check_known(calibration, ends, f"{given.sources[0].path} is not corrected")
-    frames, number = frames_on(calibration, moves, cell)
-    directions = drive_directions(robot, moves, trajectory) if uses_directions(calibration.model) else None
+    frames, number = frames_on(calibration, motions, cell)
+    directions = drive_directions(robot, motions, trajectory) if uses_directions(calibration.model) else None
     placed = place_motions(calibration, frames, number, directions)
-    path = trajectory.path_on(placed, moves)
+    path = trajectory.path_on(placed, motions)
     progress("the uncertainty at the targets")
     uncertainty = uncertainty_at(frames, number, trajectory.end, directions)
     progress("the joints of the calibrated robot")
     tolerance, widest = _tolerances(uncertainty) if bounds.tolerance is None else (bounds.tolerance, 0.0)
     problem = CorrectionProblem(
-        robot=robot, moves=moves, calibration=calibration, placed=placed, wanted=path.segments, trajectory=trajectory,
+        robot=robot, motions=motions, calibration=calibration, placed=placed, wanted=path.segments, trajectory=trajectory,
         directions=directions, tolerance=tolerance, widest=widest,
     )  # fmt: skip
     subdivision = subdivide(problem)
@@ -645,19 +645,19 @@ def correct(
         tolerance=subdivision.tolerance,
         progress=progress,
     )
-    if len(moves) > MANY_MOVES:
+    if len(motions) > MANY_MOVES:
         gc.collect()
     progress("the joints of the corrected program")
-    written_moves, written = rewritten.moves, np.isin(np.arange(len(moves)), list(waypoints))
+    written_moves, written = rewritten.motions, np.isin(np.arange(len(motions)), list(waypoints))
     near = trajectory.end[[number for number, _, _ in rewritten.origin]]
     new_trajectory = simulate_controller(robot, written_moves, rewritten.refused, near)
     motion = joint_motion(robot, written_moves, new_trajectory)
     before, after = assess(placed, path, trajectory), assess(placed, path, new_trajectory, rewritten.origin)
-    farthest = after.farthest(calibration.measured_range, len(moves))
+    farthest = after.farthest(calibration.measured_range, len(motions))
     return Correction(
         program=program,
         sources=rewritten.sources,
-        moves=written_moves,
+        motions=written_moves,
         bounds=bounds,
         tolerance=subdivision.tolerance,
         wanted=path,

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from robot_programs.backup import lay_backup
-from robot_programs.core.program import Diagnostic, Move, Program
+from robot_programs.core.program import Diagnostic, Motion, Program
 from robot_programs.core.source import Source
 from taskcal.arguments import checked
 from taskcal.correction.controller import ControllerTrajectory, JointMotion
@@ -45,9 +45,9 @@ class Deviations:
     turn: Float[np.ndarray, " k"]
     """Angle between true and wanted orientation, radians."""
 
-    def of_moves(self, moves: Bool[np.ndarray, " m"]) -> "Deviations":
+    def of_moves(self, motions: Bool[np.ndarray, " m"]) -> "Deviations":
         """Deviations in some of the motions."""
-        return self.rows(np.flatnonzero(moves[self.move]))
+        return self.rows(np.flatnonzero(motions[self.move]))
 
     def rows(self, rows: Int[np.ndarray, " r"]) -> "Deviations":
         """Some of the deviations."""
@@ -58,14 +58,14 @@ class Deviations:
         """Lengths of the errors, metres."""
         return np.linalg.norm(self.error, axis=1)
 
-    def farthest(self, measured: MeasuredRange, moves: int) -> Float[np.ndarray, "m joints"]:
+    def farthest(self, measured: MeasuredRange, motions: int) -> Float[np.ndarray, "m joints"]:
         """Joint positions of each motion where it is farthest outside of what was measured; NaN where none are known.
 
         Args:
             measured: joint range of the calibration.
-            moves: how many motions the program has.
+            motions: how many motions the program has.
         """
-        out = np.full((moves, self.q.shape[1]), np.nan)
+        out = np.full((motions, self.q.shape[1]), np.nan)
         order = np.argsort(np.abs(measured.beyond(self.q)).max(axis=1, initial=0.0), kind="stable")
         out[self.move[order]] = self.q[order]  # of several rows of a motion the last one stays
         return out
@@ -276,7 +276,7 @@ class Correction:
     """As it was given."""
     sources: tuple[Source, ...]
     """The files of the corrected program, named as they were read."""
-    moves: tuple[Move, ...]
+    motions: tuple[Motion, ...]
     """Motions of the corrected program, as read again from its files."""
     bounds: Bounds
     tolerance: float
@@ -321,7 +321,7 @@ class Correction:
         rejected = f", {len(self.rejected)} rejected" if self.rejected else ""
         return (
             f"Correction({shortened(', '.join(str(source.path) for source in self.sources), 120)}: {len(self.corrected)} of "
-            f"{len(self.program.moves)} motions corrected{rejected}, targets moved by up to "
+            f"{len(self.program.motions)} motions corrected{rejected}, targets moved by up to "
             f"{np.nanmax(self.shift, initial=0.0) * 1e3:.3f} mm)"
         )
 
@@ -333,7 +333,7 @@ class Correction:
     @property
     def why_unwritten(self) -> str:
         """Why nothing is written: no motion was corrected, and some were refused; empty where something was corrected."""
-        refused = [f"{self.program.moves[i].place}: {why}" for i, why in sorted(self.rejected.items())]
+        refused = [f"{self.program.motions[i].place}: {why}" for i, why in sorted(self.rejected.items())]
         refused += [str(diagnostic) for diagnostic in self.diagnostics if diagnostic.rejected]
         if len(self.corrected) or not refused:
             return ""
@@ -397,11 +397,11 @@ class Correction:
     def summary(self) -> dict[str, Any]:
         """The report in numbers, in millimetres and degrees."""
         return {
-            "moves": len(self.program.moves),
+            "moves": len(self.program.motions),
             "corrected": len(self.corrected),
             "refused": len(self.rejected),
             "unresolved": len(self.program.diagnostics),
-            "written_moves": len(self.moves),
+            "written_moves": len(self.motions),
             "tolerance_mm": self.tolerance * 1e3,
             "expected": self.budget.summary(),
             "before": _errors(self.before),
@@ -442,7 +442,7 @@ class Correction:
                 **outside[i],
                 "refused": self.rejected.get(i, ""),
             }
-            for i, move in enumerate(self.program.moves)
+            for i, move in enumerate(self.program.motions)
         ]
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from robot_programs.core.program import Move
+from robot_programs.core.program import Motion
 from taskcal.correction.cell import Cell, Measured
 from taskcal.correction.controller import DriveDirections
 from taskcal.correction.path import Placed, Placement, distinct_frames
@@ -568,7 +568,7 @@ def _total(covariance: Float[np.ndarray, "*b 3 3"]) -> Float[np.ndarray, "*b"]:
     return np.trace(covariance, axis1=-2, axis2=-1)
 
 
-def calibrate_frames(calibration: Calibration, move: Move, cell: Cell) -> FrameCalibration:
+def calibrate_frames(calibration: Calibration, move: Motion, cell: Cell) -> FrameCalibration:
     """Frames of a motion's tool and part on the robot as calibrated.
 
     Raises:
@@ -594,10 +594,10 @@ def calibrate_frames(calibration: Calibration, move: Move, cell: Cell) -> FrameC
 
 
 def frames_on(
-    calibration: Calibration, moves: Sequence[Move], cell: Cell
+    calibration: Calibration, motions: Sequence[Motion], cell: Cell
 ) -> tuple[list[FrameCalibration], Int[np.ndarray, " m"]]:
     """Calibrated frames of tools and parts, those in common once, and the number of every motion's."""
-    examples, number = distinct_frames(moves)
+    examples, number = distinct_frames(motions)
     return [calibrate_frames(calibration, move, cell) for move in examples], number
 
 

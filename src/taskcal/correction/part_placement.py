@@ -12,7 +12,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from jaxtyping import Float, Int
 
-from robot_programs.core.program import THROUGH_TARGET, Frame, Move, Program, Target
+from robot_programs.core.program import THROUGH_TARGET, Frame, Motion, Program, Target
 from robot_programs.core.source import Place
 from taskcal.arguments import checked, options_of
 from taskcal.correction.cell import Cell, mount
@@ -221,22 +221,22 @@ def place(
         options_of(PlacementOptions, options, "placements"),
     )
     robot = on.model.robot if isinstance(on, Calibration) else on
-    name, moves = _moves_of(what, robot, cell or Cell(), chosen.count, chosen.seed)
-    origins = [move.flange(move.end.T)[:3, 3] for move in moves if move.end.T is not None]
+    name, motions = _moves_of(what, robot, cell or Cell(), chosen.count, chosen.seed)
+    origins = [move.flange(move.end.T)[:3, 3] for move in motions if move.end.T is not None]
     if not origins:
         raise TaskcalError(f"{name} has no motion to a pose, so that its part can be anywhere")
-    held = next((move for move in moves if move.part_in_hand), None)
+    held = next((move for move in motions if move.part_in_hand), None)
     if chosen.touched_off and held is not None:
         raise TaskcalError(
             f"{held.place}: the part is in the robot's hand, so that there is nothing to touch off where it is put"
         )
     view = _View(robot, calibration, cell or Cell(), _loaded(on, robot, chosen.force), chosen)
     middle, grid = np.mean(origins, axis=0), region.grid()
-    now, near = view.at(moves, middle, np.zeros(3), 0.0, None)
+    now, near = view.at(motions, middle, np.zeros(3), 0.0, None)
     placed: list[PlacedPart] = []
     for number, row in enumerate(grid):
         # poses of a task may be reached in whatever posture; a controller that begins a program is in one that follows from it
-        one, ends = view.at(moves, middle, row[:3], float(row[3]), near if isinstance(what, Task) else None)
+        one, ends = view.at(motions, middle, row[:3], float(row[3]), near if isinstance(what, Task) else None)
         near = np.where(np.isfinite(ends), ends, near)  # the next placement is beside this one
         placed.append(one)
         if progress is not None:
@@ -244,15 +244,17 @@ def place(
     return PartPlacements(name=name, now=now, all=tuple(placed))
 
 
-def _moves_of(what: Program | Task, robot: Robot, cell: Cell, count: int, seed: int) -> tuple[str, Sequence[Move]]:
+def _moves_of(what: Program | Task, robot: Robot, cell: Cell, count: int, seed: int) -> tuple[str, Sequence[Motion]]:
     if isinstance(what, Program):
         mounted = mount(what, cell)
-        kept = [i for i in range(len(what.moves)) if i not in mounted.refused]
-        moves = with_spins(mounted.program, robot).moves
+        kept = [i for i in range(len(what.motions)) if i not in mounted.refused]
+        motions = with_spins(mounted.program, robot).motions
         number = {old: new for new, old in enumerate(kept)}
         # at the targets themselves, however their corners are rounded
         return str(what.sources[0].path), [
-            replace(moves[i], zone=THROUGH_TARGET, follows=None if (f := moves[i].follows) is None else number.get(f))
+            replace(
+                motions[i], zone=THROUGH_TARGET, follows=None if (f := motions[i].follows) is None else number.get(f)
+            )
             for i in kept
         ]
     model = ErrorModel(robot)
@@ -260,7 +262,7 @@ def _moves_of(what: Program | Task, robot: Robot, cell: Cell, count: int, seed: 
     tool = Frame(name=f"{robot.name}'s tool", T=robot.T_flange_tool)
     part = Frame(name="task", T=np.eye(4))
     return what.name, [
-        Move(
+        Motion(
             kind="joint",
             end=Target(name="", T=pose, q=None, posture=None, place=Place(path=Path(what.name), line=i + 1)),
             via=None, tool=tool, part=part, part_in_hand=False, speed=None, stops=True, follows=None, routine="",
@@ -302,7 +304,7 @@ class _View:
 
     def at(
         self,
-        moves: Sequence[Move],
+        motions: Sequence[Motion],
         middle: Float[np.ndarray, " 3"],
         shift: Float[np.ndarray, " 3"],
         turn: float,
@@ -311,7 +313,7 @@ class _View:
         """A placement of what stands still, and the joint positions at the ends of the motions.
 
         Args:
-            moves: of the program, or to the poses of a task.
+            motions: of the program, or to the poses of a task.
             middle: of the targets, about which the part is turned.
             shift: of the part.
             turn: of the part.
@@ -319,7 +321,7 @@ class _View:
         """
         about = se3.translation(*middle) @ se3.rotation("z", turn) @ se3.translation(*-middle)
         S = se3.translation(*shift) @ about
-        moved = _moved(moves, S)
+        moved = _moved(motions, S)
         if near is not None:
             moved = _found_from(self.robot, moved, near)
         trajectory = simulate_controller(self.robot, moved)
@@ -328,7 +330,7 @@ class _View:
         nothing = np.nan, np.nan
         before, after = self._errors(moved, trajectory) if ends.any() else nothing
         refused = sorted(trajectory.rejected.items())
-        obstacle = f"{moves[refused[0][0]].place} {refused[0][1]}" if refused else ""
+        obstacle = f"{motions[refused[0][0]].place} {refused[0][1]}" if refused else ""
         if self.calibration is not None and not (obstacle or self.chosen.accept_uncertain):
             obstacle = why_unknown(self.calibration, trajectory.end[ends])
         outside, outside_targets = self._outside(moved, trajectory.end)
@@ -336,7 +338,7 @@ class _View:
         placed = PlacedPart(
             shift=np.asarray(shift, dtype=float),
             turn=turn,
-            reached=1.0 - len(refused) / len(moves),
+            reached=1.0 - len(refused) / len(motions),
             obstacle=obstacle,
             before=before,
             after=after,
@@ -348,15 +350,15 @@ class _View:
         )
         return placed, trajectory.end
 
-    def _outside(self, moves: Sequence[Move], end: Float[np.ndarray, "m joints"]) -> tuple[str, int | None]:
+    def _outside(self, motions: Sequence[Motion], end: Float[np.ndarray, "m joints"]) -> tuple[str, int | None]:
         """The warning of targets outside of what was measured, and their number."""
         if self.calibration is None:
             return "", None
         measured = self.calibration.measured_range
-        names = [f"{move.place}{f' ({move.end.name})' if move.end.name else ''}" for move in moves]
+        names = [f"{move.place}{f' ({move.end.name})' if move.end.name else ''}" for move in motions]
         return measured.warning(end, names, "targets"), int(measured.outside(end).sum())
 
-    def _errors(self, moves: Sequence[Move], trajectory: ControllerTrajectory) -> tuple[float, float]:
+    def _errors(self, motions: Sequence[Motion], trajectory: ControllerTrajectory) -> tuple[float, float]:
         """Rms errors at the targets before and after a correction, metres."""
         if self.calibration is None:
             model = ErrorModel(self.robot)
@@ -365,9 +367,9 @@ class _View:
             if self.chosen.touched_off:
                 effect = without_rigid_motion(model.poses(ends)[:, :3, 3], effect)
             return float(np.sqrt((effect**2).sum(axis=(1, 2)).mean())), np.nan
-        frames, number = frames_on(self.calibration, moves, self.cell)
+        frames, number = frames_on(self.calibration, motions, self.cell)
         placed = place_motions(self.calibration, frames, number, None)
-        found = assess(placed, trajectory.path_on(placed, moves), trajectory)
+        found = assess(placed, trajectory.path_on(placed, motions), trajectory)
         if self.chosen.touched_off:
             known, left = on_touched_parts(frames, number, trajectory, found)
         else:
@@ -384,26 +386,26 @@ class _View:
         return float(np.sqrt((moved**2).sum(axis=1).mean()))
 
 
-def _found_from(robot: Robot, moves: list[Move], near: Float[np.ndarray, "m joints"]) -> list[Move]:
+def _found_from(robot: Robot, motions: list[Motion], near: Float[np.ndarray, "m joints"]) -> list[Motion]:
     """Free motions with their joint positions, all at once, where these follow from those of a placement beside this one."""
     free = [
         i
-        for i, move in enumerate(moves)
+        for i, move in enumerate(motions)
         if move.kind == "joint" and move.end.T is not None and move.end.q is None
         and move.end.posture is None and move.follows is None and np.isfinite(near[i]).all()
     ]  # fmt: skip
     if not free:
-        return moves
-    T = np.stack([moves[i].flange(moves[i].end.T) for i in free]) @ robot.T_flange_tool  # pyright: ignore[reportArgumentType]
+        return motions
+    T = np.stack([motions[i].flange(motions[i].end.T) for i in free]) @ robot.T_flange_tool  # pyright: ignore[reportArgumentType]
     solution = solve_near(ErrorModel(robot), T, near[free])
-    out = list(moves)
+    out = list(motions)
     for k, i in enumerate(free):
         if solution.reached[k]:
-            out[i] = replace(moves[i], end=replace(moves[i].end, q=solution.q[k]))
+            out[i] = replace(motions[i], end=replace(motions[i].end, q=solution.q[k]))
     return out
 
 
-def _moved(moves: Sequence[Move], S: Float[np.ndarray, "4 4"]) -> list[Move]:
+def _moved(motions: Sequence[Motion], S: Float[np.ndarray, "4 4"]) -> list[Motion]:
     """Motions with what stands still moved in the base; each frame is one object as before."""
     frames: dict[Frame, Frame] = {}
 
@@ -412,7 +414,7 @@ def _moved(moves: Sequence[Move], S: Float[np.ndarray, "4 4"]) -> list[Move]:
 
     return [
         replace(move, tool=moved(move.tool)) if move.part_in_hand else replace(move, part=moved(move.part))
-        for move in moves
+        for move in motions
     ]
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robot_programs.core.program import Move, Zone
+from robot_programs.core.program import Motion, Zone
 from taskcal.geometry import se3
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -149,10 +149,10 @@ class Placed:
     """Number of every motion's placement."""
 
     @classmethod
-    def nominal(cls, robot: Robot, moves: Sequence[Move]) -> "Placed":
+    def nominal(cls, robot: Robot, motions: Sequence[Motion]) -> "Placed":
         """The motions on a robot as its controller knows it."""
         model, from_tool = ErrorModel(robot), se3.inverse(robot.T_flange_tool)
-        examples, number = distinct_frames(moves)
+        examples, number = distinct_frames(motions)
         placements = tuple(
             Placement(
                 T_tool_grasped=from_tool @ (move.part.T if move.part_in_hand else move.tool.T),
@@ -185,7 +185,7 @@ class Placed:
 
     def segments(
         self,
-        moves: Sequence[Move],
+        motions: Sequence[Motion],
         end: Float[np.ndarray, "m 4 4"],
         via: Float[np.ndarray, "m 3"],
         ended: Bool[np.ndarray, " m"],
@@ -193,12 +193,12 @@ class Placed:
         """Segments of the tool's path: where tool or part changes, from where the tool before ended there.
 
         Args:
-            moves: the motions.
+            motions: the motions.
             end: tool in part where each ends, metres.
             via: points on the arcs, metres; NaN for others.
             ended: motions of which the end is known.
         """
-        before = np.array([-1 if move.follows is None else move.follows for move in moves], dtype=np.int64)
+        before = np.array([-1 if move.follows is None else move.follows for move in motions], dtype=np.int64)
         rows = np.flatnonzero(before >= 0)
         rows = rows[ended[before[rows]]]
         start = np.full_like(end, np.nan)
@@ -210,12 +210,12 @@ class Placed:
         return [(np.flatnonzero(own == k), self.placements[k]) for k in np.unique(own)]
 
 
-def distinct_frames(moves: Sequence[Move]) -> tuple[list[Move], Int[np.ndarray, " m"]]:
+def distinct_frames(motions: Sequence[Motion]) -> tuple[list[Motion], Int[np.ndarray, " m"]]:
     """The first motion with each tool and part, and for every motion the number of that with its own."""
     numbers: dict[tuple[object, ...], int] = {}
-    examples: list[Move] = []
+    examples: list[Motion] = []
     own: list[int] = []
-    for move in moves:
+    for move in motions:
         key = (move.tool.name, move.tool.T.tobytes(), move.part.name, move.part.T.tobytes(), move.part_in_hand)
         if key not in numbers:
             numbers[key] = len(examples)
@@ -275,32 +275,32 @@ class Corners:
 
 
 def find_corners(
-    moves: Sequence[Move], segments: Segments, known: Bool[np.ndarray, " m"], driven: PosesInMotions
+    motions: Sequence[Motion], segments: Segments, known: Bool[np.ndarray, " m"], driven: PosesInMotions
 ) -> Corners:
     """Corners that the tool rounds in a program.
 
     Args:
-        moves: the motions.
+        motions: the motions.
         segments: tool in part along lines and arcs, and from start to end of motions of the joints.
         known: motions whose start is known, and which can be executed.
         driven: tool in part along motions of the joints.
     """
-    corners = Corners.none(len(moves))
+    corners = Corners.none(len(motions))
     length, angle = segments.length, np.linalg.norm(segments.turn, axis=1)
     before, after = corners.before.copy(), corners.after.copy()
     entry, exit_ = corners.entry.copy(), corners.exit.copy()
     lengths, angles = length.tolist(), angle.tolist()
-    for i, j in enumerate(_followers(moves)):
-        zone = moves[i].zone
-        if j < 0 or moves[i].stops or zone is None or not zone.rounds:
+    for i, j in enumerate(_followers(motions)):
+        zone = motions[i].zone
+        if j < 0 or motions[i].stops or zone is None or not zone.rounds:
             continue
-        if not (known[i] and known[j] and _in_common(moves[i], moves[j])):
+        if not (known[i] and known[j] and _in_common(motions[i], motions[j])):
             continue
         exit_[i], entry[j] = _shares(zone, lengths[i], lengths[j], angles[i], angles[j])
         if exit_[i, 0] > 0.0 or exit_[i, 1] > 0.0:
             after[i], before[j] = j, i
     chords = []
-    by_joints = np.array([move.kind in ("joint", "axes") for move in moves], dtype=bool)
+    by_joints = np.array([move.kind in ("joint", "axes") for move in motions], dtype=bool)
     for partner, share in ((before, entry.max(axis=1, initial=0.0)), (after, 1.0 - exit_.max(axis=1, initial=0.0))):
         T, rows = corners.left, np.flatnonzero((partner >= 0) & by_joints)
         if len(rows):
@@ -310,11 +310,11 @@ def find_corners(
     return Corners(before=before, after=after, entry=entry, exit=exit_, joined=chords[0], left=chords[1])
 
 
-def _followers(moves: Sequence[Move]) -> list[int]:
+def _followers(motions: Sequence[Motion]) -> list[int]:
     """The motion behind each one; −1 where there is none, or more than one may come."""
-    followers = [-1] * len(moves)
+    followers = [-1] * len(motions)
     several: set[int] = set()
-    for j, move in enumerate(moves):
+    for j, move in enumerate(motions):
         if move.follows is not None:
             if followers[move.follows] >= 0:
                 several.add(move.follows)
@@ -322,7 +322,7 @@ def _followers(moves: Sequence[Move]) -> list[int]:
     return [-1 if i in several else j for i, j in enumerate(followers)]
 
 
-def _in_common(first: Move, second: Move) -> bool:
+def _in_common(first: Motion, second: Motion) -> bool:
     """Whether two motions have tool and part in common."""
     return first.part_in_hand == second.part_in_hand and all(
         a is b or (a.name == b.name and np.array_equal(a.T, b.T))

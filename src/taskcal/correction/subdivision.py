@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robot_programs.core.program import Move, Target
+from robot_programs.core.program import Motion, Target
 from taskcal.correction.controller import ControllerTrajectory, DriveDirections
 from taskcal.correction.path import Placed, Segments
 from taskcal.correction.tool_poses import solve_calibrated
@@ -41,7 +41,7 @@ class CorrectionProblem:
     """The motions of a program, the path they ask for, and the robot as calibrated."""
 
     robot: Robot
-    moves: Sequence[Move]
+    motions: Sequence[Motion]
     calibration: Calibration
     placed: Placed
     """On the robot as calibrated."""
@@ -58,12 +58,12 @@ class CorrectionProblem:
     @cached_property
     def nominal(self) -> Placed:
         """The motions on the robot as its controller knows it."""
-        return Placed.nominal(self.robot, self.moves)
+        return Placed.nominal(self.robot, self.motions)
 
     @cached_property
     def is_circular(self) -> Bool[np.ndarray, " m"]:
         """Motions that have a via point, whether or not their start is known."""
-        return np.array([move.via is not None for move in self.moves], dtype=bool)
+        return np.array([move.via is not None for move in self.motions], dtype=bool)
 
     @cached_property
     def clear(self) -> Float[np.ndarray, "m 2"]:
@@ -80,7 +80,7 @@ class CorrectionProblem:
         trajectory = self.trajectory
         if not len(move):
             return np.zeros((0, trajectory.end.shape[1]))
-        rows = np.arange(len(self.moves))
+        rows = np.arange(len(self.motions))
         started = np.isfinite(trajectory.start[:, 0])
         ended = np.isfinite(trajectory.end[:, 0])
         place = np.concatenate([trajectory.move + trajectory.share, rows[started] + 1e-9, rows[ended] + 1.0 - 1e-9])
@@ -139,16 +139,16 @@ def subdivide(problem: CorrectionProblem) -> Subdivision:
 
 def _divide(problem: CorrectionProblem, tolerance: float) -> Subdivision:
     """The same to a tolerance, which is widened at once by what the motions' deviations show, as long as they are whole."""
-    trajectory, m = problem.trajectory, len(problem.moves)
-    curved = np.array([move.kind in ("linear", "circular") for move in problem.moves], dtype=bool)
-    divisible = np.array([move.divisible for move in problem.moves], dtype=bool)
+    trajectory, m = problem.trajectory, len(problem.motions)
+    curved = np.array([move.kind in ("linear", "circular") for move in problem.motions], dtype=bool)
+    divisible = np.array([move.divisible for move in problem.motions], dtype=bool)
     along = curved & divisible & np.isfinite(trajectory.start[:, 0]) & np.isfinite(problem.wanted.start[:, 0, 0])
     pieces = np.isfinite(trajectory.end[:, 0]).astype(np.int64)
     open_ = along & (pieces > 0)
     nodes = _nodes(problem, np.flatnonzero(pieces), pieces)
     lost = np.zeros(m, dtype=bool)
     lost[nodes.move[~nodes.reached]] = True
-    before = np.array([-1 if move.follows is None else move.follows for move in problem.moves], dtype=np.int64)
+    before = np.array([-1 if move.follows is None else move.follows for move in problem.motions], dtype=np.int64)
     open_ &= ~lost & ~lost[before]
     deviation, mendable = np.zeros(m), np.zeros(0)
     todo = np.flatnonzero(open_)
@@ -194,7 +194,7 @@ def _nodes(problem: CorrectionProblem, rows: Int[np.ndarray, " r"], pieces: Int[
     at_end = number == np.repeat(count, count)
     T = np.where(at_end[:, None, None], problem.wanted.end[move], problem.wanted.at(move, share))
     for k in np.flatnonzero(via & ~on_arc):  # where an arc begins is not known: its points are corrected one by one
-        T[k] = _pose(problem.moves[int(move[k])].via)
+        T[k] = _pose(problem.motions[int(move[k])].via)
     seeds = problem.seeds(move, share)
     conditions = problem.conditions(move, share)
     solution = solve_calibrated(problem.calibration, problem.placed.robot_tool(move, T), seeds, conditions)
@@ -262,7 +262,7 @@ def _deviations(
     owner = np.repeat(np.arange(len(rows)), pieces[rows])
     piece = np.arange(len(owner)) - np.repeat(np.cumsum(pieces[rows]) - pieces[rows], pieces[rows])
     end = first[owner] + (piece + 1) * stride[owner] - 1
-    previous = np.array([problem.moves[i].follows for i in rows], dtype=np.int64)
+    previous = np.array([problem.motions[i].follows for i in rows], dtype=np.int64)
     start_q = nodes.q[np.searchsorted(nodes.move, previous, side="right") - 1]
     start_T = problem.nominal.tool_in_part(rows, np.zeros(len(rows)), start_q)
     inner = piece > 0

@@ -162,7 +162,7 @@ def _tool(calibration: Calibration, correction: Correction | None, cell: Cell) -
     if correction is None:
         own = calibration.model.robot.T_flange_tool
         return grasped_frame(calibration, Measured(name="tool"), own)
-    move = correction.program.moves[0]
+    move = correction.program.motions[0]
     held, measured = (move.part, cell.part) if move.part_in_hand else (move.tool, cell.tool)
     return grasped_frame(calibration, measured(held.name), held.T)
 

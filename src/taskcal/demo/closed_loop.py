@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import chdtri
 
-from robot_programs.core.program import Move, Program
+from robot_programs.core.program import Motion, Program
 from robot_programs.rapid.read import read_rapid
 from taskcal.campaigns.campaign import Campaign
 from taskcal.correction.cell import Cell, Measured
@@ -67,7 +67,7 @@ class TouchedPart:
 
 def touch_off(
     robot: Robot,
-    move: Move,
+    move: Motion,
     near: Float[np.ndarray, " joints"],
     placement: Placement,
     true_poses: Poses,
@@ -214,8 +214,8 @@ def run_closed_loop(
     offsets = {name: np.array(p) + 2e-3 * rng.normal(size=3) for name, p in REFLECTORS.items()}
     T_tracker_base = se3.pose(se3.exp(0.01 * rng.normal(size=3)), np.zeros(3)) @ loop.station.T_tracker_base
     calibration = (fit or find_effects)(ErrorModel(loop.robot), _measure(loop, true, offsets, T_tracker_base, rng))
-    moves, placements = loop.program.moves, _true_placements(loop)
-    trajectory = simulate_controller(loop.robot, moves)
+    motions, placements = loop.program.motions, _true_placements(loop)
+    trajectory = simulate_controller(loop.robot, motions)
     parts = _touch_parts(loop, trajectory, true, placements, rng)
     touched = with_part_frames(loop.milling, {name: part.T for name, part in parts.items()})
     program = read_rapid((touched.source,))
@@ -223,12 +223,12 @@ def run_closed_loop(
     correction = correct(calibration, program, cell=cell, bounds=Bounds(tolerance=TOLERANCE))
     placed = Placed(
         # the time goes with the place in the program, however densely that is looked at
-        tool_in_base=lambda q, move, share: true.milled(q, (move + share) / len(moves)),
+        tool_in_base=lambda q, move, share: true.milled(q, (move + share) / len(motions)),
         placements=tuple(placements.values()),
-        number=np.array([list(placements).index((m.tool.name, m.part.name)) for m in moves], dtype=np.int64),
+        number=np.array([list(placements).index((m.tool.name, m.part.name)) for m in motions], dtype=np.int64),
     )
-    wanted = trajectory.path_on(placed, moves)
-    cutting = np.array([move.kind != "axes" for move in moves])
+    wanted = trajectory.path_on(placed, motions)
+    cutting = np.array([move.kind != "axes" for move in motions])
 
     def deviations(
         trajectory: ControllerTrajectory, origin: Sequence[tuple[int, float, float]] | None = None
@@ -241,8 +241,8 @@ def run_closed_loop(
         cell=cell,
         correction=correction,
         before=deviations(trajectory),
-        touched_off=deviations(simulate_controller(loop.robot, program.moves)),
-        after=deviations(simulate_controller(loop.robot, correction.moves), correction.origin),
+        touched_off=deviations(simulate_controller(loop.robot, program.motions)),
+        after=deviations(simulate_controller(loop.robot, correction.motions), correction.origin),
     )
 
 
@@ -321,7 +321,7 @@ def _true_placements(loop: ClosedLoop) -> dict[tuple[str, str], Placement]:
     """True poses of cutters and parts: the controller's, in the true base and on the true spindle."""
     into_tool = se3.inverse(loop.robot.T_flange_tool)
     out: dict[tuple[str, str], Placement] = {}
-    for move in loop.program.moves:
+    for move in loop.program.motions:
         out[move.tool.name, move.part.name] = Placement(
             T_tool_grasped=into_tool @ move.tool.T, T_base_fixed=move.part.T, part_in_hand=False
         )
@@ -337,7 +337,7 @@ def _touch_parts(
 ) -> dict[str, TouchedPart]:
     """The parts that are cut, each touched with the cutter that cuts it, before the milling begins."""
     parts: dict[str, TouchedPart] = {}
-    for number, move in enumerate(loop.program.moves):
+    for number, move in enumerate(loop.program.motions):
         if move.kind != "axes" and move.part.name not in parts:
             marks = MARKS + TOUCHED_PART * rng.normal(size=MARKS.shape)
             placement = placements[move.tool.name, move.part.name]
@@ -355,7 +355,7 @@ def _measure_cell(
     """Cutters measured against the reflectors, and parts touched with them."""
     tools: dict[str, Measured] = {}
     touched: dict[str, Measured] = {}
-    for move in program.moves:
+    for move in program.motions:
         name, part = move.tool.name, move.part.name
         if name.casefold() not in tools:
             inward = se3.inverse(placements[name, part].T_tool_grasped)

@@ -167,7 +167,7 @@ def closed_loop_page(
                         for line in LINES
                     ),
                     (
-                        str(len(loop.program.moves)),
+                        str(len(loop.program.motions)),
                         "",
                         "motions of the milling program, with arcs, two tools and two part frames",
                     ),

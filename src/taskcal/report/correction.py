@@ -58,7 +58,7 @@ def draw_errors(program: Program, lines: Mapping[str, Deviations], title: str) -
             x=deviations.move + deviations.share,
             y=np.maximum(deviations.length * 1e3, MIN_DRAWN_MM),
             colour=colour,
-            labels=[f"line {program.moves[i].place.line}" for i in deviations.move],
+            labels=[f"line {program.motions[i].place.line}" for i in deviations.move],
         )
         for (label, deviations), colour in zip(lines.items(), colours, strict=True)
     )
@@ -79,9 +79,9 @@ def draw_errors_per_axis(correction: Correction) -> Figure:
 
 def draw_program(correction: Correction) -> Scene:
     """Draw the programmed path, coloured by its error before correction; in each part's own frame."""
-    deviations, moves = correction.before, correction.program.moves
+    deviations, motions = correction.before, correction.program.motions
     position = correction.wanted.at(deviations.move, deviations.share)[:, :3, 3]
-    own = np.array([moves[i].part.name for i in deviations.move])
+    own = np.array([motions[i].part.name for i in deviations.move])
     top = float(deviations.length.max() * 1e3) if len(deviations.error) else 1.0
     layers: list[Mapping[str, Any]] = []
     for name in dict.fromkeys(own.tolist()):
@@ -89,7 +89,7 @@ def draw_program(correction: Correction) -> Scene:
         rows = rows[spread_rows(len(rows), MAX_POINTS_IN_SPACE)]
         if len(rows):
             length = deviations.length[rows] * 1e3
-            lines = [moves[i].place.line for i in deviations.move[rows]]
+            lines = [motions[i].place.line for i in deviations.move[rows]]
             tips = [f"line {line}: {error:.3f} mm" for line, error in zip(lines, length, strict=True)]
             label = f"{name or 'base'}: error before, dark 0 to bright {top:.3f} mm"
             layers.append(strokes(f"{name or 'base'}: path", [position[rows]], GREY))
@@ -373,8 +373,8 @@ def _errors(correction: Correction) -> Section:
 
 
 def _unchanged(correction: Correction) -> Section:
-    moves = correction.program.moves
-    rejected = group_remarks((moves[i].place, why) for i, why in sorted(correction.rejected.items()))
+    motions = correction.program.motions
+    rejected = group_remarks((motions[i].place, why) for i, why in sorted(correction.rejected.items()))
     diagnostics = group_remarks((diagnostic.place, diagnostic.text) for diagnostic in correction.diagnostics)
     listed = {"Rejected motions:": rejected, "Diagnostics:": diagnostics}
     blocks = [block for title, lines in listed.items() if lines for block in (title, Points(*lines))]

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from nicegui import ui
 from pydantic import ValidationError
 
-from robot_programs.core.program import Move
+from robot_programs.core.program import Motion
 from taskcal.correction.cell import AXES, MIN_POINTS, MIN_TIPS, CellFile, ExternalAxis, load_cell
 from taskcal.errors import TaskcalError, shown
 from taskcal.geometry import se3
@@ -274,10 +274,10 @@ class Named:
         return HELD if self.held else STANDING
 
 
-def named_in(moves: Iterable[Move]) -> list[Named]:
+def named_in(motions: Iterable[Motion]) -> list[Named]:
     """Tools and parts of motions, each once, in their order; those without a name are left out."""
     found: dict[tuple[str, str], Named] = {}
-    for move in moves:
+    for move in motions:
         one = Named(kind="tool", name=move.tool.name, held=not move.part_in_hand, T=move.tool.T)
         other = Named(kind="part", name=move.part.name, held=move.part_in_hand, T=move.part.T)
         for named in (one, other):

@@ -224,7 +224,7 @@ def program_poses(program: Program, robot: Robot) -> Float[np.ndarray, "n 4 4"]:
     """
     flange = [
         move.flange(move.end.T)
-        for move in program.moves
+        for move in program.motions
         if move.end.T is not None and not move.carrier and not move.part.moved and move.tool.stated
     ]
     if not flange:

@@ -206,7 +206,7 @@ def test_a_target_that_others_need_as_it_was_is_cloned(run: Run, cell, robot, tm
     old, new = path.read_text(), (tmp_path / "out.mod").read_text()
     declared = next(line for line in old.splitlines() if "robtarget pB" in line)
     assert declared in new  # the motion in the unknown frame still goes there
-    assert read_program(tmp_path / "out.mod").moves[1].end.name != "pB"
+    assert read_program(tmp_path / "out.mod").motions[1].end.name != "pB"
 
 
 def test_correct_writes_nothing_if_every_motion_is_refused(run: Run, cell, part, tmp_path):

@@ -42,8 +42,8 @@ def test_an_apt_path_is_corrected_by_its_points_and_arcs(run: Run, cell: Path, t
     robot = load_robot(IRB6660)
     old, new = (read_program(p, robot=robot) for p in (path, tmp_path / "out.apt"))
     assert not new.diagnostics
-    assert [move.kind for move in new.moves] == ["linear", "linear", "circular"]
-    shifts = [np.linalg.norm(b.end.T[:3, 3] - a.end.T[:3, 3]) for a, b in zip(old.moves, new.moves, strict=True)]
+    assert [move.kind for move in new.motions] == ["linear", "linear", "circular"]
+    shifts = [np.linalg.norm(b.end.T[:3, 3] - a.end.T[:3, 3]) for a, b in zip(old.motions, new.motions, strict=True)]
     assert all(1e-4 < shift < 5e-3 for shift in shifts)
 
 
@@ -52,7 +52,7 @@ def test_a_joint_path_in_csv_is_corrected_in_its_joints(run: Run, cell: Path, tm
     path.write_text("id,J1_deg,J2_deg,J3_deg,J4_deg,J5_deg,J6_deg\na,0,10,20,5,-40,10\nb,3,12,22,6,-42,12\n")
     ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.csv", "--json")
     assert ended.status == 0, ended.err
-    old, new = (read_program(p).moves for p in (path, tmp_path / "out.csv"))
+    old, new = (read_program(p).motions for p in (path, tmp_path / "out.csv"))
     change = np.degrees([b.end.q - a.end.q for a, b in zip(old, new, strict=True)])
     assert 1e-3 < np.abs(change).max() < 0.5
 
@@ -68,9 +68,9 @@ def test_corrected_apt_path_is_written_as_rapid_or_krl(run: Run, cell: Path, tmp
         # the finest zone of a controller, 0.3 mm, cuts a right angle by 0.3·√2/4; a table of points has none
         corner = 0.0 if name == "out.csv" else 0.3 * np.sqrt(2.0) / 4.0
         assert ended.json["after"]["targets"]["max_mm"] == pytest.approx(corner, abs=1e-3)
-        moves = read_program(tmp_path / name, robot=load_robot(IRB6660)).moves
-        assert [move.kind for move in moves] == ["linear", "linear", "circular"]
-        ends[name] = np.array([move.flange(move.end.T) for move in moves])
+        motions = read_program(tmp_path / name, robot=load_robot(IRB6660)).motions
+        assert [move.kind for move in motions] == ["linear", "linear", "circular"]
+        ends[name] = np.array([move.flange(move.end.T) for move in motions])
     for name in ("out.src", "out.csv"):
         np.testing.assert_allclose(ends[name][:, :3, 3], ends["out.mod"][:, :3, 3], atol=2e-7)
         np.testing.assert_allclose(ends[name][:, :3, :3], ends["out.mod"][:, :3, :3], atol=2e-7)

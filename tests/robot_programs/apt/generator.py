@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_programs.core.program import Move, Program, Waypoint
+from robot_programs.core.program import Motion, Program, Waypoint
 from taskcal.geometry import se3
 
 _NOISE = [
@@ -103,9 +103,9 @@ def generate(rng: np.random.Generator, trouble: bool = True) -> bytes:
 def nearby_waypoints(rng: np.random.Generator, program: Program, most: int) -> dict[int, tuple[Waypoint, ...]]:
     """New waypoints near the ends of some motions; arcs move as a whole, or become lines."""
     shift = rng.uniform(1e-5, 1e-3, 3)
-    curved = any(move.kind == "circular" for move in program.moves)
+    curved = any(move.kind == "circular" for move in program.motions)
     waypoints: dict[int, tuple[Waypoint, ...]] = {}
-    for number, move in enumerate(program.moves):
+    for number, move in enumerate(program.motions):
         if not curved and rng.random() < 0.5:
             continue
         if move.via is not None and rng.random() < 0.5:
@@ -116,7 +116,7 @@ def nearby_waypoints(rng: np.random.Generator, program: Program, most: int) -> d
     return waypoints
 
 
-def _waypoint(move: Move, shift: np.ndarray) -> Waypoint:
+def _waypoint(move: Motion, shift: np.ndarray) -> Waypoint:
     def moved(T: np.ndarray | None) -> np.ndarray:
         assert T is not None
         return se3.translation(*shift) @ T

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_programs.apt.read import AptProgram, read_apt
-from robot_programs.core.program import Frame, Move, Waypoint
+from robot_programs.core.program import Frame, Motion, Waypoint
 from robot_programs.core.source import Source
 from taskcal.robot.catalogue import load_robot
 
@@ -20,14 +20,14 @@ def read(text: str | bytes) -> AptProgram:
 
 
 def points(program: AptProgram) -> np.ndarray:
-    return np.array([move.end.T[:3, 3] for move in program.moves])
+    return np.array([move.end.T[:3, 3] for move in program.motions])
 
 
 def axes(program: AptProgram) -> np.ndarray:
-    return np.array([-move.end.T[:3, 2] for move in program.moves])
+    return np.array([-move.end.T[:3, 2] for move in program.motions])
 
 
-def moved(move: Move, shift: np.ndarray, turn: np.ndarray) -> Waypoint:
+def moved(move: Motion, shift: np.ndarray, turn: np.ndarray) -> Waypoint:
     def pose(T: np.ndarray) -> np.ndarray:
         out = T.copy()
         out[:3, :3] = Rotation.from_rotvec(turn).as_matrix() @ T[:3, :3]

@@ -15,11 +15,11 @@ from tests.robot_programs.apt.samples import CATIA, ROBOT, TOOL, axes, moved, po
 def test_a_path_of_catia_with_tool_axes_and_an_arc():
     program = read(CATIA)
     assert not program.diagnostics
-    rapid, plunge, arc = program.moves
-    assert [move.kind for move in program.moves] == ["linear", "linear", "circular"]
-    assert [move.speed for move in program.moves] == [None, pytest.approx(0.005), pytest.approx(0.005)]
-    assert [move.follows for move in program.moves] == [None, 0, 1]
-    assert [move.place.line for move in program.moves] == [12, 14, 18]
+    rapid, plunge, arc = program.motions
+    assert [move.kind for move in program.motions] == ["linear", "linear", "circular"]
+    assert [move.speed for move in program.motions] == [None, pytest.approx(0.005), pytest.approx(0.005)]
+    assert [move.follows for move in program.motions] == [None, 0, 1]
+    assert [move.place.line for move in program.motions] == [12, 14, 18]
     assert rapid.end.free_spin
     np.testing.assert_allclose(points(program), [[0.05, 0, 0.1], [0.05, 0, 0], [0, 0.05, 0]], atol=1e-12)
     np.testing.assert_allclose(axes(program), [[0, 0, 1], [0, 0.6, 0.8], [0, 0.6, 0.8]], atol=1e-12)
@@ -45,14 +45,14 @@ END-OF-PATH
 
 def test_a_path_of_nx():
     program = read(NX)
-    assert [move.place.line for move in program.moves] == [6, 8, 10, 11]
-    assert [move.kind for move in program.moves] == ["linear", "linear", "circular", "linear"]
-    assert [move.speed for move in program.moves] == pytest.approx([0.25 / 60, 0.01, 0.01, 0.01])
-    assert [move.follows for move in program.moves] == [None, 0, 1, 2]
+    assert [move.place.line for move in program.motions] == [6, 8, 10, 11]
+    assert [move.kind for move in program.motions] == ["linear", "linear", "circular", "linear"]
+    assert [move.speed for move in program.motions] == pytest.approx([0.25 / 60, 0.01, 0.01, 0.01])
+    assert [move.follows for move in program.motions] == [None, 0, 1, 2]
     np.testing.assert_allclose(axes(program), np.tile([0, 0.6, 0.8], (4, 1)), atol=1e-12)
     assert not program.diagnostics
     # clockwise about its axis: three quarters of the circle from (20, 0) to (25, 5)
-    np.testing.assert_allclose(program.moves[2].via.T[:3, 3], 1e-3 * np.array([20 - 12.5**0.5, 5 + 12.5**0.5, 5]))
+    np.testing.assert_allclose(program.motions[2].via.T[:3, 3], 1e-3 * np.array([20 - 12.5**0.5, 5 + 12.5**0.5, 5]))
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_a_path_of_nx():
 )
 def test_a_circle_that_is_not_certain_stays_as_it_is(circle, end, why):
     program = read(f"GOTO/20,0,5\nCIRCLE/{circle}\nGOTO/{end}\nGOTO/30,5,5\n")
-    assert [move.follows for move in program.moves] == [None, None]
+    assert [move.follows for move in program.motions] == [None, None]
     assert [diagnostic.place.line for diagnostic in program.diagnostics] == [3]
     assert why in program.diagnostics[0].text
 
@@ -78,23 +78,23 @@ def test_circle_sense_continues_the_line_before():
     for axis, rest in (("0,0,1", ""), ("0,0,-1", ",5,0.06,0.5,10,0")):
         program = read(f"GOTO/0,0,0\nGOTO/20,0,0\nCIRCLE/20,5,0,{axis}{rest}\nGOTO/25,5,0\n")
         via = 1e-3 * np.array([20 + 12.5**0.5, 5 - 12.5**0.5, 0])
-        np.testing.assert_allclose(program.moves[2].via.T[:3, 3], via, atol=1e-12)
+        np.testing.assert_allclose(program.motions[2].via.T[:3, 3], via, atol=1e-12)
 
 
 def test_a_full_circle_is_two_halves():
     program = read("GOTO/20,0,0\nCIRCLE/20,5,0,0,0,1\nGOTO/20,0,0\nGOTO/30,0,0\n")
-    assert [move.place.line for move in program.moves] == [1, 3, 3, 4]
+    assert [move.place.line for move in program.motions] == [1, 3, 3, 4]
     np.testing.assert_allclose(points(program)[1], [0.02, 0.01, 0], atol=1e-12)
-    np.testing.assert_allclose(program.moves[1].via.T[:3, 3], [0.025, 0.005, 0], atol=1e-12)
-    np.testing.assert_allclose(program.moves[2].via.T[:3, 3], [0.015, 0.005, 0], atol=1e-12)
+    np.testing.assert_allclose(program.motions[1].via.T[:3, 3], [0.025, 0.005, 0], atol=1e-12)
+    np.testing.assert_allclose(program.motions[2].via.T[:3, 3], [0.015, 0.005, 0], atol=1e-12)
 
 
 def test_cycle_points_are_read_without_their_action():
     """The points of a cycle are read and what it does there is not."""
     text = "GOTO/0,0,50\nCYCLE/INIT\nCYCLE/DRILL,FEDTO,10\nGOTO/0,0,0\nGOTO/20,0,0\nCYCLE/OFF\nGOTO/20,0,50\n"
     program = read(text)
-    assert [move.kind for move in program.moves] == ["linear", "joint", "joint", "linear"]
-    assert [move.follows for move in program.moves] == [None, 0, 1, None]
+    assert [move.kind for move in program.motions] == ["linear", "joint", "joint", "linear"]
+    assert [move.follows for move in program.motions] == [None, 0, 1, None]
     assert [str(diagnostic) for diagnostic in program.diagnostics] == [
         "path.apt:3: a cycle moves the tool at each of its points, which are corrected; what it does there is not read"
     ]
@@ -102,19 +102,19 @@ def test_cycle_points_are_read_without_their_action():
 
 def test_home_is_a_point_at_rapid_speed():
     program = read("FEDRAT/600\nGOTO/0,0,0\nGOHOME/1,2,3\n")
-    assert program.moves[0].speed == pytest.approx(0.01)
-    assert program.moves[1].speed is None
+    assert program.motions[0].speed == pytest.approx(0.01)
+    assert program.motions[1].speed is None
 
 
 def test_tools_are_told_by_the_names_by_which_they_are_loaded():
     text = "LOAD/TOOL,1\nGOTO/1,2,3\nLOAD/TOOL,02\nGOTO/4,5,6\nLOAD/TOOL,3\nGOTO/7,8,9\nLOAD/TOOL,1\nGOTO/1,2,3\n"
     second = Frame(name="2", T=np.eye(4))
     program = read_apt([Source.of(Path("path.apt"), text.encode())], tool=TOOL, tools={"2": second})
-    assert program.moves[1].tool is second
-    assert [(move.tool.name, move.tool.stated) for move in program.moves] == [
+    assert program.motions[1].tool is second
+    assert [(move.tool.name, move.tool.stated) for move in program.motions] == [
         ("mill", True), ("2", True), ("3", False), ("mill", True)
     ]  # fmt: skip
-    assert [move.follows for move in program.moves] == [None] * 4
+    assert [move.follows for move in program.motions] == [None] * 4
 
 
 def test_a_tool_axis_stays_until_another_one_is_stated():
@@ -149,9 +149,9 @@ def test_moved_coordinates_leave_motions_until_cleared(text):
     expected = f"{UNCERTAIN[text]}; the motion stays as it is"
     lasts = "{}" in text[-4:]
     assert [diagnostic.text for diagnostic in program.diagnostics] == [expected] * (3 if lasts else 2)
-    assert len(program.moves) == (0 if lasts else 1)
+    assert len(program.motions) == (0 if lasts else 1)
     if not lasts:
-        assert program.moves[0].follows is None
+        assert program.motions[0].follows is None
         np.testing.assert_allclose(points(program), [[0.004, 0.005, 0.006]])
 
 
@@ -163,7 +163,7 @@ def test_motions_whose_frame_or_tool_is_not_known_are_refused(text):
 
 def test_a_tool_that_waits_in_the_magazine_is_not_loaded():
     program = read("LOAD/TOOL,1\nSELECT/TOOL,2\nGOTO/1,2,3\nLOAD/TOOL,2\nGOTO/4,5,6\n")
-    assert [move.tool.stated for move in program.moves] == [True, False]
+    assert [move.tool.stated for move in program.motions] == [True, False]
 
 
 @pytest.mark.parametrize(
@@ -177,8 +177,8 @@ def test_a_tool_that_waits_in_the_magazine_is_not_loaded():
 )
 def test_every_way_to_load_a_tool(text):
     program = read(text.format("GOTO/1,2,3\n") + "GOTO/4,5,6\n")
-    assert [move.tool.stated for move in program.moves] == [False, True]
-    assert [move.follows for move in program.moves] == [None, None]
+    assert [move.tool.stated for move in program.motions] == [False, True]
+    assert [move.follows for move in program.motions] == [None, None]
 
 
 TURNED_SETUP = """TRNTYP/WORLD,0,0,0
@@ -195,7 +195,7 @@ def test_turned_setup_stays_in_the_first_frame_by_tool_axis():
     """Points of a turned setup stay in the first frame where their tool axis shows it."""
     program = read(TURNED_SETUP)
     assert not program.diagnostics
-    assert [move.follows for move in program.moves] == [None, None, 1]
+    assert [move.follows for move in program.motions] == [None, None, 1]
     np.testing.assert_allclose(points(program), [[0.01, 0.02, 0.03], [0.078, 0.035, -0.012], [0.078, 0.022, -0.012]])
     np.testing.assert_allclose(axes(program)[1:], [[1, 0, 0]] * 2, atol=1e-15)
 
@@ -203,7 +203,7 @@ def test_turned_setup_stays_in_the_first_frame_by_tool_axis():
 def test_turned_setup_is_read_again_after_correction():
     """Points of a turned setup are read again when they were corrected."""
     program = read(TURNED_SETUP)
-    waypoints = {n: (moved(m, np.full(3, 1e-3), np.array([0.01, 0.0, 0.01])),) for n, m in enumerate(program.moves)}
+    waypoints = {n: (moved(m, np.full(3, 1e-3), np.array([0.01, 0.0, 0.01])),) for n, m in enumerate(program.motions)}
     again = read(program.rewrite(ROBOT, waypoints)[0].encode())
     np.testing.assert_allclose(points(again), points(program) + 1e-3, atol=1e-8)
 
@@ -221,7 +221,7 @@ def test_turned_setup_is_read_again_after_correction():
 def test_moved_frame_is_refused_if_it_is_ambiguous(text):
     """Points of a moved frame are refused where their frame cannot be told."""
     program = read(text)
-    assert len(program.moves) == 1
+    assert len(program.motions) == 1
     assert len(program.diagnostics) == 2
     assert all(diagnostic.rejected for diagnostic in program.diagnostics)
     assert any(
@@ -235,6 +235,6 @@ def test_a_file_is_refused_without_a_tool_or_where_it_is_no_text():
         FileError, match=r"path\.apt: does not say what its positions are of; give the tool, or the robot"
     ):
         read_apt([source])
-    np.testing.assert_array_equal(read_apt([source], robot=ROBOT).moves[0].tool.T, ROBOT.T_flange_tool)
+    np.testing.assert_array_equal(read_apt([source], robot=ROBOT).motions[0].tool.T, ROBOT.T_flange_tool)
     with pytest.raises(FileError, match=r"path\.apt: is a binary file"):
         read(b"GOTO/\0")

@@ -13,11 +13,13 @@ def test_inches_feeds_and_increments_by_hand():
     np.testing.assert_allclose(
         points(program), 0.0254 * np.array([[1, 0, 1], [1, 0, 0], [1, 0, -2 / 25.4]]), atol=1e-15
     )
-    np.testing.assert_allclose([m.speed for m in program.moves], [0.0127, 0.0254, 0.0254])  # 60 in the unit stated: IPM
-    assert [m.follows for m in program.moves] == [None, 0, 1]
-    assert read("FEDRAT/0.2,MMPR\nGOTO/0,0,0").moves[0].speed is None
-    assert read("FEDRAT/PERMIN,120\nGOTO/0,0,0").moves[0].speed == pytest.approx(0.002)
-    assert read("UNITS/INCH\nFEDRAT/6\nGOTO/0,0,0").moves[0].speed == pytest.approx(0.00254)
+    np.testing.assert_allclose(
+        [m.speed for m in program.motions], [0.0127, 0.0254, 0.0254]
+    )  # 60 in the unit stated: IPM
+    assert [m.follows for m in program.motions] == [None, 0, 1]
+    assert read("FEDRAT/0.2,MMPR\nGOTO/0,0,0").motions[0].speed is None
+    assert read("FEDRAT/PERMIN,120\nGOTO/0,0,0").motions[0].speed == pytest.approx(0.002)
+    assert read("UNITS/INCH\nFEDRAT/6\nGOTO/0,0,0").motions[0].speed == pytest.approx(0.00254)
 
 
 @pytest.mark.parametrize("word", ["UNIT", "UNITS"])

@@ -21,16 +21,18 @@ programs = generators.map(generate)
 def test_rewrite_is_read_back_and_keeps_the_rest(data, rng):
     """Rewritten motions are read back and all others stay where they were."""
     program = read(data)
-    chosen = [n for n in range(len(program.moves)) if rng.random() < 0.5]
-    waypoints = {n: (moved(program.moves[n], rng.uniform(1e-5, 1e-3, 3), rng.uniform(-1e-3, 1e-3, 3)),) for n in chosen}
-    if any(m.kind == "circular" for m in program.moves):
+    chosen = [n for n in range(len(program.motions)) if rng.random() < 0.5]
+    waypoints = {
+        n: (moved(program.motions[n], rng.uniform(1e-5, 1e-3, 3), rng.uniform(-1e-3, 1e-3, 3)),) for n in chosen
+    }
+    if any(m.kind == "circular" for m in program.motions):
         shift = rng.uniform(1e-5, 1e-3, 3)
-        waypoints = {n: (moved(m, shift, np.zeros(3)),) for n, m in enumerate(program.moves)}
+        waypoints = {n: (moved(m, shift, np.zeros(3)),) for n, m in enumerate(program.motions)}
     (source,) = program.rewrite(ROBOT, waypoints)
     again = read(source.encode())
-    assert [m.kind for m in again.moves] == [m.kind for m in program.moves]
+    assert [m.kind for m in again.motions] == [m.kind for m in program.motions]
     assert len(again.diagnostics) == len(program.diagnostics)
-    for n, (old, new) in enumerate(zip(program.moves, again.moves, strict=True)):
+    for n, (old, new) in enumerate(zip(program.motions, again.motions, strict=True)):
         wanted = waypoints[n][0] if n in waypoints else Waypoint(kind=old.kind, q=np.zeros(6), T=old.end.T)
         np.testing.assert_allclose(new.end.T[:3, 3], wanted.T[:3, 3], atol=2e-8)
         if len(program.instructions[n].numbers) == 6:
@@ -45,24 +47,24 @@ def test_rewrite_is_read_back_and_keeps_the_rest(data, rng):
 @given(programs, generators)
 def test_more_waypoints_are_more_statements(data, rng):
     program = read(data)
-    if not program.moves:
+    if not program.motions:
         return
-    n = int(rng.integers(len(program.moves)))
-    move = program.moves[n]
+    n = int(rng.integers(len(program.motions)))
+    move = program.motions[n]
     middle, end = (
         Waypoint(kind="linear", q=np.zeros(6), T=moved(move, d, np.zeros(3)).T) for d in (np.full(3, 1e-3), np.zeros(3))
     )
     (source,) = program.rewrite(ROBOT, {n: (middle, end)})
     again = read(source.encode())
-    assert len(again.moves) == len(program.moves) + 1
-    np.testing.assert_allclose(again.moves[n].end.T[:3, 3], middle.T[:3, 3], atol=2e-8)
+    assert len(again.motions) == len(program.motions) + 1
+    np.testing.assert_allclose(again.motions[n].end.T[:3, 3], middle.T[:3, 3], atol=2e-8)
     np.testing.assert_allclose(np.delete(points(again), n, axis=0), points(program), atol=2e-8)
-    assert [m.speed for m in again.moves[n : n + 2]] == [move.speed] * 2
+    assert [m.speed for m in again.motions[n : n + 2]] == [move.speed] * 2
 
 
 def test_an_arc_becomes_two_arcs():
     program = read(CATIA)
-    arc = program.moves[2]
+    arc = program.motions[2]
 
     def around(angle: float) -> np.ndarray:
         target = 0.05 * np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -77,14 +79,14 @@ def test_an_arc_becomes_two_arcs():
     (source,) = program.rewrite(ROBOT, {2: tuple(pieces)})
     again = read(source.encode())
     assert not again.diagnostics
-    assert [move.kind for move in again.moves] == ["linear", "linear", "circular", "circular"]
-    np.testing.assert_allclose(again.moves[2].end.T[:3, 3], around(-1.0)[:3, 3], atol=2e-8)
-    np.testing.assert_allclose(again.moves[3].end.T[:3, 3], arc.end.T[:3, 3], atol=2e-8)
+    assert [move.kind for move in again.motions] == ["linear", "linear", "circular", "circular"]
+    np.testing.assert_allclose(again.motions[2].end.T[:3, 3], around(-1.0)[:3, 3], atol=2e-8)
+    np.testing.assert_allclose(again.motions[3].end.T[:3, 3], arc.end.T[:3, 3], atol=2e-8)
 
 
 def test_joint_positions_and_arcs_for_lines_are_refused():
     program = read("GOTO/1,2,3\n")
-    T = program.moves[0].end.T
+    T = program.motions[0].end.T
     with pytest.raises(TaskcalError, match=r"path\.apt:1: APT knows no joint positions; write the program in another"):
         program.rewrite(ROBOT, {0: (Waypoint(kind="axes", q=np.zeros(6), T=None),)})
     via = Waypoint(kind="circular", q=np.zeros(6), T=T)
@@ -108,4 +110,4 @@ def test_damaged_program_keeps_every_byte_or_is_refused(data, damages):
         assert "binary" in refusal
     else:
         assert program.rewrite(ROBOT, {})[0].encode() == data
-        assert len(program.moves) == len(program.instructions)
+        assert len(program.motions) == len(program.instructions)

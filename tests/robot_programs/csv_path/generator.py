@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robot_programs.core.program import Move, Program, Target, Waypoint
+from robot_programs.core.program import Motion, Program, Target, Waypoint
 from taskcal.geometry import se3
 
 _HEADERS = (
@@ -40,18 +40,18 @@ def nearby_waypoints(rng: np.random.Generator, program: Program, most: int) -> d
     """New waypoints near the ends of some motions."""
     return {
         number: tuple(_waypoint(rng, move) for _ in range(int(rng.integers(1, most + 1))))
-        for number, move in enumerate(program.moves)
+        for number, move in enumerate(program.motions)
         if rng.random() < 0.5
     }
 
 
-def _waypoint(rng: np.random.Generator, move: Move) -> Waypoint:
+def _waypoint(rng: np.random.Generator, move: Motion) -> Waypoint:
     via = None if move.via is None else _near(rng, move, move.via)
     near = _near(rng, move, move.end)
     return Waypoint(kind=near.kind, q=near.q, T=near.T, via=via)
 
 
-def _near(rng: np.random.Generator, move: Move, target: Target) -> Waypoint:
+def _near(rng: np.random.Generator, move: Motion, target: Target) -> Waypoint:
     if target.T is None:
         assert target.q is not None
         return Waypoint(kind="axes", q=target.q + rng.uniform(1e-3, 0.1, len(target.q)), T=None)

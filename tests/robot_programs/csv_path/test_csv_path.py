@@ -39,7 +39,7 @@ next,110,200,300.5,0,0,0.7071068,0.7071068,50,
 
 def test_poses_are_read_in_metres_and_follow_each_other():
     program = read(POSES)
-    first, second = program.moves
+    first, second = program.motions
     assert (first.kind, first.end.name, first.stops, first.speed, first.follows) == (
         "linear",
         "start",
@@ -59,8 +59,8 @@ def test_tool_axis_points_into_the_holder_and_leaves_spin_open(rng):
     axis = rng.normal(size=3)
     axis /= np.linalg.norm(axis)
     program = read("x_mm,y_mm,z_mm,i,j,k\n1,2,3," + ",".join(map(repr, map(float, axis))))
-    R = program.moves[0].end.T[:3, :3]
-    assert program.moves[0].end.free_spin
+    R = program.motions[0].end.T[:3, :3]
+    assert program.motions[0].end.free_spin
     np.testing.assert_allclose(R[:, 2], -axis, atol=1e-12)
     np.testing.assert_allclose(R.T @ R, np.eye(3), atol=1e-12)
     assert np.linalg.det(R) == pytest.approx(1.0)
@@ -68,7 +68,7 @@ def test_tool_axis_points_into_the_holder_and_leaves_spin_open(rng):
 
 def test_without_a_tool_the_robots_own_one_moves():
     program = read(POSES, tool=None, robot=ROBOT)
-    np.testing.assert_array_equal(program.moves[0].tool.T, ROBOT.T_flange_tool)
+    np.testing.assert_array_equal(program.motions[0].tool.T, ROBOT.T_flange_tool)
     with pytest.raises(
         FileError, match=r"path\.csv: does not say what its positions are of; give the tool, or the robot"
     ):
@@ -77,7 +77,7 @@ def test_without_a_tool_the_robots_own_one_moves():
 
 def test_an_arc_becomes_lines_or_stays_an_arc():
     program = read(ARC)
-    via, end = program.moves[1].via.T, program.moves[1].end.T
+    via, end = program.motions[1].via.T, program.motions[1].end.T
     (lines,) = program.rewrite(ROBOT, {1: (to(shifted(via, 0.001)), to(shifted(end, 0.002)))})
     assert [row[:3] for row in cells(lines)[2:4]] == [
         ["linear", "11.000000", "10.000000"],
@@ -91,7 +91,7 @@ def test_an_arc_becomes_lines_or_stays_an_arc():
 
 def test_more_waypoints_become_rows_before_the_motions_own():
     program = read(POSES)
-    end = program.moves[1].end.T
+    end = program.motions[1].end.T
     (source,) = program.rewrite(ROBOT, {1: (to(shifted(end, -0.005)), to(end))})
     head, start, *more = POSES.splitlines()
     assert source.text.splitlines() == [head, start, more[0].replace("110", "105.000000"), more[0]]
@@ -99,7 +99,7 @@ def test_more_waypoints_become_rows_before_the_motions_own():
 
 def test_what_the_columns_cannot_hold_is_refused():
     program = read(POSES)
-    T = program.moves[0].end.T
+    T = program.motions[0].end.T
     for waypoint in (Waypoint(kind="axes", q=np.zeros(6), T=None), to(T, "circular", to(T)), to(T, "joint")):
         with pytest.raises(TaskcalError, match=r"path\.csv:2: .*; write the program in another language"):
             program.rewrite(ROBOT, {0: (waypoint,)})
@@ -108,8 +108,8 @@ def test_what_the_columns_cannot_hold_is_refused():
 @given(paths, generators)
 def test_rewriting_changes_only_the_numbers_of_the_motions_named(data, rng):
     program = read(data)
-    n = int(rng.integers(len(program.moves)))
-    move = program.moves[n]
+    n = int(rng.integers(len(program.motions)))
+    move = program.motions[n]
     if move.end.T is None:
         wanted = Waypoint(kind="axes", q=move.end.q + rng.uniform(1e-3, 0.1, 6), T=None)
     else:
@@ -119,13 +119,13 @@ def test_rewriting_changes_only_the_numbers_of_the_motions_named(data, rng):
         wanted = to(T)
     (source,) = program.rewrite(ROBOT, {n: (wanted,)})
     again = read(source.encode())
-    assert len(again.moves) == len(program.moves)
+    assert len(again.motions) == len(program.motions)
     if wanted.T is None:
-        np.testing.assert_allclose(again.moves[n].end.q, wanted.q, atol=1e-11)
+        np.testing.assert_allclose(again.motions[n].end.q, wanted.q, atol=1e-11)
     else:
-        np.testing.assert_allclose(again.moves[n].end.T[:3, 3], wanted.T[:3, 3], atol=1e-9)
-        np.testing.assert_allclose(again.moves[n].end.T[:3, 2], wanted.T[:3, 2], atol=1e-8)
+        np.testing.assert_allclose(again.motions[n].end.T[:3, 3], wanted.T[:3, 3], atol=1e-9)
+        np.testing.assert_allclose(again.motions[n].end.T[:3, 2], wanted.T[:3, 2], atol=1e-8)
         if not move.end.free_spin:
-            np.testing.assert_allclose(again.moves[n].end.T[:3, :3], wanted.T[:3, :3], atol=1e-8)
+            np.testing.assert_allclose(again.motions[n].end.T[:3, :3], wanted.T[:3, :3], atol=1e-8)
     before, after = data.splitlines(), source.encode().splitlines()
     assert [i for i in range(len(before)) if before[i] != after[i]] == [move.place.line - 1]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robot_programs.core.program import Move, Program, Waypoint, rotation
+from robot_programs.core.program import Motion, Program, Waypoint, rotation
 from taskcal.robot.catalogue import load_robot
 
 ROBOT = load_robot("kuka-kr16-2")
@@ -11,7 +11,7 @@ Q = np.radians([5.0, -70.0, 95.0, 10.0, -30.0, -20.0])
 """Joint positions of all of them: they decide status and turn only."""
 
 
-def nearby(rng: np.random.Generator, move: Move, size: float = 1e-3) -> Waypoint:
+def nearby(rng: np.random.Generator, move: Motion, size: float = 1e-3) -> Waypoint:
     """Not far from a motion's end, metres and radians."""
     if move.end.T is None:
         assert move.end.q is not None
@@ -24,7 +24,7 @@ def nearby_waypoints(rng: np.random.Generator, program: Program, most: int) -> d
     """For about half of the motions, up to so many waypoints each; none for those that cannot be rewritten for others' sake."""
     waypoints = {
         i: tuple(nearby(rng, move) for _ in range(int(rng.integers(1, most + 1))))
-        for i, move in enumerate(program.moves)
+        for i, move in enumerate(program.motions)
         if rng.random() < 0.5
     }
     cannot = program.unwritable(ROBOT, waypoints, tolerance=0.0)

@@ -11,7 +11,7 @@ from tests.robot_programs.krl.small_programs import FRAMES, POSE, read
 
 def sizes(program):
     """Distance in millimetres and share of every motion's zone; None where it is not known."""
-    return [None if m.zone is None else (round(m.zone.distance * 1e3, 9), m.zone.share) for m in program.moves]
+    return [None if m.zone is None else (round(m.zone.distance * 1e3, 9), m.zone.share) for m in program.motions]
 
 
 @pytest.mark.parametrize(
@@ -36,21 +36,21 @@ def test_a_distance_is_that_of_the_line_before(body, distance):
     program = read(FRAMES + body.replace("{P}", POSE).replace("{F}", FRAMES))
     (found,) = sizes(program)
     assert found == (None if distance is None else (distance, np.inf))
-    assert not program.moves[0].stops
+    assert not program.motions[0].stops
 
 
 def test_a_share_of_motions_of_the_joints_is_of_half_their_way():
     program = read(f"{FRAMES}$APO.CPTP=50\nPTP {POSE} C_PTP\nLIN {POSE} C_PTP\nPTP {POSE} C_PTP C_DIS\nPTP {POSE}")
     assert sizes(program) == [(np.inf, 0.25), None, None, (0.0, np.inf)]
-    assert program.moves[-1].zone is THROUGH_TARGET
+    assert program.motions[-1].zone is THROUGH_TARGET
 
 
 def test_the_inline_forms_set_it_from_their_parameters():
     """As KUKA's bas.src does: APO_DIST of PDAT counts in percent, that of LDAT in millimetres."""
     program = read_krl(handling())
-    by_target = {move.end.name: move for move in program.moves}
+    by_target = {move.end.name: move for move in program.motions}
     assert by_target["XP4"].zone.distance == pytest.approx(0.05)
-    passing = [move for move in program.moves if move.end.name == "XP1" and not move.stops]
+    passing = [move for move in program.motions if move.end.name == "XP1" and not move.stops]
     assert [move.zone.share for move in passing] == [0.5]
 
 

@@ -14,7 +14,7 @@ AT_X = "LIN {X X,Y 0,Z 800,A 0,B 90,C 0}\n"
 
 def lines(body: str, more: str = FOUND, dat: str = "") -> list[int]:
     """Lines of the body whose motions are read, counted from 0."""
-    return [move.place.line - 2 for move in read(body, more=more, dat=dat).moves]
+    return [move.place.line - 2 for move in read(body, more=more, dat=dat).motions]
 
 
 @pytest.mark.parametrize("number", [" 5", ""])
@@ -69,7 +69,7 @@ def test_interrupt_that_resumes_leaves_what_it_set():
 def test_interrupt_that_changes_base_data_makes_it_unknown():
     body = f"{DECLARED}INTERRUPT ON 5\n$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[1]\n{LINE}"
     program = read(body, more="DEF FOUND( )\nBASE_DATA[1].X=5\nEND\n")
-    assert not program.moves
+    assert not program.motions
     assert "BASE_DATA[1] is changed by the program, at part.src:10" in texts(program)[0]
 
 
@@ -77,8 +77,8 @@ def test_submit_program_that_changes_base_data_makes_it_unknown():
     part = f"DEF PART( )\n$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[1]\n{LINE}END\n"
     submit = "DEF SPS( )\nBASE_DATA[1].X=5\nEND\n"
     sources = [source("part.src", part), source("$config.dat", CONFIG_DAT)]
-    assert not read_krl([*sources, source("sps.sub", submit)]).moves
-    assert len(read_krl([*sources, source("other.src", submit)]).moves) == 1
+    assert not read_krl([*sources, source("sps.sub", submit)]).motions
+    assert len(read_krl([*sources, source("other.src", submit)]).motions) == 1
 
 
 def test_variable_handed_to_interrupt_is_unknown_while_on():
@@ -115,13 +115,13 @@ def test_analog_signal_is_unknown_until_assigned_after_off(dat):
 
 def test_followed_analog_signal_overrides_the_data_list():
     program = read(f"{FRAMES}ANIN ON X=1.0*SENSOR\n{AT_X}", dat="DECL REAL X=900.0")
-    assert not program.moves
+    assert not program.motions
 
 
 def test_what_the_files_miss_of_interrupts_is_named():
     body = f"{DECLARED}{FRAMES}INTERRUPT ON 5\nINTERRUPT ON 7\nTRIGGER WHEN DISTANCE=0 DELAY=0 DO MARK( )\n{LINE}"
     program = read(body)
-    assert len(program.moves) == 1
+    assert len(program.motions) == 1
     said = " ".join(texts(program))
     assert "FOUND is not in the files given; the INTERRUPT that calls it" in said
     assert "interrupt 7 is declared in none of the files given" in said
@@ -131,4 +131,4 @@ def test_what_the_files_miss_of_interrupts_is_named():
 def test_interrupt_of_the_controller_itself_is_known():
     body = f"GLOBAL INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO IR_STOPM ( )\nINTERRUPT ON 3\n{FRAMES}{LINE}"
     program = read(body)
-    assert (len(program.moves), texts(program)) == (1, [])
+    assert (len(program.motions), texts(program)) == (1, [])

@@ -19,7 +19,7 @@ def heights(body: str, dat: str = POINTS, more: str = "") -> list[float]:
     """Heights of all motions, in the order of the text."""
     program = read(DECLARED + FRAMES + body, dat=dat, more=more)
     assert not texts(program)
-    return [round(float(move.end.T[2, 3]) * 1e3, 6) for move in program.moves]
+    return [round(float(move.end.T[2, 3]) * 1e3, 6) for move in program.motions]
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_motion_known_on_some_ways_only_is_left(body):
     program = read(
         DECLARED + FRAMES + body, dat=f"{POINTS}\nDECL BOOL UP=TRUE\nDECL INT COUNT=2"
     )  # set by hand as well
-    assert not program.moves
+    assert not program.motions
     assert any("LIN stays as it is: " in text for text in texts(program))
 
 
@@ -97,13 +97,13 @@ def test_copy_of_a_data_list_number_decides_nothing():
 def test_blocks_that_do_not_match_are_named():
     program = read(f"{FRAMES}IF $IN[1] THEN\nLIN {POSE}\nENDFOR\nLIN {POSE}")
     assert any("part.src:6: ENDFOR does not match the blocks of PART" in text for text in texts(program))
-    assert not program.moves
+    assert not program.motions
 
 
 def test_a_loop_begins_where_its_turn_before_ended():
     program = read(f"{DECLARED}{FRAMES}PTP {POSE}\nFOR I=1 TO 3\nLIN Q[I]\nLIN_REL {{Z 5}}\nENDFOR", dat=POINTS)
-    order = sorted(range(7), key=lambda i: program.moves[i].follows if program.moves[i].follows is not None else -1)
-    assert [round(float(program.moves[i].end.T[2, 3]) * 1e3, 6) for i in range(7)] == [
+    order = sorted(range(7), key=lambda i: program.motions[i].follows if program.motions[i].follows is not None else -1)
+    assert [round(float(program.motions[i].end.T[2, 3]) * 1e3, 6) for i in range(7)] == [
         800,
         810,
         820,
@@ -112,20 +112,20 @@ def test_a_loop_begins_where_its_turn_before_ended():
         825,
         835,
     ]
-    assert [move.follows for move in program.moves] == [None, 0, 4, 5, 1, 2, 3]
+    assert [move.follows for move in program.motions] == [None, 0, 4, 5, 1, 2, 3]
     assert order[0] == 0
 
 
 def test_undecided_loop_keeps_what_each_turn_sets_alike():
     """What an undecided loop does the same in each turn still holds."""
     body = f"{FRAMES}LOOP\n$BASE=BASE_DATA[1]\nLIN {POSE}\n$BASE=$NULLFRAME\nLIN {POSE}\nENDLOOP"
-    assert [move.part.name for move in read(body).moves] == ["BASE_DATA[1]", "$NULLFRAME"]
+    assert [move.part.name for move in read(body).motions] == ["BASE_DATA[1]", "$NULLFRAME"]
 
 
 def test_unreached_motions_are_read_with_their_own_settings():
     """Palletizing programs teach their points behind a GOTO to the end."""
     body = f"{FRAMES}GOTO FINAL\nBAS(#TOOL,1)\nBAS(#BASE,2)\n$IPO_MODE=#BASE\nPTP {POSE}\nFINAL:\nPTP {POSE}"
-    assert [(move.tool.name, move.part.name) for move in read(body).moves] == [
+    assert [(move.tool.name, move.part.name) for move in read(body).motions] == [
         ("TOOL_DATA[1]", "BASE_DATA[2]"), ("$TOOL", "$NULLFRAME")
     ]  # fmt: skip
     (diagnostic,) = texts(read(f"{FRAMES}RETURN\nLIN {POSE}"))
@@ -137,16 +137,16 @@ def test_variables_that_a_call_hands_over_come_back():
     assert heights(f"P={POSE}\nSHIFT(P,25)\nLIN P\nSHIFT(P,25)\nLIN P", more=shift) == [825, 850]
     both = "DEF SHIFT(P,D :IN)\nDECL E6POS P\nREAL D\nP.Z=P.Z+D\nXG.Z=0\nEND\n"
     program = read(f"{FRAMES}XG={POSE}\nSHIFT(XG,25)\nLIN XG", dat=f"DECL GLOBAL E6POS XG={POSE}", more=both)
-    assert not program.moves
+    assert not program.motions
 
 
 def test_points_on_a_circle_are_computed():
     body = f"REAL R\nR=50\nP={POSE}\nFOR I=0 TO 90 STEP 30\nP.X=900+R/4*SIN(I)\nP.Z=800+R*COS(I)\nLIN P C_DIS\nENDFOR"
     program = read(DECLARED + FRAMES + body)
     angles = np.radians([0, 30, 60, 90])
-    np.testing.assert_allclose([m.end.T[0, 3] for m in program.moves], 0.9 + 0.0125 * np.sin(angles), atol=1e-9)
-    np.testing.assert_allclose([m.end.T[2, 3] for m in program.moves], 0.8 + 0.05 * np.cos(angles), atol=1e-9)
-    assert not read(DECLARED + FRAMES + body.replace("REAL R", "INT R")).moves
+    np.testing.assert_allclose([m.end.T[0, 3] for m in program.motions], 0.9 + 0.0125 * np.sin(angles), atol=1e-9)
+    np.testing.assert_allclose([m.end.T[2, 3] for m in program.motions], 0.8 + 0.05 * np.cos(angles), atol=1e-9)
+    assert not read(DECLARED + FRAMES + body.replace("REAL R", "INT R")).motions
 
 
 def test_what_a_function_returns_counts():
@@ -162,24 +162,24 @@ def test_resuming_interrupt_may_leave_a_call():
     search = f"DEF SEARCH( )\nLIN {HIGH}\n$BASE=BASE_DATA[1]\nEND\nDEF FOUND( )\nBRAKE\nRESUME\nEND\n"
     body = f"INTERRUPT DECL 5 WHEN $IN[1] DO FOUND( )\n{FRAMES}SEARCH( )\nLIN {POSE}"
     program = read(body, more=search)
-    assert [move.routine for move in program.moves] == ["SEARCH"]
+    assert [move.routine for move in program.motions] == ["SEARCH"]
     assert "an interrupt may resume behind it" in texts(program)[0]
-    assert len(read(body, more=search.replace("RESUME", "HALT")).moves) == 2
+    assert len(read(body, more=search.replace("RESUME", "HALT")).motions) == 2
 
 
 def test_known_index_changes_one_element():
     """A computed index that is known changes that element alone."""
     body = "INT N\nN=10\nTOOL_DATA[N]={X 0,Y 0,Z 50,A 0,B 0,C 0}\nBAS(#TOOL,1)\n$BASE=$NULLFRAME\nLIN " + POSE
-    (move,) = read(body).moves
+    (move,) = read(body).motions
     assert move.tool.name == "TOOL_DATA[1]"
     program = read(body.replace("N=10", "N=$ANIN[1]"))
-    assert not program.moves
+    assert not program.motions
 
 
 def test_a_motion_known_in_some_calls_only_is_left():
     more = "DEF GO(N :IN)\nINT N\nLIN Q[N]\nEND\n"
     program = read(f"{FRAMES}GO(1)\nGO($ANIN[1])", dat=POINTS, more=more)
-    assert not program.moves
+    assert not program.motions
     np.testing.assert_equal(len(texts(program)), 1)
 
 
@@ -188,15 +188,15 @@ def test_robot_position_is_known_after_a_known_motion():
     body = f"LIN {HIGH}\nP=$POS_ACT\nP.Z=P.Z-50\nLIN P\nP=$POS_ACT:{{X 0,Y 0,Z 10,A 0,B 0,C 0}}\nLIN P\nPTP $POS_ACT"
     assert heights(body) == [900, 850, 850]
     program = read(f"{DECLARED}{FRAMES}P=$POS_ACT\nP.Z=P.Z-50\nLIN P")
-    assert not program.moves
+    assert not program.motions
     program = read(f"{DECLARED}{FRAMES}LIN {HIGH}\n$BASE=BASE_DATA[1]\nP=$POS_ACT\nP.Z=P.Z-50\nLIN P")
-    assert len(program.moves) == 1
+    assert len(program.motions) == 1
 
 
 def test_point_from_the_robot_position_is_written_whole():
     """What counts from the place of the robot is written whole where that moves."""
     program = read(f"{DECLARED}{FRAMES}LIN {HIGH}\nP=$POS_ACT\nP.Z=P.Z-50\nLIN P")
-    T = program.moves[0].end.T.copy()
+    T = program.motions[0].end.T.copy()
     T[2, 3] += 1e-3
     again = program.reread(program.rewrite(KR16, {0: (Waypoint(kind="linear", q=Q, T=T),)}))
-    np.testing.assert_allclose([move.end.T[2, 3] for move in again.moves], [0.901, 0.85], atol=1e-9)
+    np.testing.assert_allclose([move.end.T[2, 3] for move in again.motions], [0.901, 0.85], atol=1e-9)

@@ -14,15 +14,15 @@ ROBOT = load_robot("kuka-kr16-2")
 def ends(body: str) -> np.ndarray:
     program = read(FRAMES + body)
     assert not texts(program)
-    return np.array([move.end.T[:3, 3] * 1e3 for move in program.moves])
+    return np.array([move.end.T[:3, 3] * 1e3 for move in program.motions])
 
 
 def test_what_a_point_leaves_out_is_as_it_was_before():
     body = f"LIN {POSE}\nLIN {{Z 700}}\nLIN {{X 850,A 10,B 80,C 0}}\nLIN {{Y 5}}"
     np.testing.assert_allclose(ends(body), [[900, 0, 800], [900, 0, 700], [850, 0, 700], [850, 5, 700]])
     program = read(FRAMES + body)
-    np.testing.assert_allclose(program.moves[3].end.T[:3, :3], program.moves[2].end.T[:3, :3], atol=1e-15)
-    turned = read("PTP {A1 1,A2 -90,A3 90,A4 0,A5 30,A6 0}\nPTP {A1 20,A5 40}").moves[1]
+    np.testing.assert_allclose(program.motions[3].end.T[:3, :3], program.motions[2].end.T[:3, :3], atol=1e-15)
+    turned = read("PTP {A1 1,A2 -90,A3 90,A4 0,A5 30,A6 0}\nPTP {A1 20,A5 40}").motions[1]
     np.testing.assert_allclose(np.degrees(turned.end.q), [20, -90, 90, 0, 40, 0])
 
 
@@ -30,7 +30,7 @@ def test_a_distance_is_along_the_base_or_the_tool():
     np.testing.assert_allclose(ends(f"LIN {POSE}\nLIN_REL {{X 10,Z -5}} C_DIS")[1], [910, 0, 795])
     along_tool = ends(f"LIN {POSE}\nLIN_REL {{X 10}} C_DIS #TOOL")[1]
     np.testing.assert_allclose(along_tool, [900, 0, 790])  # B 90 turns the tool's x down
-    turned = read("PTP {A1 1,A2 -90,A3 90,A4 0,A5 30,A6 0}\nPTP_REL {A1 20,A5 -5}").moves[1]
+    turned = read("PTP {A1 1,A2 -90,A3 90,A4 0,A5 30,A6 0}\nPTP_REL {A1 20,A5 -5}").motions[1]
     np.testing.assert_allclose(np.degrees(turned.end.q), [21, -90, 90, 0, 25, 0], atol=1e-12)
 
 
@@ -50,7 +50,7 @@ def test_a_distance_is_along_the_base_or_the_tool():
 )
 def test_what_it_counts_from_has_to_be_known(body, why):
     program = read(FRAMES + body)
-    assert len(program.moves) == 1
+    assert len(program.motions) == 1
     assert why in texts(program)[0]
 
 
@@ -58,24 +58,24 @@ def test_what_it_counts_from_has_to_be_known(body, why):
 def test_a_motion_that_counts_from_another_is_written_whole(line):
     """Where either moves: what it counts from is then not where it was."""
     program = read(f"{FRAMES}LIN {POSE}\n{line}")
-    first, second = program.moves
+    first, second = program.motions
     assert program.rewrite(ROBOT, {})[0].text == program.sources[0].text
     for changed in ((0,), (1,), (0, 1)):
-        T = {n: se3.translation(0.001, 0.0, 0.0) @ move.end.T for n, move in enumerate(program.moves) if n in changed}
+        T = {n: se3.translation(0.001, 0.0, 0.0) @ move.end.T for n, move in enumerate(program.motions) if n in changed}
         waypoints = {n: (Waypoint(kind="linear", q=np.zeros(6), T=pose),) for n, pose in T.items()}
         again = program.reread(program.rewrite(ROBOT, waypoints))
         assert not texts(again)
-        for n, (new, old) in enumerate(zip(again.moves, (first, second), strict=True)):
+        for n, (new, old) in enumerate(zip(again.motions, (first, second), strict=True)):
             np.testing.assert_allclose(new.end.T, T.get(n, old.end.T), atol=1e-8)
-        assert [move.stops for move in again.moves] == [True, False]
+        assert [move.stops for move in again.motions] == [True, False]
 
 
 def test_the_points_of_a_spline_are_read_and_it_stays_whole():
     body = f"LIN {POSE}\nSPLINE\nSPL {{X 910,Y 0,Z 800,A 0,B 90,C 0}}\nSLIN {{X 920,Y 0,Z 800,A 0,B 90,C 0}}\nENDSPLINE\nLIN {POSE}"
     program = read(FRAMES + body)
-    assert [move.follows for move in program.moves] == [None, None, None, 2]
-    assert [move.divisible for move in program.moves] == [True, False, False, True]
-    T = se3.translation(0.001, 0.0, 0.0) @ program.moves[1].end.T
+    assert [move.follows for move in program.motions] == [None, None, None, 2]
+    assert [move.divisible for move in program.motions] == [True, False, False, True]
+    T = se3.translation(0.001, 0.0, 0.0) @ program.motions[1].end.T
     (source, *_) = program.rewrite(ROBOT, {1: (Waypoint(kind="linear", q=np.zeros(6), T=T),)})
     assert "SPL {X 911" in source.text
     assert source.text.count("SPL") == program.sources[0].text.count("SPL")
@@ -87,16 +87,16 @@ def test_relative_arc_counts_both_points_from_its_start(keyword):
     program = read(f"{FRAMES}LIN {POSE}\n{keyword} {{X 20,Y 20}},{{Y 40,Z -1}} C_DIS")
     assert not texts(program)
     assert program.rewrite(ROBOT, {})[0].text == program.sources[0].text
-    arc = program.moves[1]
+    arc = program.motions[1]
     Ry = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])  # B 90
     for pose, mm in ((arc.via.T, [920, 20, 800]), (arc.end.T, [900, 40, 799])):
         np.testing.assert_allclose(pose[:3, 3] * 1e3, mm, atol=1e-9)
         np.testing.assert_allclose(pose[:3, :3], Ry, atol=1e-12)
     T = se3.translation(0.001, 0.0, 0.0)
-    waypoints = {0: (Waypoint(kind="linear", q=np.zeros(6), T=T @ program.moves[0].end.T),)}
+    waypoints = {0: (Waypoint(kind="linear", q=np.zeros(6), T=T @ program.motions[0].end.T),)}
     (source, *_) = again = program.rewrite(ROBOT, waypoints)
     assert f"\n{keyword.removesuffix('_REL')} {{E6POS: X 920" in source.text.replace("\r", "")
-    kept = program.reread(again).moves[1]
+    kept = program.reread(again).motions[1]
     np.testing.assert_allclose(kept.end.T, arc.end.T, atol=1e-8)
     np.testing.assert_allclose(kept.via.T, arc.via.T, atol=1e-8)
 
@@ -107,12 +107,12 @@ def test_a_distance_that_is_a_product_is_one_step():
 
 def test_external_axes_stay_where_a_distance_does_not_move_them():
     program = read(f"{FRAMES}LIN {POSE[:-1]},E1 50}}\nLIN_REL {{X 10,E1 0}}")
-    assert [bool(np.isnan(move.external[0])) for move in program.moves] == [False, True]
+    assert [bool(np.isnan(move.external[0])) for move in program.motions] == [False, True]
 
 
 def test_a_point_of_a_spline_that_is_written_whole_stays_one():
     program = read(f"{FRAMES}SPLINE\nSPL {POSE}\nSPL {{X 910}}\nENDSPLINE")
-    T = se3.translation(0.001, 0.0, 0.0) @ program.moves[1].end.T
+    T = se3.translation(0.001, 0.0, 0.0) @ program.motions[1].end.T
     (source, *_) = program.rewrite(ROBOT, {1: (Waypoint(kind="linear", q=np.zeros(6), T=T),)})
     assert "SPL {E6POS: X 911.0" in source.text
     assert "SLIN" not in source.text
@@ -121,12 +121,12 @@ def test_a_point_of_a_spline_that_is_written_whole_stays_one():
 def test_a_motion_to_where_the_robot_is_moves_nothing():
     program = read(f"{FRAMES}PTP $POS_ACT\nLIN {POSE}\nPTP $AXIS_ACT\nLIN {{Z 700}}")
     assert not texts(program)
-    assert [move.follows for move in program.moves] == [None, 0]
+    assert [move.follows for move in program.motions] == [None, 0]
 
 
 def test_components_of_the_parameters_count():
     text = f"FDAT_ACT={{TOOL_NO 1,BASE_NO 0}}\nFDAT_ACT.BASE_NO=1\nBAS(#FRAMES)\nLIN {POSE}"
-    (move,) = read(text).moves
+    (move,) = read(text).motions
     assert move.part.name == "BASE_DATA[1]"
 
 
@@ -142,4 +142,4 @@ def test_what_the_controller_s_own_routine_changes_is_known():
             source("$config.dat", CONFIG_DAT),
         ]
     )
-    assert len(program.moves) == 1
+    assert len(program.motions) == 1

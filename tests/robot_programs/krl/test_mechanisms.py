@@ -32,25 +32,25 @@ def config(kind: str, controller: int = 1, index: int = 2) -> str:
 def test_a_base_by_ek_is_in_what_the_external_axis_carries(line):
     """EX_BASE of bas.src is this assignment."""
     program = read(TOOL + line)
-    (by_function,), (by_number,) = program.moves, read(f"{TOOL}BAS(#EX_BASE,2)\nLIN {POSE}").moves
+    (by_function,), (by_number,) = program.motions, read(f"{TOOL}BAS(#EX_BASE,2)\nLIN {POSE}").motions
     assert by_function.carrier == by_number.carrier == "an external kinematic system"
     assert (by_function.part.name, by_function.part.T.tobytes()) == (by_number.part.name, by_number.part.T.tobytes())
     assert program.rewrite(ROBOT, {})[0].text == program.sources[0].text
     waypoint = nearby(np.random.default_rng(1), by_function)
-    (again,) = program.reread(program.rewrite(ROBOT, {0: (waypoint,)})).moves
+    (again,) = program.reread(program.rewrite(ROBOT, {0: (waypoint,)})).motions
     assert again.carrier
     np.testing.assert_allclose(again.end.T, waypoint.T, atol=2e-8)
 
 
 def test_the_frame_of_ek_may_be_computed_or_left_out():
-    (plain,) = read(f"{TOOL}$BASE=EK({ON_EXTERNAL})\nLIN {POSE}").moves
+    (plain,) = read(f"{TOOL}$BASE=EK({ON_EXTERNAL})\nLIN {POSE}").motions
     assert plain.carrier
     np.testing.assert_array_equal(plain.part.T, np.eye(4))
     (moved,) = read(
         f"{TOOL}$BASE=EK({ON_EXTERNAL},{{X 5,Y 0,Z 0,A 0,B 0,C 0}}:{{X 1,Y 0,Z 0,A 0,B 0,C 0}})\nLIN {POSE}"
-    ).moves
+    ).motions
     np.testing.assert_allclose(moved.part.T[:3, 3], [0.006, 0, 0], atol=1e-15)
-    behind = read(f"{TOOL}$BASE=EK({ON_EXTERNAL})\nLIN {POSE}\n$BASE=BASE_DATA[2]\nLIN {POSE}").moves
+    behind = read(f"{TOOL}$BASE=EK({ON_EXTERNAL})\nLIN {POSE}\n$BASE=BASE_DATA[2]\nLIN {POSE}").motions
     assert [bool(move.carrier) for move in behind] == [True, False]
 
 
@@ -66,7 +66,7 @@ def test_the_frame_of_ek_may_be_computed_or_left_out():
 )
 def test_what_else_moves_a_base_is_named(line, reason):
     program = read(f"{TOOL}{line}\nLIN {POSE}")
-    assert not program.moves
+    assert not program.motions
     assert reason in texts(program)[-1]
     assert program.rewrite(ROBOT, {})[0].text == program.sources[0].text
 
@@ -77,7 +77,7 @@ def test_what_else_moves_a_base_is_named(line, reason):
 )  # fmt: skip
 def test_inline_form_base_is_on_its_mechanism(kind, controller, index, carried):
     """The base of an inline form is on what the controller says."""
-    (move,) = read(INLINE, config=config(kind, controller, index)).moves
+    (move,) = read(INLINE, config=config(kind, controller, index)).motions
     assert bool(move.carrier) == carried
     assert move.part.name == "BASE_DATA[2]"
 
@@ -88,7 +88,7 @@ def test_inline_form_base_is_on_its_mechanism(kind, controller, index, carried):
 def test_base_on_an_unknown_carrier_is_not_fixed(kind, controller, index):
     """A base on what the program does not tell is not taken to stand still."""
     program = read(INLINE, config=config(kind, controller, index))
-    assert not program.moves
+    assert not program.motions
     assert "BASE_DATA[2]" in texts(program)[-1]
 
 
@@ -96,13 +96,13 @@ def test_base_whose_carrier_is_not_stated_is_not_fixed():
     """It is on no mechanism in place of the one that is left out, though there is a first."""
     text = config("#EASYS").replace("MACH_DEF_INDEX 2,", "").replace("MACHINE_DEF[2]", "MACHINE_DEF[1]")
     program = read(INLINE, config=text)
-    assert not program.moves
+    assert not program.motions
     assert "MACHINE_FRAME_DAT[2] has no MACH_DEF_INDEX" in texts(program)[-1]
 
 
 def test_a_carried_base_of_an_inline_form_with_splines_is_left():
     line = f"SLIN {POSE} WITH $TOOL=STOOL2(FP1), $BASE=SBASE(FP1.BASE_NO)"
     dat = "DECL FDAT FP1={TOOL_NO 1,BASE_NO 2,IPO_FRAME #BASE}"
-    assert len(read(line, dat=dat).moves) == 1
+    assert len(read(line, dat=dat).motions) == 1
     program = read(line, dat=dat, config=config("#EASYS"))
     assert "SBASE sets a base that is carried by an external kinematic system" in texts(program)[-1]

@@ -14,7 +14,7 @@ from robot_programs.krl.syntax import (
     Control,
     Declaration,
     End,
-    Motion,
+    MotionLine,
     Reference,
     lines_of_words,
     parse,
@@ -63,7 +63,7 @@ def test_every_statement_is_in_one_section_or_bounds_it(lines):
 
 def test_a_motion_with_all_it_can_say():
     line = only("slin XP3:{Z 5} WITH $VEL=SVEL_CP(2.0,,LCPDAT1), $TOOL=STOOL2(FP3) C_Spl ; there")
-    assert isinstance(line, Motion)
+    assert isinstance(line, MotionLine)
     assert (line.keyword, line.passing, line.trouble) == ("SLIN", ("C_SPL",), "")
     (operand,) = line.operands
     name, offset = operand.parts
@@ -79,7 +79,7 @@ def test_a_motion_with_all_it_can_say():
 
 def test_an_arc_has_two_points():
     line = only("CIRC {X 1,Y 2,Z 3},XP[2] C_DIS C_ORI")
-    assert isinstance(line, Motion)
+    assert isinstance(line, MotionLine)
     assert [len(o.parts) for o in line.operands] == [1, 1]
     assert line.operands[1].parts[0].name == "XP[2]"
     assert line.passing == ("C_DIS", "C_ORI")
@@ -102,7 +102,7 @@ def test_an_arc_has_two_points():
 )
 def test_motions_that_are_not_understood_say_why(text, trouble):
     line = only(text)
-    assert isinstance(line, Motion)
+    assert isinstance(line, MotionLine)
     if trouble:
         assert trouble in line.trouble
     else:
@@ -114,13 +114,13 @@ def test_motions_that_are_not_understood_say_why(text, trouble):
 )
 def test_points_that_are_no_constants_have_no_parts(text):
     line = only(f"LIN {text} C_DIS")
-    assert isinstance(line, Motion)
+    assert isinstance(line, MotionLine)
     assert line.operands[0].parts == ()
 
 
 def test_words_of_a_component_stay_apart():
     line = only("LIN {X A B_AND B, Y - 1}")
-    assert isinstance(line, Motion)
+    assert isinstance(line, MotionLine)
     (point,) = line.operands[0].parts
     assert isinstance(point, Aggregate)
     assert [(field.text, field.value) for field in point.fields] == [("A B_AND B", None), ("-1", -1.0)]
@@ -168,7 +168,7 @@ def test_routines_calls_and_steering():
 
 def test_an_index_that_is_computed_is_kept():
     line = only("LIN P[I+1,2] C_DIS")
-    assert isinstance(line, Motion)
+    assert isinstance(line, MotionLine)
     (part,) = line.operands[0].parts
     assert isinstance(part, Reference)
     assert (part.name, [len(words) for words in part.index]) == ("P[I+1,2]", [3, 1])

@@ -27,9 +27,9 @@ def test_the_reorientation_speed_is_vel_ori1():
         "$VEL.ORI1=speed_now", f"LIN {POSE}",
     ]  # fmt: skip
     program = read_krl([source("part.src", "DEF PART( )\n" + FRAMES + "\n".join(lines) + "\nEND\n")])
-    assert [m.kind for m in program.moves] == ["linear", "linear", "joint", "linear"]
+    assert [m.kind for m in program.motions] == ["linear", "linear", "joint", "linear"]
     expected = [200.0, 50.0, None, None]
-    assert [m.turn_speed for m in program.moves] == [
+    assert [m.turn_speed for m in program.motions] == [
         None if v is None else pytest.approx(np.radians(v)) for v in expected
     ]
 
@@ -37,7 +37,7 @@ def test_the_reorientation_speed_is_vel_ori1():
 @pytest.mark.parametrize("newline", ["\n", "\r\n"])
 def test_a_program_of_inline_forms(newline):
     program = read_krl(handling(newline))
-    assert [(m.kind, m.end.name, m.end.place.line, m.stops, m.follows) for m in program.moves] == [
+    assert [(m.kind, m.end.name, m.end.place.line, m.stops, m.follows) for m in program.motions] == [
         ("axes", "XHOME", 11, True, None),
         ("joint", "XP1", 8, False, 0),
         ("linear", "XP2", 11, True, 1),
@@ -47,19 +47,19 @@ def test_a_program_of_inline_forms(newline):
         ("linear", "XP1", 8, True, None),
         ("linear", "", 49, True, 6),
     ]
-    assert [m.speed for m in program.moves] == [None, None, 0.5, 0.5, 0.2, 2.0, 0.2, 0.2]
-    for move in program.moves[1:]:
+    assert [m.speed for m in program.motions] == [None, None, 0.5, 0.5, 0.2, 2.0, 0.2, 0.2]
+    for move in program.motions[1:]:
         np.testing.assert_allclose(move.tool.T, TOOL1)
         np.testing.assert_allclose(move.part.T, BASE2)
         assert not move.part_in_hand
-    assert (program.moves[1].tool.name, program.moves[1].part.name) == ("TOOL_DATA[1]", "BASE_DATA[2]")
-    assert program.moves[1].end.posture == Status(S=2, T=3)
-    assert program.moves[2].end.posture is None
+    assert (program.motions[1].tool.name, program.motions[1].part.name) == ("TOOL_DATA[1]", "BASE_DATA[2]")
+    assert program.motions[1].end.posture == Status(S=2, T=3)
+    assert program.motions[2].end.posture is None
     P2 = frame(812.512573, -120.25, 140, 178.5, 2.25, -179.125)
-    np.testing.assert_allclose(program.moves[2].end.T, P2)
-    np.testing.assert_allclose(program.moves[3].end.T, P2 @ frame(0, 0, 50, 0, 0, 0))
-    assert program.moves[4].via is not None
-    np.testing.assert_allclose(program.moves[4].via.T[:3, 3], [0.85, -0.06, 0.14])
+    np.testing.assert_allclose(program.motions[2].end.T, P2)
+    np.testing.assert_allclose(program.motions[3].end.T, P2 @ frame(0, 0, 50, 0, 0, 0))
+    assert program.motions[4].via is not None
+    np.testing.assert_allclose(program.motions[4].via.T[:3, 3], [0.85, -0.06, 0.14])
     assert texts(program) == [
         "handling.src:47: GRIPPER_OPEN is not in the files given; it is taken to leave $TOOL, $BASE and $IPO_MODE as they are",
     ]
@@ -67,16 +67,16 @@ def test_a_program_of_inline_forms(newline):
 
 def test_a_program_of_a_postprocessor():
     program = read_krl(milling())
-    assert [m.kind for m in program.moves] == ["axes", "joint", "linear", "linear", "circular", "linear"]
-    assert [m.end.place.line for m in program.moves] == [8, 9, 10, 11, 12, 16]
-    first = program.moves[0].end
+    assert [m.kind for m in program.motions] == ["axes", "joint", "linear", "linear", "circular", "linear"]
+    assert [m.end.place.line for m in program.motions] == [8, 9, 10, 11, 12, 16]
+    first = program.motions[0].end
     assert first.q is not None
     np.testing.assert_allclose(np.degrees(first.q), [5, -80, 100, 0, 45, 0])
-    assert program.moves[1].end.posture == Status(S=6, T=50)
-    arc = program.moves[4]
+    assert program.motions[1].end.posture == Status(S=6, T=50)
+    arc = program.motions[4]
     assert arc.via is not None
     np.testing.assert_allclose(arc.via.T, frame(175, -25, 100, 180, 0, 180), atol=1e-15)
-    assert [m.follows for m in program.moves] == [None, 0, 1, 2, 3, None]
+    assert [m.follows for m in program.motions] == [None, 0, 1, 2, 3, None]
     assert texts(program) == [
         "MILLING.SRC:13: CIRC stays as it is: the arc ends at the angle CA, not in the point",
         "MILLING.SRC:14: LIN stays as it is: Y is not stated, and it counts from where the motion before ended, and that is not "
@@ -86,7 +86,7 @@ def test_a_program_of_a_postprocessor():
 
 def test_what_the_robot_holds_follows_from_tool_and_base():
     program = read(f"{FRAMES}LIN {POSE}")
-    (move,) = program.moves
+    (move,) = program.motions
     assert move.end.T is not None
     np.testing.assert_allclose(move.flange(move.end.T)[:3, 3], [0.8, 0, 0.8], atol=1e-15)
 
@@ -102,7 +102,7 @@ def test_what_the_robot_holds_follows_from_tool_and_base():
 )
 def test_a_fixed_tool_is_a_base_and_the_part_in_hand_a_tool(body):
     program = read(f"{body}\nLIN {POSE}", dat="DECL FDAT FP1={TOOL_NO 1,BASE_NO 2,IPO_FRAME #TCP}")
-    (move,) = program.moves
+    (move,) = program.motions
     assert move.part_in_hand
     np.testing.assert_allclose(move.part.T, TOOL1)
     np.testing.assert_allclose(move.tool.T, BASE2)
@@ -114,7 +114,7 @@ def test_a_fixed_tool_is_a_base_and_the_part_in_hand_a_tool(body):
 
 def test_a_fixed_tool_of_no_table_is_not_guessed():
     program = read(f"$IPO_MODE=#TCP\n{FRAMES}LIN {POSE}")
-    assert not program.moves
+    assert not program.motions
     assert "$IPO_MODE is #TCP, and which frame is the part's" in texts(program)[0]
 
 
@@ -122,7 +122,7 @@ def test_the_robots_place_in_the_world_counts():
     machine = "DEFDAT $MACHINE\n$ROBROOT={X 100,Y 0,Z 50,A 90,B 0,C 0}\nENDDAT\n"
     body = f"DEF PART( )\n$TOOL=$NULLFRAME\n$BASE=BASE_DATA[1]\nLIN {POSE}\n$BASE=$ROBROOT\nLIN {POSE}\nEND\n"
     program = read_krl([source("part.src", body), source("$machine.dat", machine), source("$config.dat", CONFIG_DAT)])
-    world, own = program.moves
+    world, own = program.motions
     np.testing.assert_allclose(
         world.part.T, np.linalg.inv(frame(100, 0, 50, 90, 0, 0)) @ frame(900, 0, 400, 0, 0, 0), atol=1e-12
     )
@@ -130,7 +130,7 @@ def test_the_robots_place_in_the_world_counts():
 
 
 def test_joint_positions_need_no_frames():
-    (move,) = read("PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}").moves
+    (move,) = read("PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}").motions
     assert move.kind == "axes"
 
 
@@ -143,7 +143,7 @@ def test_an_absolutely_accurate_controller_is_pointed_out():
 
 def test_a_trigger_before_a_motion_is_pointed_out():
     program = read(f"{FRAMES}TRIGGER WHEN DISTANCE=1 DELAY=0 DO $OUT[1]=TRUE\nLIN {POSE}\nLIN {POSE}")
-    assert len(program.moves) == 2
+    assert len(program.motions) == 2
     (diagnostic,) = program.diagnostics
     assert (diagnostic.place.line, "TRIGGER" in diagnostic.text) == (5, True)
 
@@ -166,5 +166,5 @@ def test_files_that_are_no_program_are_refused(name, text, message):
 def test_every_motion_of_a_program_is_resolved(rng):
     generated = generate(rng)
     program = read_krl(generated.sources)
-    assert len(program.moves) == generated.motions
+    assert len(program.motions) == generated.motions
     assert not program.diagnostics

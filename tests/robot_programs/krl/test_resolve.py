@@ -49,7 +49,7 @@ from tests.robot_programs.krl.small_programs import FRAMES, POSE, read, texts
 def test_unresolved_motions_are_left_with_a_reason(body, reason):
     """Motions that the text does not tell are left with a reason."""
     program = read(body)
-    assert not program.moves
+    assert not program.motions
     (diagnostic,) = program.diagnostics
     assert re.search(reason, str(diagnostic))
 
@@ -65,7 +65,7 @@ def test_unresolved_motions_are_left_with_a_reason(body, reason):
     ],
 )
 def test_what_holds_on_every_way_holds(body):
-    (move,) = read(f"$TOOL=$NULLFRAME\n{body}").moves
+    (move,) = read(f"$TOOL=$NULLFRAME\n{body}").motions
     assert move.part.name == "BASE_DATA[1]"
 
 
@@ -75,16 +75,16 @@ def test_zero_frame_is_known_in_a_motion(frame, point):
     """KUKA System Software, system variables: $NULLFRAME is the zero frame."""
     program = read(f"{FRAMES}LIN {point.replace('{}', frame)}\nLIN {POSE}")
     assert not program.diagnostics
-    computed, stated = program.moves
+    computed, stated = program.motions
     np.testing.assert_allclose(computed.end.T, stated.end.T, atol=1e-12)
     waypoint = nearby(np.random.default_rng(1), computed)
     again = program.reread(program.rewrite(ROBOT, {0: (waypoint,)}))
-    np.testing.assert_allclose(again.moves[0].end.T, waypoint.T, atol=1e-7)
+    np.testing.assert_allclose(again.motions[0].end.T, waypoint.T, atol=1e-7)
     assert frame not in again.sources[0].text.splitlines()[3]
 
 
 def test_zero_frame_is_a_point():
-    point, distance = read(f"{FRAMES}LIN $NULLFRAME\nLIN_REL $NULLFRAME").moves
+    point, distance = read(f"{FRAMES}LIN $NULLFRAME\nLIN_REL $NULLFRAME").motions
     np.testing.assert_array_equal(point.end.T, np.eye(4))
     np.testing.assert_array_equal(distance.end.T, np.eye(4))
 
@@ -97,7 +97,7 @@ def test_zero_frame_is_a_point():
 )
 def test_points_that_the_program_changes_are_no_constants(change):
     program = read(f"{FRAMES}LIN XP1\n{change}", dat=f"DECL E6POS XP1={POSE}\nDECL E6POS XP2={POSE}")
-    assert not program.moves
+    assert not program.motions
     assert "XP1 is changed by the program, at part.src:5" in texts(program)[0]
 
 
@@ -106,23 +106,23 @@ def test_points_that_the_program_changes_are_no_constants(change):
 )
 def test_elements_of_an_array_change_one_by_one(change, stays):
     program = read(f"$TOOL=$NULLFRAME\n$BASE=BASE_DATA[1]\nLIN {POSE}\n{change}")
-    assert len(program.moves) == stays
+    assert len(program.motions) == stays
 
 
 def test_data_are_found_locally_before_the_system():
     """Own points come before those of the system and local ones before both."""
     shared = CONFIG_DAT.replace("ENDDAT", "DECL E6POS XP1={X 1,Y 0,Z 0,A 0,B 0,C 0}\nENDDAT")
-    (move,) = read(f"{FRAMES}LIN XP1", dat="DECL E6POS XP1={X 2,Y 0,Z 0,A 0,B 0,C 0}", config=shared).moves
+    (move,) = read(f"{FRAMES}LIN XP1", dat="DECL E6POS XP1={X 2,Y 0,Z 0,A 0,B 0,C 0}", config=shared).motions
     assert move.end.T is not None
     assert move.end.T[0, 3] == pytest.approx(0.002)
-    (move,) = read(f"{FRAMES}LIN XP1", config=shared).moves
+    (move,) = read(f"{FRAMES}LIN XP1", config=shared).motions
     assert move.end.T is not None
     assert move.end.T[0, 3] == pytest.approx(0.001)
-    assert not read(f"DECL E6POS XP1\n{FRAMES}LIN XP1", config=shared).moves
+    assert not read(f"DECL E6POS XP1\n{FRAMES}LIN XP1", config=shared).motions
 
 
 def test_points_of_another_program_are_its_own():
     other = source("other.dat", f"DEFDAT OTHER\nDECL E6POS XP1={POSE}\nDECL GLOBAL E6POS XP2={POSE}\nENDDAT\n")
     src = source("part.src", f"DEF PART( )\n{FRAMES}LIN XP1\nLIN XP2\nEND\n")
     program = read_krl([src, other])
-    assert [m.end.name for m in program.moves] == ["XP2"]
+    assert [m.end.name for m in program.motions] == ["XP2"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from robot_programs.core.program import Move, Waypoint, rotation
+from robot_programs.core.program import Motion, Waypoint, rotation
 from robot_programs.core.source import Source
 from robot_programs.krl.read import KrlProgram, read_krl
 from robot_programs.krl.rewrite import Status
@@ -20,7 +20,7 @@ FRAMES = "$TOOL={X 0,Y 0,Z 100,A 0,B 0,C 0}\n$BASE=$NULLFRAME\n"
 POSE = "{X 900,Y 0.0,Z 800,A 0,B 90,C 0}"
 
 
-def check(move: Move, wanted: Waypoint) -> None:
+def check(move: Motion, wanted: Waypoint) -> None:
     assert move.kind == wanted.kind
     if wanted.T is None:
         np.testing.assert_allclose(move.end.q, wanted.q, atol=1.1e-8)
@@ -59,14 +59,14 @@ def test_rewrite_is_read_back_and_keeps_the_rest(rng):
     waypoints = nearby_waypoints(rng, program, most=3)
     after = program.rewrite(KR16, waypoints)
     again = program.reread(after)
-    assert len(again.moves) == len(program.moves) + sum(len(path) - 1 for path in waypoints.values())
-    moves = iter(again.moves)
-    for i, old in enumerate(program.moves):
+    assert len(again.motions) == len(program.motions) + sum(len(path) - 1 for path in waypoints.values())
+    motions = iter(again.motions)
+    for i, old in enumerate(program.motions):
         if i not in waypoints:
-            unchanged(next(moves), old, written=program.sites[i].leans)
+            unchanged(next(motions), old, written=program.sites[i].leans)
             continue
         for j, wanted in enumerate(waypoints[i]):
-            new = next(moves)
+            new = next(motions)
             check(new, wanted)
             assert new.stops == (old.stops and j == len(waypoints[i]) - 1)
             assert (new.speed, new.routine) == (old.speed, old.routine)
@@ -77,7 +77,7 @@ def test_rewrite_is_read_back_and_keeps_the_rest(rng):
         assert now.newline == before.newline
 
 
-def unchanged(new: Move, old: Move, *, written: bool = False) -> None:
+def unchanged(new: Motion, old: Motion, *, written: bool = False) -> None:
     """A motion stays; where it is written whole, because the one that it counts from moved, to the digits written."""
     assert new.end.posture == old.end.posture
     for a, b in ((new.end, old.end), (new.via, old.via)):
@@ -92,8 +92,8 @@ def test_only_the_numbers_of_points_change(sources):
     rng = np.random.default_rng(0)
     program = read_krl(sources)
     own = [i for i, site in enumerate(program.sites) if not site.leans]  # others are written whole
-    alone = [i for i in own if program.moves[i].end.name in ("", "XP4", "XP5") and program.moves[i].kind != "axes"]
-    after = program.rewrite(KR16, {i: (nearby(rng, program.moves[i]),) for i in alone})
+    alone = [i for i in own if program.motions[i].end.name in ("", "XP4", "XP5") and program.motions[i].kind != "axes"]
+    after = program.rewrite(KR16, {i: (nearby(rng, program.motions[i]),) for i in alone})
     for before, now in zip(sources, after, strict=True):
         assert _NUMBER.sub("#", now.text) == _NUMBER.sub("#", before.text)
 
@@ -137,8 +137,8 @@ def test_a_point_of_two_motions_becomes_two_where_they_disagree():
     program = body(f"{FRAMES}LIN XP1\nLIN {POSE}\nLIN XP1", f"DECL E6POS XP1={POSE}")
     sources = program.rewrite(KR16, {0: (to(0.901),), 2: (to(0.902),)})
     again = read_krl(sources)
-    assert [move.end.T[0, 3] for move in again.moves] == pytest.approx([0.901, 0.9, 0.902], abs=1e-8)
-    names = [move.end.name for move in again.moves]
+    assert [move.end.T[0, 3] for move in again.motions] == pytest.approx([0.901, 0.9, 0.902], abs=1e-8)
+    names = [move.end.name for move in again.motions]
     assert names[0] == "XP1"
     assert names[2] not in ("", "XP1")
     assert sources[1].text.count("E6POS") == 2
@@ -150,9 +150,9 @@ def test_rewrite_copies_a_point_that_another_motion_needs():
     for changed, stays in ((0, 2), (2, 0)):
         for way in ({changed: (to(0.901),)}, {changed: (to(0.901),), stays: (to(0.9),)}):
             again = read_krl(program.rewrite(KR16, way))
-            assert again.moves[changed].end.T[0, 3] == pytest.approx(0.901, abs=1e-8)
-            assert again.moves[stays].end.T[0, 3] == pytest.approx(0.9, abs=1e-8)
-            assert again.moves[stays].end.name == "XP1"
+            assert again.motions[changed].end.T[0, 3] == pytest.approx(0.901, abs=1e-8)
+            assert again.motions[stays].end.T[0, 3] == pytest.approx(0.9, abs=1e-8)
+            assert again.motions[stays].end.name == "XP1"
 
 
 def test_points_of_others_are_written_into_the_motion():
@@ -168,7 +168,7 @@ def test_points_of_others_are_written_into_the_motion():
 
 def test_an_added_frame_is_contained_in_the_copy():
     program = body(f"{FRAMES}LIN XP1\nLIN XP1:{{X 0,Y 0,Z 50}} C_DIS", f"DECL E6POS XP1={POSE}")
-    T = program.moves[1].end.T
+    T = program.motions[1].end.T
     np.testing.assert_allclose(T[:3, 3], [0.95, 0.0, 0.8], atol=1e-12)
     src, dat = program.rewrite(KR16, {1: (to(0.951),)})
     assert src.text.splitlines()[3:5] == ["LIN XP1", "LIN XP1_2 C_DIS"]

@@ -19,9 +19,9 @@ def moved(program: KrlProgram, *by: float) -> dict[int, tuple[Waypoint, ...]]:
     """Waypoints of the first motions, shifted along z, metres."""
     out: dict[int, tuple[Waypoint, ...]] = {}
     for i, dz in enumerate(by):
-        T = program.moves[i].end.T.copy()
+        T = program.motions[i].end.T.copy()
         T[2, 3] += dz
-        out[i] = (Waypoint(kind=program.moves[i].kind, q=Q, T=T),)
+        out[i] = (Waypoint(kind=program.motions[i].kind, q=Q, T=T),)
     return out
 
 
@@ -32,7 +32,7 @@ def test_elements_get_their_numbers_in_the_data_list():
     after = program.rewrite(KR16, waypoints)
     assert after[0].text == program.sources[0].text
     again = program.reread(after)
-    np.testing.assert_allclose([m.end.T[2, 3] for m in again.moves], [0.802, 0.804, 0.806], atol=1e-9)
+    np.testing.assert_allclose([m.end.T[2, 3] for m in again.motions], [0.802, 0.804, 0.806], atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -60,8 +60,8 @@ def test_shared_text_is_rewritten_if_all_motions_agree():
     waypoints = moved(program, 1e-3, 1e-3)
     assert not program.unwritable(KR16, waypoints, 0.0)
     again = program.reread(program.rewrite(KR16, waypoints))
-    np.testing.assert_allclose([m.end.T[2, 3] for m in again.moves], [0.801, 0.801], atol=1e-9)
-    assert [m.speed for m in again.moves] == [1.0, 2.0]
+    np.testing.assert_allclose([m.end.T[2, 3] for m in again.motions], [0.801, 0.801], atol=1e-9)
+    assert [m.speed for m in again.motions] == [1.0, 2.0]
 
 
 def test_shared_text_is_not_divided():
@@ -80,6 +80,6 @@ def test_own_text_follows_shared_elements():
     program = read(body, dat=POINTS)
     waypoints = moved(program, 2e-3, 1e-3, 2e-3, 3e-3)
     again = program.reread(program.rewrite(KR16, waypoints))
-    np.testing.assert_allclose([m.end.T[2, 3] for m in again.moves], [0.804, 0.802, 0.804, 0.806], atol=1e-9)
+    np.testing.assert_allclose([m.end.T[2, 3] for m in again.motions], [0.804, 0.802, 0.804, 0.806], atol=1e-9)
     assert again.sources[0].text == program.sources[0].text
     assert "Q[2] in common" in program.unwritable(KR16, moved(program, 1e-3, 1e-3, 2e-3, 3e-3), 0.0)[0]

@@ -40,8 +40,8 @@ POINTS = f"DECL E6POS XP1={POSE}\nDECL E6POS Q[3]\nQ[1]={POSE}\nQ[2]={SHIFTED}\n
 def test_constants_are_followed(body, written_out):
     found, expected = read(DECLARED + FRAMES + body, dat=POINTS), read(FRAMES + written_out)
     assert not texts(found)
-    assert len(found.moves) == len(expected.moves)
-    for a, b in zip(found.moves, expected.moves, strict=True):
+    assert len(found.motions) == len(expected.motions)
+    for a, b in zip(found.motions, expected.motions, strict=True):
         assert (a.kind, a.follows) == (b.kind, b.follows)
         one, other = (a.end.q, b.end.q) if a.end.T is None else (a.end.T, b.end.T)
         np.testing.assert_allclose(one, other, atol=1e-12)
@@ -75,14 +75,14 @@ def test_constants_are_followed(body, written_out):
 def test_values_of_the_run_time_are_no_constants(body, reason):
     """What is computed at run time is not taken for a constant."""
     program = read(DECLARED + FRAMES + body, dat=POINTS)
-    assert not program.moves
+    assert not program.motions
     assert any(reason in text for text in texts(program))
 
 
 def test_what_an_interrupt_assigns_is_not_known():
     body = f"{FRAMES}INTERRUPT DECL 4 WHEN $IN[1]==TRUE DO FOUND( )\nXP1={POSE}\nLIN XP1"
     program = read(body, dat=f"DECL E6POS XP1={POSE}", more="DEF FOUND( )\nXP1.Z=0\nEND\n")
-    assert not program.moves
+    assert not program.motions
 
 
 def test_tools_and_bases_that_the_program_sets_count():
@@ -91,7 +91,7 @@ def test_tools_and_bases_that_the_program_sets_count():
         "BASE_DATA[7] = {FRAME: X 500,Y 0,Z 300,A 0,B 0,C 0}\nTOOL_DATA[7] = {FRAME: X 0,Y 0,Z 100,A 0,B 0,C 0}\n"
         f"BAS(#TOOL,7)\n$BASE = BASE_DATA[7]\nLIN {POSE}"
     )
-    (move,) = read(body).moves
+    (move,) = read(body).motions
     assert (move.tool.name, move.part.name) == ("TOOL_DATA[7]", "BASE_DATA[7]")
     np.testing.assert_allclose(move.tool.T[:3, 3], [0, 0, 0.1])
     np.testing.assert_allclose(move.part.T[:3, 3], [0.5, 0, 0.3])
@@ -99,7 +99,7 @@ def test_tools_and_bases_that_the_program_sets_count():
 
 def test_a_computed_point_is_written_into_the_motion():
     program = read(DECLARED + FRAMES + "P=XP1\nP.Z=P.Z+50\nLIN P C_DIS", dat=POINTS)
-    (move,) = program.moves
+    (move,) = program.motions
     T = move.end.T.copy()
     T[0, 3] += 1e-3
     from taskcal.robot.catalogue import load_robot
@@ -107,7 +107,7 @@ def test_a_computed_point_is_written_into_the_motion():
     after = program.rewrite(load_robot("kuka-kr16-2"), {0: (Waypoint(kind="linear", q=Q, T=T),)})
     assert "LIN {E6POS: X 901.00000,Y 0.00000,Z 850.00000," in after[0].text
     assert after[0].text.count("P=XP1\r\nP.Z=P.Z+50\r\n") == 1
-    np.testing.assert_allclose(program.reread(after).moves[0].end.T, T, atol=1e-8)
+    np.testing.assert_allclose(program.reread(after).motions[0].end.T, T, atol=1e-8)
 
 
 def test_tool_set_elsewhere_is_that_of_the_data_list():
@@ -115,14 +115,14 @@ def test_tool_set_elsewhere_is_that_of_the_data_list():
     lines = f"BAS(#TOOL,1)\n$BASE=$NULLFRAME\nLIN {POSE}"
     other = "DEF RESET( )\nINT I\nFOR I=1 TO 16\nTOOL_DATA[I]=$NULLFRAME\nENDFOR\nEND\n"
     program = read(lines, more=other)
-    assert len(program.moves) == 1
+    assert len(program.motions) == 1
     assert texts(program) == [
         "part.src:9: TOOL_DATA[1] is changed here, in a program of its own; motions are corrected for the value in the data list"
     ]
-    (move,) = read(f"RESET( )\n{lines}", more=other).moves
+    (move,) = read(f"RESET( )\n{lines}", more=other).motions
     np.testing.assert_allclose(move.tool.T, np.eye(4))
     program = read(f"RESET( )\n{lines}", more=other.replace("I=1", "I=$ANIN[1]"))
-    assert not program.moves
+    assert not program.motions
     assert any("TOOL_DATA[1] is changed by the program" in text for text in texts(program))
 
 
@@ -136,9 +136,9 @@ def test_what_initmov_sets_is_read_from_the_file_that_says_it(sets, tool):
     bas = source(
         "bas.src", f"DEF BAS(COMMAND :IN,VALUE :IN)\nEND\nDEF INITMOV( )\nBASE(0)\n{sets}\nEND\nDEF X()\nBASE(3)\nEND\n"
     )
-    (move,) = read_krl([part, config, bas]).moves
+    (move,) = read_krl([part, config, bas]).motions
     assert (move.tool.name, move.part.name) == (tool, "$NULLFRAME")
-    assert not read_krl([part, config]).moves
+    assert not read_krl([part, config]).motions
 
 
 def test_own_name_hides_the_data_list_in_its_routine_only():
@@ -146,8 +146,8 @@ def test_own_name_hides_the_data_list_in_its_routine_only():
     above = "DEFFCT FRAME ABOVE(XP1:IN)\nDECL FRAME XP1\nXP1.Z=XP1.Z+50\nRETURN XP1\nENDFCT\n"
     own = "DEF OWN()\nDECL E6POS XP1\nLIN XP1\nEND\nDEF GIVEN(XP1 :OUT)\nXP1={X 0}\nEND\n"
     found = read(FRAMES + "LIN XP1\nOWN()", dat=POINTS, more=above + own)
-    assert [move.place.line for move in found.moves] == [4]
-    np.testing.assert_allclose(found.moves[0].end.T, read(f"{FRAMES}LIN {POSE}").moves[0].end.T, atol=1e-12)
+    assert [move.place.line for move in found.motions] == [4]
+    np.testing.assert_allclose(found.motions[0].end.T, read(f"{FRAMES}LIN {POSE}").motions[0].end.T, atol=1e-12)
     assert any("XP1 is a variable of the program's own" in text for text in texts(found))
 
 
@@ -160,31 +160,31 @@ def test_point_of_a_function_is_written_into_the_motion():
     from taskcal.robot.catalogue import load_robot
 
     program = read(f"{FRAMES}LIN XP1\nLIN ABOVE(XP1,50.0) C_DIS", dat=POINTS, more=ABOVE)
-    move = program.moves[1]
-    np.testing.assert_allclose(move.end.T, read(f"{FRAMES}LIN {SHIFTED}").moves[0].end.T, atol=1e-12)
+    move = program.motions[1]
+    np.testing.assert_allclose(move.end.T, read(f"{FRAMES}LIN {SHIFTED}").motions[0].end.T, atol=1e-12)
     T = move.end.T.copy()
     T[0, 3] += 1e-3
     after = program.rewrite(load_robot("kuka-kr16-2"), {1: (Waypoint(kind="linear", q=Q, T=T),)})
     assert "LIN {E6POS: X 901.00000,Y 0.00000,Z 850.00000," in after[0].text
-    np.testing.assert_allclose(program.reread(after).moves[1].end.T, T, atol=1e-8)
+    np.testing.assert_allclose(program.reread(after).motions[1].end.T, T, atol=1e-8)
 
 
 def test_what_a_function_in_a_motion_changes_is_not_lost():
     """Its call would be, if numbers took its place; and what it sets holds behind the motion."""
     program = read(f"{FRAMES}N=1\nLIN NEXT( )\nLIN Q[N]", dat=f"{POINTS}\nINT N=0", more=NEXT)
-    (move,) = program.moves
-    np.testing.assert_allclose(move.end.T, read(f"{FRAMES}LIN {SHIFTED}").moves[0].end.T, atol=1e-12)
+    (move,) = program.motions
+    np.testing.assert_allclose(move.end.T, read(f"{FRAMES}LIN {SHIFTED}").motions[0].end.T, atol=1e-12)
     assert any("LIN stays as it is: its point comes from NEXT, which does more" in text for text in texts(program))
 
 
 def test_point_changed_by_a_function_is_unknown():
     """What a function changes that is a part of a point is not known."""
     program = read(f"{FRAMES}N=1\nLIN NEXT( ):XP1\nLIN Q[N]", dat=f"{POINTS}\nINT N=0", more=NEXT)
-    assert not program.moves
+    assert not program.motions
 
 
 @pytest.mark.parametrize("line", ["WAIT SEC 0.5", "$OUT[1]=TRUE", "LIN XP1", "OTHER( )", "P=BESIDE(P)"])
 def test_a_function_that_does_more_than_compute_keeps_its_call(line):
     more = ABOVE.replace("P.Z=P.Z+D", line) + "DEFFCT E6POS BESIDE(P:IN)\nDECL E6POS P\nRETURN P\nENDFCT\n"
     program = read(f"{FRAMES}LIN ABOVE(XP1,50.0)", dat=POINTS, more=more)
-    assert all(move.place.line > 5 for move in program.moves)
+    assert all(move.place.line > 5 for move in program.motions)

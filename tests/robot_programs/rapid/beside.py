@@ -17,9 +17,9 @@ def shifted(program: Program, *numbers: int, mm=(1.0, 0.0, 0.0), q=Q) -> dict[in
     """Motions that end a little beside."""
     out = {}
     for i in numbers:
-        T = program.moves[i].end.T.copy()
+        T = program.motions[i].end.T.copy()
         T[:3, 3] += np.array(mm) / 1e3
-        out[i] = (Waypoint(kind=program.moves[i].kind, q=q, T=T, via=None),)
+        out[i] = (Waypoint(kind=program.motions[i].kind, q=q, T=T, via=None),)
     return out
 
 

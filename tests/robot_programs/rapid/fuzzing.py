@@ -19,7 +19,7 @@ def _waypoints(rng: np.random.Generator, program: Program) -> dict[int, tuple[Wa
 
 
 def _posture(program: Program, number: int) -> np.ndarray | None:
-    move = program.moves[number]
+    move = program.motions[number]
     if move.end.q is not None:
         return move.end.q
     c = move.end.posture

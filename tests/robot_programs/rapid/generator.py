@@ -30,7 +30,7 @@ class Generated:
     """A program with its meaning, and the declarations that its motions share."""
 
     sources: tuple[Source, ...]
-    moves: tuple[Meant, ...]
+    motions: tuple[Meant, ...]
 
 
 @dataclass
@@ -39,7 +39,7 @@ class _Maker:
     declarations: list[str] = field(default_factory=list)
     targets: list[tuple[str, np.ndarray]] = field(default_factory=list)
     axes: list[tuple[str, np.ndarray]] = field(default_factory=list)
-    moves: list[Meant] = field(default_factory=list)
+    motions: list[Meant] = field(default_factory=list)
 
     def number(self, value: float) -> str:
         return f"{value:.{int(self.rng.integers(1, 5))}f}"
@@ -108,11 +108,11 @@ class _Maker:
         meant = {"tool": frames[tool], "part": frames[part], "stops": zone == "fine"}
         if kind == "axes":
             text, q = self.axes[0] if self.rng.random() < 0.5 else self.joints()
-            self.moves.append(Meant(kind=kind, T=None, q=q, **meant))
+            self.motions.append(Meant(kind=kind, T=None, q=q, **meant))
             return f"MoveAbsJ {conc}{text} \\ NoEOffs , {ending} ;"
         via = f"{self.destination()[0]} , " if kind == "circular" else ""
         text, T = self.destination()
-        self.moves.append(Meant(kind=kind, T=T, q=None, **meant))
+        self.motions.append(Meant(kind=kind, T=T, q=None, **meant))
         name = {"joint": "MoveJ", "linear": "MoveL", "circular": "MoveC"}[kind]
         match int(self.rng.integers(12)):
             case 0:
@@ -137,15 +137,15 @@ class _Maker:
         for _, T in given:
             above = T.copy()
             above[2, 3] += float(shift) / 1e3
-            self.moves.append(Meant(kind="joint", T=above, **meant))
-        self.moves += [Meant(kind="linear", T=T, **meant) for _, T in given]
+            self.motions.append(Meant(kind="joint", T=above, **meant))
+        self.motions += [Meant(kind="linear", T=T, **meant) for _, T in given]
         row = [T for text, T in self.targets if text.startswith("row")]
         loop = [
             "FOR k FROM 1 TO Dim ( row , 1 ) DO",
             f"MoveL row {{ k }} , v100 , fine , {tool} \\ WObj := {part} ;",
             "ENDFOR",
         ]
-        self.moves += [Meant(kind="linear", T=T, **meant) for T in row]
+        self.motions += [Meant(kind="linear", T=T, **meant) for T in row]
         inner = [f"MoveJ Offs ( p , 0 , 0 , z ) , {ends} ;", f"MoveL p , {ends} ;"]
         near = ["PROC near ( robtarget p , num z , PERS tooldata t )", *inner, "ENDPROC"]
         far = [
@@ -216,7 +216,7 @@ def generate(rng: np.random.Generator) -> Generated:
         Source.of(Path(name), (header + laid_out(rng, lines, newline)).encode(encoding))
         for name, lines in (("part.mod", main), ("frames.sys", data))
     )
-    return Generated(sources=sources, moves=tuple(maker.moves))
+    return Generated(sources=sources, motions=tuple(maker.motions))
 
 
 def laid_out(rng: np.random.Generator, lines: list[str], newline: str) -> str:

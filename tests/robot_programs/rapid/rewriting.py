@@ -12,7 +12,7 @@ from taskcal.robot.robot import Robot
 def nearby_waypoints(rng: np.random.Generator, program: Program, most: int) -> dict[int, tuple[Waypoint, ...]]:
     """New waypoints for some of the motions: up to `most` each, of which the last is of the motion's kind."""
     waypoints = {}
-    for i, move in enumerate(program.moves):
+    for i, move in enumerate(program.motions):
         if rng.random() < 0.5:
             count = int(rng.integers(1, most + 1))
             kinds = ["linear", "joint", move.kind] if move.divisible else [move.kind]
@@ -39,14 +39,14 @@ def check_rewriting(program: Program, waypoints: Mapping[int, tuple[Waypoint, ..
     sources = program.rewrite(robot, waypoints)
     again = program.reread(sources)
     assert len(again.diagnostics) == len(program.diagnostics)
-    moves = iter(again.moves)
-    for i, move in enumerate(program.moves):
+    motions = iter(again.motions)
+    for i, move in enumerate(program.motions):
         path = waypoints.get(i)
         if path is None:
-            _same(next(moves).end, move.end)
+            _same(next(motions).end, move.end)
             continue
         for waypoint in path:
-            found = next(moves)
+            found = next(motions)
             assert found.kind == waypoint.kind
             np.testing.assert_array_equal(found.tool.T, move.tool.T)
             np.testing.assert_array_equal(found.part.T, move.part.T)
@@ -56,7 +56,7 @@ def check_rewriting(program: Program, waypoints: Mapping[int, tuple[Waypoint, ..
                 _reaches(found.via, waypoint.via, robot)
             last = waypoint is path[-1]
             assert found.stops == (move.stops and last)
-    assert next(moves, None) is None
+    assert next(motions, None) is None
 
 
 def _same(found: Target, before: Target) -> None:

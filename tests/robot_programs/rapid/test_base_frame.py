@@ -46,11 +46,11 @@ def test_work_objects_are_counted_in_the_robots_base():
     base = base_frame(source(MOC, "MOC.cfg"))
     assert alone.T_world_base is None
     np.testing.assert_array_equal(mounted.T_world_base, base)
-    for one, other in zip(alone.moves, mounted.moves, strict=True):
+    for one, other in zip(alone.motions, mounted.motions, strict=True):
         np.testing.assert_array_equal(one.tool.T, other.tool.T)
         expected = one.part.T if one.carrier else se3.inverse(base) @ one.part.T
         np.testing.assert_allclose(other.part.T, expected, atol=1e-15)
-    assert len({id(move.part) for move in mounted.moves}) == len({id(move.part) for move in alone.moves})
+    assert len({id(move.part) for move in mounted.motions}) == len({id(move.part) for move in alone.motions})
 
 
 @pytest.mark.parametrize(

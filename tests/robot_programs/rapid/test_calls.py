@@ -14,22 +14,22 @@ def program(main: str, routines: str = ROUTINE):
 
 
 def ends(read) -> list[float]:
-    return [round(move.end.T[0, 3] * 1e3, 3) for move in read.moves]
+    return [round(move.end.T[0, 3] * 1e3, 3) for move in read.motions]
 
 
 def test_a_motion_goes_to_what_each_call_gives():
     read = program("go p1;\ngo Offs(p2,1,0,0);\ngo [[7,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];")
     assert ends(read) == [10, 21, 7]
-    assert [move.end.name for move in read.moves] == ["p1", "", ""]
-    assert [move.follows for move in read.moves] == [None, 0, 1]
-    assert [move.texts_motions for move in read.moves] == [3, 3, 3]
-    assert not any(move.divisible for move in read.moves)
+    assert [move.end.name for move in read.motions] == ["p1", "", ""]
+    assert [move.follows for move in read.motions] == [None, 0, 1]
+    assert [move.texts_motions for move in read.motions] == [3, 3, 3]
+    assert not any(move.divisible for move in read.motions)
     assert not read.diagnostics
 
 
 def test_each_call_has_a_motion_before_its_own():
     read = program("MoveL p3,v5,fine,tool0;\ngo p1;\nMoveL p3,v5,fine,tool0;\ngo p1;")
-    assert [(move.end.name, move.follows, move.texts_motions) for move in read.moves] == [
+    assert [(move.end.name, move.follows, move.texts_motions) for move in read.motions] == [
         ("p3", None, 1), ("p3", 2, 1), ("p1", 0, 2), ("p1", 1, 2),
     ]  # fmt: skip
 
@@ -58,14 +58,14 @@ def test_what_is_given_in_some_calls_only_is_said():
 def test_routine_with_unknown_calls_is_not_divided():
     """No motion is put into a routine of which some calls are not understood."""
     read = program("go p1;\ngo CRobT();")
-    assert [(move.texts_motions, move.divisible) for move in read.moves] == [(2, False)]
+    assert [(move.texts_motions, move.divisible) for move in read.motions] == [(2, False)]
 
 
 def test_own_target_stays_if_a_call_has_an_unknown_tool():
     """Its own target stays where some call gives an unknown tool."""
     routine = "PROC go(PERS tooldata t)\nMoveL p1,v5,fine,t;\nENDPROC\n"
     read = program("go tool0;\ngo tUnknown;", routine)
-    assert not read.moves
+    assert not read.motions
     assert "'t' is a parameter" in reasons(read)[0]
 
 

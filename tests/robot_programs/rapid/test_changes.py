@@ -33,7 +33,7 @@ def test_unparsed_motions_and_questions_change_nothing(odd):
     """Motions and questions that are not understood change nothing."""
     routine = "\nENDPROC\nPROC keep(INOUT robtarget a, num b)\nWaitTime b;"
     program = read_rapid([module(f"{MOTION}{odd}{routine}", DATA)])
-    assert [move.end.name for move in program.moves] == ["p1"]
+    assert [move.end.name for move in program.motions] == ["p1"]
     assert program.diagnostics
 
 
@@ -61,7 +61,7 @@ def test_unparsed_motions_and_questions_change_nothing(odd):
 def test_what_may_be_an_assignment_makes_a_value_unknown(odd):
     routine = "\nENDPROC\nPROC give(num a, INOUT robtarget b)\nb:=CRobT();"
     program = read_rapid([module(f"{MOTION}{odd}{routine}", DATA)])
-    assert not program.moves
+    assert not program.motions
     line = 6 + ("\n" in odd)
     assert (
         f"part.mod:5: MoveL stays as it is: 'p1' may be assigned to in part.mod:{line}, which is not understood (line"
@@ -90,5 +90,5 @@ def test_arguments_stay_unless_the_routine_changes_them():
     main = "PROC main()\ngo tool0,p1,p2;\nMoveL p1,v5,fine,tool0;\nMoveL p2,v5,fine,tool0;\nENDPROC\n"
     text = f"MODULE m {declarations}\n{main}{routine}ENDMODULE"
     program = read_rapid([source(text)])
-    assert [move.end.name for move in program.moves] == ["p1"]
+    assert [move.end.name for move in program.motions] == ["p1"]
     assert any("'p2' is assigned to in part.mod:3" in text for text in reasons(program))

@@ -47,41 +47,41 @@ def move(k: int) -> str:
     ],
 )  # fmt: skip
 def test_which_motion_comes_before(body, follows):
-    assert [found.follows for found in read_rapid([module(body, POINTS)]).moves] == follows
+    assert [found.follows for found in read_rapid([module(body, POINTS)]).motions] == follows
 
 
 def test_a_routine_begins_anywhere():
     body = f"{move(1)}\nENDPROC\nPROC other()\n{move(2)}{move(3)}"
     program = read_rapid([module(body, POINTS)])
-    assert [found.follows for found in program.moves] == [None, None, 1]
-    assert [found.routine for found in program.moves] == ["main", "other", "other"]
+    assert [found.follows for found in program.motions] == [None, None, 1]
+    assert [found.routine for found in program.motions] == ["main", "other", "other"]
 
 
 def test_routine_named_like_a_motion_is_a_call():
     """A routine of the program that is named like a motion is a call."""
     body = f"{move(1)}MoveHome;{move(2)}\nENDPROC\nPROC MoveHome()\n{move(3)}"
     program = read_rapid([module(body, POINTS)])
-    assert [found.follows for found in program.moves] == [None, 2, 0]
+    assert [found.follows for found in program.motions] == [None, 2, 0]
     assert not program.diagnostics
 
 
 def test_motions_follow_each_other_through_calls():
     body = f"path_10;path_20;\nENDPROC\nPROC path_10()\n{move(1)}{move(2)}\nENDPROC\nPROC path_20()\n{move(3)}"
     program = read_rapid([module(body, POINTS)])
-    assert [found.follows for found in program.moves] == [None, 0, 1]
+    assert [found.follows for found in program.motions] == [None, 0, 1]
 
 
 def test_position_is_unknown_after_several_returns():
     """Behind a call that returns from several places nobody knows where the robot is."""
     body = f"go;{move(1)}\nENDPROC\nPROC go()\n{move(2)}\nIF diAny=1 RETURN;\n{move(3)}"
     program = read_rapid([module(body, POINTS)])
-    assert [found.follows for found in program.moves] == [None, None, 1]
+    assert [found.follows for found in program.motions] == [None, None, 1]
 
 
 def test_a_routine_that_calls_itself_begins_anywhere():
     body = f"{move(1)}again;\nENDPROC\nPROC again()\n{move(2)}\nIF diAny=1 again;\n{move(3)}"
     program = read_rapid([module(body, POINTS)])
-    assert [found.follows for found in program.moves] == [None, None, None]
+    assert [found.follows for found in program.motions] == [None, None, None]
 
 
 @pytest.mark.parametrize(
@@ -108,11 +108,11 @@ def test_values_are_followed_through_the_statements_of_a_routine(body, x):
     first = POINTS.splitlines()[0].split(":=")[1]
     program = read_rapid([module(f"VAR robtarget q:={first} VAR num n;\n{body}", POINTS + own)])
     assert not program.diagnostics
-    numbers = range(len(program.moves))
-    order = [next(i for i in numbers if program.moves[i].follows is None)]
+    numbers = range(len(program.motions))
+    order = [next(i for i in numbers if program.motions[i].follows is None)]
     while len(order) < len(numbers):  # from each to the one that follows it
-        order.append(next(i for i in numbers if program.moves[i].follows == order[-1]))
-    assert [round(program.moves[i].end.T[0, 3] * 1e3) for i in order] == x
+        order.append(next(i for i in numbers if program.motions[i].follows == order[-1]))
+    assert [round(program.motions[i].end.T[0, 3] * 1e3) for i in order] == x
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_what_may_have_been_changed_on_some_way_is_not_known(body):
     first = POINTS.splitlines()[0].split(":=")[1]
     change = "\nENDPROC\nPROC change(INOUT robtarget r)\nr:=CRobT();"
     program = read_rapid([module(f"VAR robtarget q:={first} \n{body}{change}", POINTS)])
-    assert not program.moves
+    assert not program.motions
     assert any("assigned to" in str(diagnostic) for diagnostic in program.diagnostics)
 
 
@@ -147,22 +147,22 @@ def test_module_variable_keeps_its_value_only_if_main_does():
             )
         ]
     )
-    assert [found.end.name for found in stays.moves] == ["q"]
+    assert [found.end.name for found in stays.motions] == ["q"]
     again = read_rapid([module("MoveL q,v5,fine,tool0;\nother;\nENDPROC\nPROC other() q:=p2;", POINTS + variable)])
-    assert not again.moves
+    assert not again.motions
 
 
 def test_what_a_trap_changes_is_never_known():
     body = "q:=p2;MoveL q,v5,fine,tool0;\nENDPROC\nTRAP t\nq:=p1;\nENDTRAP\nPROC other()"
     program = read_rapid([module(body, POINTS + "VAR" + POINTS.splitlines()[0][5:].replace("p1", "q") + "\n")])
-    assert not program.moves
+    assert not program.motions
 
 
 def test_assigned_tool_has_the_name_of_its_source():
     """A tool that is assigned goes by the name of the one it is."""
     data = "[TRUE,[[0,0,%d],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n"
     tool = f"PERS tooldata tA:={data % 100}PERS tooldata tNow:={data % 0}"
-    (found,) = read_rapid([module("tNow:=tA;MoveL p1,v5,fine,tNow;", POINTS + tool)]).moves
+    (found,) = read_rapid([module("tNow:=tA;MoveL p1,v5,fine,tNow;", POINTS + tool)]).motions
     assert (found.tool.name, found.tool.T[2, 3]) == ("tA", 0.1)
 
 
@@ -181,18 +181,18 @@ def test_persistent_data_decide_nothing(body):
     own = f"VAR robtarget q:={first}\nPERS bool bSide:=FALSE;PERS num nParts:=3;VAR bool b;\n"
     choose = "\nENDPROC\nPROC choose(bool which)\nIF which THEN q:=p2; ELSE q:=p1; ENDIF"
     program = read_rapid([module(f"{body} MoveL q,v5,fine,tool0;{choose}", POINTS + own)])
-    assert not program.moves
+    assert not program.motions
     decided = read_rapid(
         [module(f"b:=TRUE; {body.replace('bSide', 'b')} MoveL q,v5,fine,tool0;{choose}", POINTS + own)]
     )
-    assert len(decided.moves) == ("nParts" not in body)
+    assert len(decided.motions) == ("nParts" not in body)
 
 
 def test_local_routine_of_another_module_is_not_called():
     """A local routine of another module is not the one that is called."""
     other = source("MODULE Other\nLOCAL PROC go(robtarget p)\nMoveL p,v5,fine,tool0;\nENDPROC\nENDMODULE", "other.mod")
     program = read_rapid([module("go p1;", POINTS), other])
-    assert not program.moves
+    assert not program.motions
 
 
 # What holds behind several ways through a program.

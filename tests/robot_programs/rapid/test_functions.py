@@ -54,7 +54,7 @@ def test_turning_routine_is_followed_into_its_calls():
         "PROC main()\nput a,30;\nENDPROC\nPROC put(robtarget p,num angle)\np.rot:=OrientZYX(-angle,0,180);\n"
         "p.trans.x:=p.trans.x*Cos(angle);\nMoveL Offs(p,0,0,20),v100,fine,tool0;\nENDPROC\nENDMODULE\n"
     )
-    (move,) = read_rapid([Source(path=Path("M.mod"), text=text, encoding="utf-8")]).moves
+    (move,) = read_rapid([Source(path=Path("M.mod"), text=text, encoding="utf-8")]).motions
     np.testing.assert_allclose(move.end.T[:3, 3], [0.1 * np.cos(np.radians(30)), 0.0, 0.08], atol=1e-12)
     expected = Rotation.from_euler("ZYX", [-30, 0, 180], degrees=True).as_matrix()
     np.testing.assert_allclose(move.end.T[:3, :3], expected, atol=1e-12)

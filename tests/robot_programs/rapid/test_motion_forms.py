@@ -35,7 +35,7 @@ TEXTS = {
 def test_every_form_is_the_motion_to_its_target(text):
     program = read_rapid([module(text, POINTS)])
     assert not program.diagnostics
-    (move,) = program.moves
+    (move,) = program.motions
     assert (move.kind, move.speed, move.divisible, move.stops) == TEXTS[text]
     assert move.end.name == "p3"
     assert (move.via.name if move.via else "p2") == "p2"
@@ -46,7 +46,7 @@ def test_an_old_seam_is_known_by_its_options():
     """Before ArcLStart and ArcLEnd, options said where a seam begins and ends; such instructions are not repeated."""
     for option, repeats in (("On", False), ("Off", False), ("", True)):
         text = f"ArcL{chr(92) + option + ',' if option else ''} p3,v100,seam1,weld1,weave1,z10,tool0;"
-        (move,) = read_rapid([module(text, POINTS)]).moves
+        (move,) = read_rapid([module(text, POINTS)]).motions
         assert move.divisible is repeats
 
 
@@ -55,11 +55,11 @@ def test_numbers_alone_change_in_every_form(text):
     program = read_rapid(
         [module(text.replace("p3", "[[30,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"), POINTS)]
     )
-    (move,) = program.moves
+    (move,) = program.motions
     T = se3.translation(0.001, 0.0, 0.0) @ move.end.T
     via = None if move.via is None else Waypoint(kind=move.kind, q=Q, T=move.via.T)
     (source,) = program.rewrite(ROBOT, {0: (Waypoint(kind=move.kind, q=Q, T=T, via=via),)})
-    again = program.reread((source,)).moves[0]
+    again = program.reread((source,)).motions[0]
     np.testing.assert_allclose(again.end.T[:3, 3], T[:3, 3], atol=1e-8)
     assert re.sub(r"-?\d+", "#", source.text) == re.sub(r"-?\d+", "#", program.sources[0].text)
 
@@ -73,7 +73,7 @@ def test_a_trigger_is_not_written_as_another_kind_of_motion():
 def test_a_routine_of_the_program_may_have_the_name_of_a_form():
     text = "ArcL p3,v100,1,2,z10,tool0;\nENDPROC\nPROC ArcL(robtarget p,speeddata v,num a,num b,zonedata z,PERS tooldata t)"
     program = read_rapid([module(text, POINTS)])
-    assert not program.moves
+    assert not program.motions
 
 
 def test_the_forms_have_the_arguments_that_they_are_told_by():
@@ -87,5 +87,5 @@ def test_the_forms_have_the_arguments_that_they_are_told_by():
 
 def test_external_axes_alone_are_no_motion_of_the_robot():
     program = read_rapid([module("MoveL p1,v5,fine,tool0;MoveExtJ jOut,vrot10,fine;MoveL p2,v5,fine,tool0;", POINTS)])
-    assert [move.follows for move in program.moves] == [None, None]
+    assert [move.follows for move in program.motions] == [None, None]
     assert not program.diagnostics

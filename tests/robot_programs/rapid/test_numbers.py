@@ -20,7 +20,7 @@ def test_unchanged_numbers_keep_text_and_sign():
     body = "MoveL p,v100,fine,tool0;"
     assert "[[2.5,-0.0,7e1],[-0.707,0,-.7072136,0]" in rewritten(module(body, declaration), 0)
     program = read_rapid([module(body, declaration)])
-    T = program.moves[0].end.T @ np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
+    T = program.motions[0].end.T @ np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
     text = program.rewrite(ROBOT, {0: (Waypoint(kind="linear", q=Q, T=T),)})[0].text
     q = [float(v) for v in re.search(r"7e1\],\[([^]]*)\]", text)[1].split(",")]
     assert q[0] < 0.0

@@ -44,7 +44,7 @@ def test_data_that_refer_to_each_other_deeply():
     assert "in a circle, or too deeply" in read_rapid([module(body, chain)]).diagnostics[0].text
     doubled = "".join(f"CONST num a{k}:=a{k + 1}+a{k + 1};" for k in range(40)) + "CONST num a40:=1;"
     move = "MoveL [[a30,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v5,fine,tool0;"
-    (found,) = read_rapid([module(move, doubled)]).moves
+    (found,) = read_rapid([module(move, doubled)]).motions
     assert found.end.T[0, 3] == pytest.approx(1.024)
 
 

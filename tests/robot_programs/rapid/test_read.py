@@ -12,7 +12,7 @@ from tests.robot_programs.rapid.samples import IRC5, IRC5_FRAMES, POINTS, S4C, m
 
 def test_the_path_of_a_postprocessor_with_its_frames():
     program = read_rapid([source(IRC5, "Path_10.mod"), source(IRC5_FRAMES, "CalibData.sys")])
-    assert [move.kind for move in program.moves] == [
+    assert [move.kind for move in program.motions] == [
         "joint",
         "linear",
         "linear",
@@ -21,21 +21,21 @@ def test_the_path_of_a_postprocessor_with_its_frames():
         *["linear"] * 5,
     ]
     names = ["Target_10", "Line{1}", "Line{2}", "Line{3}", "Arc_end", "Target_10", "Target_10"]
-    assert [move.end.name for move in program.moves] == [*names, "Line{1}", "Line{2}", "Line{3}"]
-    assert [move.follows for move in program.moves] == [None, 0, 1, 2, 3, 4, 5, None, 7, 8]
-    assert [move.texts_motions for move in program.moves] == [1] * 7 + [3] * 3
-    assert [move.stops for move in program.moves[:7]] == [False, True, False, False, True, False, False]
-    assert [move.speed for move in program.moves[:7]] == pytest.approx([1.0, 0.1, 0.0333, 0.0333, 0.0333, 1.0, 1.0])
-    assert {move.routine for move in program.moves} == {"Path_10"}
-    third = program.moves[3]
+    assert [move.end.name for move in program.motions] == [*names, "Line{1}", "Line{2}", "Line{3}"]
+    assert [move.follows for move in program.motions] == [None, 0, 1, 2, 3, 4, 5, None, 7, 8]
+    assert [move.texts_motions for move in program.motions] == [1] * 7 + [3] * 3
+    assert [move.stops for move in program.motions[:7]] == [False, True, False, False, True, False, False]
+    assert [move.speed for move in program.motions[:7]] == pytest.approx([1.0, 0.1, 0.0333, 0.0333, 0.0333, 1.0, 1.0])
+    assert {move.routine for move in program.motions} == {"Path_10"}
+    third = program.motions[3]
     np.testing.assert_allclose(third.end.T, pose([100, 80, 0], [0, 0, 1, 0]), atol=1e-15)
     np.testing.assert_allclose(
         third.part.T, pose([1500, -200, 600], [0.9961947, 0, 0, 0.0871557]) @ pose([5, 5, 0], [1, 0, 0, 0]), atol=1e-9
     )
     np.testing.assert_allclose(third.tool.T, pose([250, 30, 120], [0.70710678, 0, 0.70710678, 0]), atol=1e-9)
     assert third.end.place.line == 10
-    assert [move.carrier for move in program.moves] == ["", "", "", "", "", "STN1", "", "", "", ""]
-    arc = program.moves[4]
+    assert [move.carrier for move in program.motions] == ["", "", "", "", "", "STN1", "", "", "", ""]
+    arc = program.motions[4]
     assert arc.via is not None
     np.testing.assert_allclose(arc.via.T[:3, 3], [0.05, 0.1, 0.0])
 
@@ -50,7 +50,7 @@ def test_what_is_not_resolved_is_said_by_file_and_line():
 
 def test_without_the_module_of_its_frames_a_path_stays_as_it_is():
     program = read_rapid([source(IRC5)])
-    assert not program.moves
+    assert not program.motions
     assert reasons(program)[0] == (
         "part.mod:15: MoveJ stays as it is: unknown tool 'tSpindle'; pass the module that declares it"
     )
@@ -58,10 +58,10 @@ def test_without_the_module_of_its_frames_a_path_stays_as_it_is():
 
 def test_a_part_in_the_hand_at_a_tool_that_stands_still():
     program = read_rapid([source(S4C, "grind.prg")])
-    home, offset, at, out, turned = program.moves
+    home, offset, at, out, turned = program.motions
     assert home.kind == "axes"
     np.testing.assert_allclose(np.degrees(home.end.q), [0, -20, 30, 0, 45, 0])
-    assert all(move.part_in_hand for move in program.moves)
+    assert all(move.part_in_hand for move in program.motions)
     np.testing.assert_allclose(offset.end.T, pose([12.5, -40, -47], [0.5, 0.5, -0.5, 0.5]), atol=1e-12)
     # the tool in the base is the flange times the part in the hand times the target
     flange = at.flange(at.end.T)
@@ -70,7 +70,7 @@ def test_a_part_in_the_hand_at_a_tool_that_stands_still():
     np.testing.assert_allclose(at.part.T, pose([0, 0, 180], [1, 0, 0, 0]) @ pose([10, 0, 0], [0, 1, 0, 0]), atol=1e-12)
     expected = out.end.T @ pose([0, 0, -50], [1, 0, 0, 0]) @ se3.rotation("z", np.radians(15))
     np.testing.assert_allclose(turned.end.T, expected, atol=1e-12)
-    assert [move.follows for move in program.moves] == [None, None, 1, 2, 3]
+    assert [move.follows for move in program.motions] == [None, None, 1, 2, 3]
     assert reasons(program) == [
         "grind.prg:29: MoveL stays as it is: 'pLater' is assigned to in grind.prg:28, so its value is not known",
     ]
@@ -81,7 +81,7 @@ def test_the_zero_position_of_an_irb_120():
     nine = "[9E9,9E9,9E9,9E9,9E9,9E9]"
     home = f"[[374,0,630],[0.7071068,0,0.7071068,0],[0,0,0,0],{nine}]"
     body = f"MoveAbsJ [[0,0,0,0,0,0],{nine}],v5,fine,tool0;MoveJ {home},v5,fine,tool0;"
-    axes, pose_ = read_rapid([module(body)]).moves
+    axes, pose_ = read_rapid([module(body)]).motions
     robot = load_robot("abb-irb120")
     flange = ErrorModel(robot).poses(axes.end.q[None])[0] @ se3.inverse(robot.T_flange_tool)
     np.testing.assert_allclose(flange, pose_.flange(pose_.end.T), atol=1e-7)
@@ -94,7 +94,7 @@ def test_a_program_displacement_is_why_motions_to_poses_stay(shift, odd):
     home = f"MoveAbsJ [[0,0,0,0,0,0],{NINE}],v5,fine,tool0;"
     body = f"MoveL p1,v5,fine,tool0;\n{shift}{',,' if odd else ''};\nMoveL p2,v5,fine,tool0;\n{home}"
     program = read_rapid([module(body, POINTS)])
-    assert [move.kind for move in program.moves] == ["axes"]
+    assert [move.kind for move in program.motions] == ["axes"]
     name = shift[:7] if shift.startswith("PDispOn") else "PDispSet"
     why = f"MoveL stays as it is: a program displacement may shift it ({name} in part.mod:14)"
     told = [text for text in reasons(program) if "displacement" in text]
@@ -114,7 +114,7 @@ def test_wrist_interpolation_is_diagnosed_at_each_line(option, turns):
     """A wrist that follows its own axes is pointed out at each line."""
     body = f"MoveL p1,v5,fine,tool0;\nSingArea{option};\nMoveL p2,v5,fine,tool0;\nSingArea\\Off;\nSingArea {option};"
     program = read_rapid([module(body, POINTS)])
-    assert [move.follows for move in program.moves] == [None, 0]
+    assert [move.follows for move in program.motions] == [None, 0]
     why = "SingArea lets the tool turn in another way along lines and arcs; its orientation between targets is not as predicted"
     assert reasons(program) == ([f"part.mod:14: {why}", f"part.mod:17: {why}"] if turns else [])
 
@@ -129,15 +129,15 @@ def test_postures_where_the_controller_is_told_not_to_check_them():
     program = read_rapid(
         [module("ConfL\\Off;MoveL p1,v5,fine,tool0;MoveL p2,v5,fine,tool0;MoveJ p3,v5,fine,tool0;", POINTS)]
     )
-    assert [move.end.posture is None for move in program.moves] == [False, True, False]
+    assert [move.end.posture is None for move in program.motions] == [False, True, False]
 
 
 def test_text_that_is_not_understood_is_passed_over_line_by_line():
     lines = ["MoveL p1,v5", 'TPWrite "never closed;\nMoveL p2,v5', "MoveL [[1,2,3],v5", "MoveL p3,v5"]
     body = "\n".join(f"{line},fine,tool0;" for line in lines)
     program = read_rapid([module(body, POINTS)])
-    assert [move.end.name for move in program.moves] == ["p1", "p3"]
-    assert [move.follows for move in program.moves] == [None, None]
+    assert [move.end.name for move in program.motions] == ["p1", "p3"]
+    assert [move.follows for move in program.motions] == [None, None]
     text = "\n".join(reasons(program))
     assert "part.mod:14: the string that begins here does not end in its line" in text
     assert "part.mod:15: MoveL stays as it is: the text around it is not understood" in text

@@ -37,23 +37,25 @@ from tests.robot_programs.rapid.samples import POINTS, module, source
 )  # fmt: skip
 def test_reasons_for_leaving_a_motion(declarations, body, reason):
     program = read_rapid([module(body, declarations)])
-    assert not program.moves
+    assert not program.motions
     assert any(reason in text for text in reasons(program)), reasons(program)
 
 
 def test_the_reorientation_speed_is_v_ori():
     slow = "CONST speeddata slow:=[50,20,5000,1000];\n"
-    moves = ["p1,slow,fine", "p2,slow\\V:=7,fine", "p3,[50,30,1,1],fine", "p4,unheardof,fine"]
-    program = read_rapid([module("".join(f"MoveL {move},tool0;" for move in moves), POINTS + slow)])
-    assert [move.turn_speed for move in program.moves] == [pytest.approx(np.radians(v)) for v in (20, 20, 30)] + [None]
+    motions = ["p1,slow,fine", "p2,slow\\V:=7,fine", "p3,[50,30,1,1],fine", "p4,unheardof,fine"]
+    program = read_rapid([module("".join(f"MoveL {move},tool0;" for move in motions), POINTS + slow)])
+    assert [move.turn_speed for move in program.motions] == [pytest.approx(np.radians(v)) for v in (20, 20, 30)] + [
+        None
+    ]
 
 
 def test_speeds_and_stops():
-    moves = ["p1,vmax,z0", "p2,v5\\V:=12,z10\\Z:=3", "p3,v50,z10\\Inpos:=inpos50", "p4,v7000,zMine"]
-    program = read_rapid([module("".join(f"MoveL {move},tool0;" for move in moves), POINTS)])
-    assert [move.speed for move in program.moves] == [None, 0.012, 0.05, 7.0]
-    assert [move.turn_speed for move in program.moves] == [None] + [pytest.approx(np.radians(500.0))] * 3
-    assert [move.stops for move in program.moves] == [False, False, True, True]
+    motions = ["p1,vmax,z0", "p2,v5\\V:=12,z10\\Z:=3", "p3,v50,z10\\Inpos:=inpos50", "p4,v7000,zMine"]
+    program = read_rapid([module("".join(f"MoveL {move},tool0;" for move in motions), POINTS)])
+    assert [move.speed for move in program.motions] == [None, 0.012, 0.05, 7.0]
+    assert [move.turn_speed for move in program.motions] == [None] + [pytest.approx(np.radians(500.0))] * 3
+    assert [move.stops for move in program.motions] == [False, False, True, True]
     assert "the zone of a motion is not known, which is taken as a stop: 'zMine'" in reasons(program)[0]
 
 
@@ -62,19 +64,19 @@ def test_zones_have_sizes_for_the_tool_point_and_for_its_turning():
     own = "CONST zonedata tight:=[FALSE,5,2,2,0.5,2,0.5];\nVAR num n:=1;\n"
     zones = ["z0", "z10", "z10\\Z:=3", "tight", "z5\\Z:=n", "fine", "[FALSE,4,6,6,1,6,1]", "z5\\Z:=later()"]
     program = read_rapid([module("".join(f"MoveL p1,v100,{zone},tool0;" for zone in zones), POINTS + own)])
-    found = [move.zone for move in program.moves]
+    found = [move.zone for move in program.motions]
     assert found[-1] is None
     sizes = [(zone.distance * 1e3, zone.turn_distance * 1e3, np.degrees(zone.angle)) for zone in found[:-1]]
     expected = [(0.3, 0.3, 0.03), (10, 15, 1.5), (3, 15, 1.5), (5, 5, 0.5), (1, 8, 0.8), (0, 0, 0), (4, 6, 1)]
     np.testing.assert_allclose(sizes, expected, atol=1e-12)
-    assert [move.stops for move in program.moves] == [False] * 5 + [True, False, False]
+    assert [move.stops for move in program.motions] == [False] * 5 + [True, False, False]
 
 
 def test_external_axes_are_read_where_there_are_some():
     body = "MoveL [[0,0,0],[1,0,0,0],[0,0,0,0],[100,9E9,-3.5,9E9,9E9,9E9]],v5,fine,tool0;\nMoveL p1,v5,fine,tool0;"
     program = read_rapid([module(body, POINTS)])
-    np.testing.assert_equal(program.moves[0].external, [100.0, np.nan, -3.5, np.nan, np.nan, np.nan])
-    assert np.isnan(program.moves[1].external).all()
+    np.testing.assert_equal(program.motions[0].external, [100.0, np.nan, -3.5, np.nan, np.nan, np.nan])
+    assert np.isnan(program.motions[1].external).all()
     assert not program.diagnostics
 
 
@@ -91,7 +93,7 @@ def test_each_module_has_its_own_local_data():
     )
     three = source("MODULE c\nPROC pc()\nMoveL p1,v5,fine,tool0;\nENDPROC\nENDMODULE", "c.mod")
     program = read_rapid([one, two, three])
-    assert [move.end.T[0, 3] for move in program.moves] == pytest.approx([0.01, 0.02])
+    assert [move.end.T[0, 3] for move in program.motions] == pytest.approx([0.01, 0.02])
     assert reasons(program) == [
         "c.mod:3: MoveL stays as it is: 'p1' is not declared in the files; pass the module that declares it"
     ]

@@ -27,8 +27,8 @@ def test_a_program_is_read_as_it_is_meant(rng):
     made = generate(rng)
     program = read_rapid(made.sources)
     assert not program.diagnostics
-    assert [move.kind for move in program.moves] == [meant.kind for meant in made.moves]
-    for move, meant in zip(program.moves, made.moves, strict=True):
+    assert [move.kind for move in program.motions] == [meant.kind for meant in made.motions]
+    for move, meant in zip(program.motions, made.motions, strict=True):
         np.testing.assert_allclose(move.tool.T, meant.tool, atol=1e-12)
         np.testing.assert_allclose(move.part.T, meant.part, atol=1e-12)
         assert move.stops == meant.stops
@@ -151,7 +151,7 @@ def test_local_data_of_a_routine_are_cloned_where_they_are():
     body = f"VAR {POINTS.splitlines()[0][6:]}\n  MoveL p1,v100,fine,tool0;\nMoveL Offs(p1,0,0,1),v5,fine,tool0;"
     after = rewritten(module(body), 1)
     assert "VAR robtarget p1_2:=[[11,0,1]" in after
-    assert read_rapid([source(after)]).moves[1].end.T[0, 3] == pytest.approx(0.011)
+    assert read_rapid([source(after)]).motions[1].end.T[0, 3] == pytest.approx(0.011)
 
 
 def test_inserted_motions_fly_by_with_the_same_arguments():
@@ -186,18 +186,18 @@ def test_what_an_if_without_then_governs_stays_together():
     program = read_rapid([module("  IF a=1 MoveL p1,v100,fine,tool0;\n  MoveL p2,v100,fine,tool0;", POINTS)])
     waypoints = {0: shifted(program, 0)[0] * 2}
     after = read_rapid(program.rewrite(ROBOT, waypoints))
-    assert [move.follows for move in after.moves] == [None, 0, None]
+    assert [move.follows for move in after.motions] == [None, 0, None]
     assert not after.diagnostics
 
 
 def test_an_arc_becomes_lines_or_stays_an_arc():
     program = read_rapid([source(IRC5, "Path_10.mod"), source(IRC5_FRAMES, "CalibData.sys")])
-    arc = program.moves[4]
+    arc = program.motions[4]
     line = Waypoint(kind="linear", q=Q, T=arc.via.T)
     end = Waypoint(kind="linear", q=Q, T=arc.end.T)
     as_lines = program.reread(program.rewrite(ROBOT, {4: (line, end)}))
-    assert [move.kind for move in as_lines.moves[4:6]] == ["linear", "linear"]
-    np.testing.assert_allclose(as_lines.moves[4].end.T, arc.via.T, atol=1e-9)
+    assert [move.kind for move in as_lines.motions[4:6]] == ["linear", "linear"]
+    np.testing.assert_allclose(as_lines.motions[4].end.T, arc.via.T, atol=1e-9)
     via = arc.via.T.copy()
     via[:3, 3] += 1e-3
     as_arc = program.rewrite(
@@ -206,7 +206,7 @@ def test_an_arc_becomes_lines_or_stays_an_arc():
     assert "MoveC Arc_via,Arc_end,vCut,fine" in as_arc[0].text
     assert "Arc_via:=[[51,101,1]" in as_arc[0].text
     two = {3: (Waypoint(kind="circular", q=Q, T=arc.end.T, via=line),)}
-    third = program.reread(program.rewrite(ROBOT, two)).moves[3]
+    third = program.reread(program.rewrite(ROBOT, two)).motions[3]
     assert third.kind == "circular"
     np.testing.assert_allclose(third.via.T, arc.via.T, atol=1e-9)
 

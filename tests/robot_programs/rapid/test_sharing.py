@@ -26,7 +26,7 @@ def rewritten(main: str, routine: str, *by_mm: float, declared: str = ""):
     (again,) = program.rewrite(ROBOT, kept)
     moved = [
         (new.end.T - old.end.T)[0, 3] * 1e3
-        for new, old in zip(program.reread((again,)).moves, program.moves, strict=True)
+        for new, old in zip(program.reread((again,)).motions, program.motions, strict=True)
     ]
     return moved, cannot, again.text
 

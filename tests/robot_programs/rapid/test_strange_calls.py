@@ -27,26 +27,26 @@ def move(to: str = "p1", tool: str = "tA") -> str:
 @pytest.mark.parametrize("given", ["tA", "wA", "p2,tA", "\\Tool:=tA"])
 def test_strange_routine_may_change_its_tool_or_work_object(given):
     read = program(f"Setup {given};", move())
-    assert not read.moves
+    assert not read.motions
     assert "may be changed by Setup, which is not in the files given, in part.mod:17" in "".join(reasons(read))
 
 
 def test_strange_function_may_change_its_tool():
     read = program("n:=Measured(tA);", move())
-    assert not read.moves
+    assert not read.motions
     assert "may be changed by Measured" in "".join(reasons(read))
 
 
 @pytest.mark.parametrize(("target", "known"), [("p1", True), ("pV", False)])
 def test_strange_routine_may_change_a_target_unless_constant(target, known):
     read = program(f"Setup {target};", move(target, "tB"))
-    assert len(read.moves) == known
+    assert len(read.motions) == known
 
 
 def test_strange_routine_is_named_and_changes_no_other_data():
     read = program(move(), "Setup;", move("p2"))
-    assert len(read.moves) == 2
-    assert read.moves[1].follows is None
+    assert len(read.motions) == 2
+    assert read.motions[1].follows is None
     assert reasons(read) == [
         "part.mod:18: Setup is not in the files given; it is taken to leave all data as they are that it is not given"
     ]
@@ -58,16 +58,16 @@ def test_strange_routine_is_named_and_changes_no_other_data():
 )
 def test_instructions_of_the_system_leave_their_tool(known):
     read = program(known, move())
-    assert [m.end.name for m in read.moves][-1] == "p1"
+    assert [m.end.name for m in read.motions][-1] == "p1"
     assert "not in the files given" not in "".join(reasons(read))
 
 
 def test_tool_changed_in_a_program_of_its_own_is_known_in_others():
     service = f"PROC service()\nSetup tA;\n{move('p2')}\nENDPROC\n"
     read = program(move(), routines=service)
-    assert [m.end.name for m in read.moves] == ["p1"]
+    assert [m.end.name for m in read.motions] == ["p1"]
     assert "stays as it is: 'tA' may be changed by Setup" in "".join(reasons(read))
-    assert not program("service;", move(), routines=service).moves
+    assert not program("service;", move(), routines=service).motions
 
 
 @pytest.mark.parametrize("call", ['CallByVar "useTool",n;', '%"useTool1"%;', '%"useTool"+"1"%;'])
@@ -76,18 +76,18 @@ def test_call_by_name_may_change_what_any_routine_changes(call, nested):
     """The tool is known before; behind the call it is what a routine may have set."""
     inner = f"PROC inner()\n{call}\nENDPROC\n" if nested else ""
     read = program("tA:=tB;", move(), "inner;" if nested else call, move("p2"), routines=USE_TOOL + inner)
-    assert [m.end.name for m in read.moves] == ["p1"]
+    assert [m.end.name for m in read.motions] == ["p1"]
     assert "calls a procedure whose name is known only at run time" in "".join(reasons(read))
 
 
 def test_call_by_name_in_a_loop_may_change_any_data():
     read = program("tA:=tB;", "WHILE n>0 DO", move(), 'CallByVar "useTool",n;', "ENDWHILE", routines=USE_TOOL)
-    assert not read.moves
+    assert not read.motions
 
 
 def test_call_by_name_may_lead_to_a_strange_routine():
     read = program('CallByVar "path",n;', move(), routines="PROC path1()\nSetup tA;\nENDPROC\n")
-    assert not read.moves
+    assert not read.motions
 
 
 def soft(read) -> list[int]:
@@ -96,7 +96,7 @@ def soft(read) -> list[int]:
 
 def test_motions_behind_softact_are_remarked_up_to_softdeact():
     read = program(move(), "SoftAct 3,20;", move("p2"), move("p3"), "SoftDeact;", move("p4"))
-    assert len(read.moves) == 4
+    assert len(read.motions) == 4
     assert soft(read) == [19, 20]
 
 
@@ -111,7 +111,7 @@ def test_softact_in_a_branch_or_a_call_is_remarked():
 def test_motions_know_what_shifts_external_axes(shift):
     read = program(shift, move(), "MoveAbsJ [[0,0,0,0,9,0],[0,9E9,9E9,9E9,9E9,9E9]]\\NoEOffs,v5,fine,tA;", "EOffsOff;")
     name = shift.split()[0]
-    assert [m.external_offset for m in read.moves] == [f"{name} in part.mod:17", ""]
+    assert [m.external_offset for m in read.motions] == [f"{name} in part.mod:17", ""]
     assert f"part.mod:17: {name} shifts the external axes by what is not read" in reasons(read)[0]
 
 
@@ -130,7 +130,7 @@ def test_data_set_by_name_are_named():
     ],
 )
 def test_system_instruction_that_returns_values_changes_tool(filling):
-    assert not program(filling, move()).moves
+    assert not program(filling, move()).motions
 
 
 @pytest.mark.parametrize(
@@ -146,9 +146,9 @@ def test_system_instruction_that_returns_values_changes_tool(filling):
 )
 def test_system_call_returns_values_by_its_arguments(returning):
     routine = f"PROC at()\nVAR num nV:=0;\nVAR bool bV:=FALSE;\nVAR bool bOK;\n{returning}\n{move('Offs(p1,0,0,nV)')}\nENDPROC\n"
-    assert not program("at;", routines=routine).moves
-    assert program("at;", routines=routine.replace(returning, 'bOK:=StrPart("5",1,1)="5";')).moves
+    assert not program("at;", routines=routine).motions
+    assert program("at;", routines=routine.replace(returning, 'bOK:=StrPart("5",1,1)="5";')).motions
 
 
 def test_data_that_setdataval_hands_over_stay():
-    assert len(program('SetDataVal "q",pV;', move("pV"), move("p2")).moves) == 2
+    assert len(program('SetDataVal "q",pV;', move("pV"), move("p2")).motions) == 2

@@ -14,7 +14,7 @@ def test_offs_shifts_by_work_object_and_reltool_by_tool():
         "CONST robtarget p:=[[10,20,30],[0.5,0.5,0.5,0.5],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];CONST num h:=7;"
     )
     body = "MoveL Offs(p,1,-2,h+1),v100,fine,tool0;MoveL RelTool(p,1,2,h\\Rx:=10\\Ry:=-20\\Rz:=30),v100,fine,tool0;"
-    a, b = read_rapid([module(body, declarations)]).moves
+    a, b = read_rapid([module(body, declarations)]).motions
     np.testing.assert_allclose(a.end.T, pose([11, 18, 38], [0.5, 0.5, 0.5, 0.5]), atol=1e-12)
     turned = pose([10, 20, 30], [0.5, 0.5, 0.5, 0.5]) @ pose([1, 2, 7], [1, 0, 0, 0])
     for axis, angle in zip("xyz", (10, -20, 30), strict=True):

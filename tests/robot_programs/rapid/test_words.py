@@ -51,7 +51,7 @@ def test_a_small_module_of_the_same_is_read_or_refused(name, write, tmp_path):
     text = content.getvalue()
     # its beginning and its end, as one block is far longer
     with contextlib.suppress(FileError):
-        assert not read_rapid([Source.of(tmp_path / "part.mod", text[:3000] + b"\nENDMODULE\n")]).moves
+        assert not read_rapid([Source.of(tmp_path / "part.mod", text[:3000] + b"\nENDMODULE\n")]).motions
 
 
 @pytest.mark.parametrize("blanks", ["", " ", "\n", "\t \r\n"])

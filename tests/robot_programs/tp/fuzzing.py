@@ -10,7 +10,7 @@ from tests.robot_programs.tp.samples import R2000
 
 def _posture(program: TpProgram, number: int) -> np.ndarray | None:
     """None of a register, which becomes a position, and where an arc's first point is stated by joints."""
-    move, written = program.moves[number], program.sites[number].written
+    move, written = program.motions[number], program.sites[number].written
     if written[-1].operand.register or not written[0].stated.is_pose:
         return None
     return getattr(move.end.posture, "q", np.radians([0, 10, -20, 0, -60, 0]))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_programs.core.program import Move, Program, Waypoint
+from robot_programs.core.program import Motion, Program, Waypoint
 from robot_programs.core.source import Source
 from taskcal.geometry import se3
 from tests.robot_programs.tp.samples import backup, joints, pose
@@ -92,7 +92,7 @@ def generate(rng: np.random.Generator, trouble: bool = True) -> tuple[Source, ..
     return (Source.of(Path("part.ls"), data), *backup())
 
 
-def moved(move: Move, shift: np.ndarray, turn: np.ndarray) -> Waypoint:
+def moved(move: Motion, shift: np.ndarray, turn: np.ndarray) -> Waypoint:
     """A motion's end, a little elsewhere."""
     q = move.end.q if move.end.q is not None else getattr(move.end.posture, "q", np.radians([0, 10, -20, 0, -60, 0]))
     if move.end.T is None:
@@ -105,7 +105,7 @@ def moved(move: Move, shift: np.ndarray, turn: np.ndarray) -> Waypoint:
 def nearby_waypoints(rng: np.random.Generator, program: Program, most: int) -> dict[int, tuple[Waypoint, ...]]:
     """Waypoints near the ends of some motions."""
     out: dict[int, tuple[Waypoint, ...]] = {}
-    for number, move in enumerate(program.moves):
+    for number, move in enumerate(program.motions):
         if rng.random() < 0.5:
             pieces = 1 if move.kind in ("axes", "joint") else int(rng.integers(1, most + 1))
             out[number] = tuple(

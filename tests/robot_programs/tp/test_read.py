@@ -40,6 +40,6 @@ def test_files_are_known_by_their_suffix(tmp_path):
     for source in (listing(["L P[2] 10mm/sec FINE"], POSITIONS), *backup()):
         (tmp_path / source.path.name.upper()).write_bytes(source.encode())
     program = read_program(*sorted(tmp_path.iterdir()), robot=R2000)
-    (move,) = program.moves
+    (move,) = program.motions
     assert move.routine == "MILL"
     assert move.place.line == 6

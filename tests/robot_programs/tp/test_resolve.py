@@ -16,9 +16,9 @@ SET = ("  UFRAME_NUM=1", "  UTOOL_NUM=1")
 def test_motions_lead_where_the_controller_has_them():
     program = read(*SET, "J P[1] 100% FINE", "L P[2:start] 500mm/sec CNT100", "C P[3]\r\n    :  P[4] 500mm/sec FINE")
     assert program.diagnostics == ()
-    home, line, arc = program.moves
-    assert [move.kind for move in program.moves] == ["axes", "linear", "circular"]
-    assert [move.follows for move in program.moves] == [None, 0, 1]
+    home, line, arc = program.motions
+    assert [move.kind for move in program.motions] == ["axes", "linear", "circular"]
+    assert [move.follows for move in program.motions] == [None, 0, 1]
     np.testing.assert_allclose(home.end.q, degrees(0, 10, -20, 0, -60, 0))
     # user frame 1 in the world, and the world 670 mm above the base
     corner = np.array([1.5, -0.2, 0.07])
@@ -32,7 +32,7 @@ def test_motions_lead_where_the_controller_has_them():
 
 
 def test_a_line_to_joints_leads_to_their_pose():
-    (move,) = read("L P[1] 100mm/sec FINE").moves
+    (move,) = read("L P[1] 100mm/sec FINE").motions
     q = degrees(0, 10, -20, 0, -60, 0)
     flange = ErrorModel(R2000).poses(q[None])[0] @ se3.inverse(R2000.T_flange_tool)
     np.testing.assert_allclose(move.flange(move.end.T), flange, atol=1e-12)
@@ -44,7 +44,7 @@ def test_offsets_shift_in_the_user_frame_or_in_the_tool():
     plain, offset, tool_offset = (
         read(
             *SET, f"L P[5] 100mm/sec FINE{option}".replace("P[5]", "P[2]"), positions={"2": pose(1, 2, 3, 150, 20, 30)}
-        ).moves[0]
+        ).motions[0]
         for option in ("", " Offset,PR[2:up]", " Tool_Offset,PR[2]")
     )
     np.testing.assert_allclose(offset.end.T[:3, 3] - plain.end.T[:3, 3], [0.0, 0.0, 0.05], atol=1e-15)
@@ -53,7 +53,7 @@ def test_offsets_shift_in_the_user_frame_or_in_the_tool():
 
 def test_registers_count_in_the_active_frames():
     program = read("  UFRAME_NUM=2", "  UTOOL_NUM=1", "J PR[1:home] 50% FINE", "L PR[5] 100mm/sec FINE")
-    home, table = program.moves
+    home, table = program.motions
     np.testing.assert_allclose(home.end.q, degrees(20, 0, 0, 0, -90, 0))
     assert table.part.name == "UFRAME 2"
     np.testing.assert_allclose(table.end.T[:3, 3], [0.12, 0.03, 0.25])
@@ -96,7 +96,7 @@ def test_what_is_not_known_stays_and_says_why(instructions, reason):
         "8": pose(1, 2, 3, configuration="R, 0, 0, 0"),
     }
     program = read(*instructions, positions=positions)
-    assert program.moves == ()
+    assert program.motions == ()
     assert any(_has(diagnostic.text, reason) for diagnostic in program.diagnostics), program.diagnostics
 
 
@@ -110,24 +110,24 @@ def _has(text: str, pattern: str) -> bool:
 def test_start_is_unknown_after_branches_and_calls(between):
     """The start is not known behind a branch a call or a motion that is not."""
     program = read(*SET, "L P[2] 10mm/sec FINE", between, "L P[3] 10mm/sec FINE")
-    assert [move.follows for move in program.moves] == [None, None]
+    assert [move.follows for move in program.motions] == [None, None]
 
 
 def test_frames_are_not_known_behind_a_call():
     program = read(*SET, "  CALL OTHER", "J PR[1] 10% FINE")
-    assert program.moves == ()
+    assert program.motions == ()
 
 
 def test_remarks_say_what_is_corrected_at_its_points_only():
     program = read(
         "A P[2] 10mm/sec CNT50", "L P[3] 10mm/sec FINE Wjnt", "L P[4] 10mm/sec FINE Skip,LBL[1]", "L P[2] 10mm/sec FINE"
     )
-    assert [move.follows for move in program.moves] == [None, None, 1, None]
+    assert [move.follows for move in program.motions] == [None, None, 1, None]
     assert [diagnostic.place.line for diagnostic in program.diagnostics] == [6, 7]
 
 
 def test_comments_and_remarked_lines_move_nothing():
-    assert read("  !L P[2] 10mm/sec FINE", "  //L P[2] 10mm/sec FINE").moves == ()
+    assert read("  !L P[2] 10mm/sec FINE", "  //L P[2] 10mm/sec FINE").motions == ()
 
 
 REMOTE = re.sub(r"\b([XYZWPR]) =", r"R\1 =", pose(100, 200, 300))
@@ -151,7 +151,7 @@ REMOTE = re.sub(r"\b([XYZWPR]) =", r"R\1 =", pose(100, 200, 300))
 )
 def test_position_that_is_not_known_is_named_with_its_components(position, reason):
     program = read(*SET, "L P[2] 10mm/sec FINE", positions={"2": position})
-    assert not program.moves
+    assert not program.motions
     (diagnostic,) = program.diagnostics
     assert re.search(reason, diagnostic.text)
     assert "0 joints" not in diagnostic.text
@@ -160,8 +160,8 @@ def test_position_that_is_not_known_is_named_with_its_components(position, reaso
 def test_configuration_is_read_in_german_listings():
     """Controllers set to German list it as KONFIG."""
     german = {"2": pose(100, 200, 300).replace("CONFIG", "KONFIG")}
-    (move,) = read(*SET, "L P[2] 10mm/sec FINE", positions=german).moves
-    (english,) = read(*SET, "L P[2] 10mm/sec FINE").moves
+    (move,) = read(*SET, "L P[2] 10mm/sec FINE", positions=german).motions
+    (english,) = read(*SET, "L P[2] 10mm/sec FINE").motions
     assert move.end.posture == english.end.posture
 
 
@@ -177,7 +177,7 @@ UP = "L P[2] 100mm/sec FINE Offset,PR[2:up]"
 )  # fmt: skip
 def test_registers_are_not_known_behind_a_strange_call(call):
     program = read(*SET, UP, call, *SET, UP, "L P[3] 100mm/sec FINE", "J PR[1] 10% FINE")
-    assert [move.end.name for move in program.moves if move.place.line != 9] == ["P[2]", "P[3]"]
+    assert [move.end.name for move in program.motions if move.place.line != 9] == ["P[2]", "P[3]"]
     texts = [str(diagnostic) for diagnostic in program.diagnostics]
     assert any("mill.ls:9: OTHER is not in the files given; behind it the active frames" in text for text in texts)
     reason = "PR[{}]{} may be set by OTHER, which is called before and is not in the files given; pass its .ls"
@@ -190,13 +190,13 @@ def test_registers_are_not_known_behind_a_strange_call(call):
 )
 def test_registers_are_known_behind_instructions_of_the_system(instruction):
     program = read(*SET, instruction, *SET, "J PR[1] 10% FINE")
-    assert len(program.moves) == 1
+    assert len(program.motions) == 1
     assert "not in the files" not in str(program.diagnostics)
 
 
 def test_registers_are_unknown_in_a_loop_with_a_strange_call():
     program = read("  LBL[1]", *SET, UP, "  CALL OTHER", "  JMP LBL[1]")
-    assert not program.moves
+    assert not program.motions
 
 
 def test_register_of_a_motion_that_is_not_read_is_shared():
@@ -212,7 +212,7 @@ def programs(**instructions):
     """The motions of several programs, by the name of each."""
     sources = [listing(lines, POSITIONS, name) for name, lines in instructions.items()]
     program = read_tp([*sources, *backup()], robot=R2000)
-    return [move.routine for move in program.moves]
+    return [move.routine for move in program.motions]
 
 
 def test_registers_are_known_behind_a_program_of_the_files():

@@ -29,11 +29,11 @@ def test_rewrite_is_read_back_and_keeps_the_rest(rng):
     program = read_tp(generate(rng), robot=R2000)
     waypoints = nearby_waypoints(rng, program, most=3)
     again = program.reread(program.rewrite(R2000, waypoints))
-    moves = iter(again.moves)
+    motions = iter(again.motions)
     assert len(again.diagnostics) >= len(program.diagnostics)
-    for number, move in enumerate(program.moves):
+    for number, move in enumerate(program.motions):
         for waypoint in waypoints.get(number, (moved(move, np.zeros(3), np.zeros(3)),)):
-            new = next(moves)
+            new = next(motions)
             assert new.kind == move.kind
             assert new.speed == move.speed
             if waypoint.T is None:
@@ -44,12 +44,12 @@ def test_rewrite_is_read_back_and_keeps_the_rest(rng):
                 np.testing.assert_allclose(new.end.T[:3, 3], waypoint.T[:3, 3], atol=1e-7)
                 np.testing.assert_allclose(new.end.T[:3, :3], waypoint.T[:3, :3], atol=3e-7)
         assert new.stops == move.stops
-    assert next(moves, None) is None
+    assert next(motions, None) is None
 
 
 def test_only_numbers_of_a_position_change():
     program = read(*SET, "L P[2:start] 100mm/sec FINE")
-    (source, *_) = program.rewrite(R2000, {0: (to(program.moves[0], [0.1, 0.0, 0.0]),)})
+    (source, *_) = program.rewrite(R2000, {0: (to(program.motions[0], [0.1, 0.0, 0.0]),)})
     before, after = program.sources[0].text.splitlines(), source.text.splitlines()
     changed = [(a, b) for a, b in zip(before, after, strict=True) if a != b]
     assert changed == [(
@@ -62,10 +62,10 @@ def test_a_position_that_others_still_need_is_copied():
     program = read(
         *SET, "L P[2:start] 100mm/sec FINE", "L P[3] 100mm/sec FINE", "L P[2:start] 100mm/sec FINE Offset,PR[2]"
     )
-    text = program.rewrite(R2000, {0: (to(program.moves[0], [0.1, 0.0, 0.0]),)})[0].text
+    text = program.rewrite(R2000, {0: (to(program.motions[0], [0.1, 0.0, 0.0]),)})[0].text
     assert re.findall(r"L (P\[\S+\])", text) == ["P[6]", "P[3]", "P[2:start]"]
     assert text.index("P[5]{") < text.index('P[6:"start"]{') < text.index("/END")
-    both = {0: (to(program.moves[0], [0.1, 0, 0]),), 2: (to(program.moves[2], [0.1, 0, 0]),)}
+    both = {0: (to(program.motions[0], [0.1, 0, 0]),), 2: (to(program.motions[2], [0.1, 0, 0]),)}
     text = program.rewrite(R2000, both)[0].text
     assert re.findall(r"L (P\[\S+\])", text) == ["P[2:start]", "P[3]", "P[2:start]"]
 
@@ -73,8 +73,8 @@ def test_a_position_that_others_still_need_is_copied():
 def test_inserted_lines_renumber_the_rest():
     """A motion that needs more points gets lines before its own and the rest new numbers."""
     program = read(*SET, "L P[2:start] 100mm/sec FINE ACC50", "C P[3]\r\n    :  P[4] 90mm/sec FINE", "  DO[1]=ON")
-    line = tuple(to(program.moves[0], [x, 0, 0]) for x in (-2.0, -1.0, 0.0))
-    arc = tuple(to(program.moves[1], [x, 0, 0]) for x in (-1.0, 0.0))
+    line = tuple(to(program.motions[0], [x, 0, 0]) for x in (-2.0, -1.0, 0.0))
+    arc = tuple(to(program.motions[1], [x, 0, 0]) for x in (-1.0, 0.0))
     text = program.rewrite(R2000, {0: line, 1: arc})[0].text
     body = text[text.index("/MN") : text.index("/POS")].splitlines()[1:]
     assert body == [
@@ -98,13 +98,13 @@ def test_inserted_lines_end_with_a_semicolon():
     source = Source.of(whole.path, whole.text.replace("   1:J P[1] 10% FINE    ;", "    :J P[1] 10% FINE").encode())
     program = read_tp([source, *backup()], robot=R2000)
     changed = program.rewrite(R2000, {0: (Waypoint(kind="axes", q=Q, T=None), Waypoint(kind="axes", q=2 * Q, T=None))})
-    assert [move.end.q[1] for move in program.reread(changed).moves] == [Q[1], 2 * Q[1]]
+    assert [move.end.q[1] for move in program.reread(changed).motions] == [Q[1], 2 * Q[1]]
 
 
 def test_conditions_under_a_motion_keep_their_own_numbers():
     lines = ["L P[2] 100mm/sec FINE\r\n      1:  TC_ONLINE (DI[1]) ;\r\n       ------", "L P[3] 100mm/sec FINE"]
     program = read(*SET, *lines)
-    text = program.rewrite(R2000, {0: (to(program.moves[0], [-1, 0, 0]), to(program.moves[0], [0, 0, 0]))})[0].text
+    text = program.rewrite(R2000, {0: (to(program.motions[0], [-1, 0, 0]), to(program.motions[0], [0, 0, 0]))})[0].text
     assert "      1:  TC_ONLINE" in text
     assert "   5:L P[3]" in text
 
@@ -112,37 +112,37 @@ def test_conditions_under_a_motion_keep_their_own_numbers():
 def test_a_register_becomes_a_position():
     program = read("  UFRAME_NUM=2", "  UTOOL_NUM=1", "L PR[5] 100mm/sec FINE", "J PR[1:home] 10% FINE")
     home = Waypoint(kind="axes", q=degrees(20.001, 0, 0, 0, -90, 0), T=None)
-    text = program.rewrite(R2000, {0: (to(program.moves[0], [0.1, 0, 0]),), 1: (home,)})[0].text
+    text = program.rewrite(R2000, {0: (to(program.motions[0], [0.1, 0, 0]),), 1: (home,)})[0].text
     assert "L P[6] 100mm/sec FINE" in text
     assert "J P[7] 10% FINE" in text
     again = read_tp([program.sources[0].of(program.sources[0].path, text.encode()), *program.sources[1:]], robot=R2000)
-    assert again.moves[0].part.name == "UFRAME 2"
-    np.testing.assert_allclose(again.moves[1].end.q, home.q, atol=1e-7)
+    assert again.motions[0].part.name == "UFRAME 2"
+    np.testing.assert_allclose(again.motions[1].end.q, home.q, atol=1e-7)
 
 
 def test_lines_to_joints_are_written_as_joints():
     program = read("L P[1] 100mm/sec FINE")
     q = degrees(0.5, 10, -20, 0, -60, 0)
-    text = program.rewrite(R2000, {0: (Waypoint(kind="linear", q=q, T=program.moves[0].end.T),)})[0].text
+    text = program.rewrite(R2000, {0: (Waypoint(kind="linear", q=q, T=program.motions[0].end.T),)})[0].text
     assert "J1=   0.50000 deg," in text
 
 
 def test_turns_follow_the_posture():
     program = read("J P[2] 10% FINE", positions={"2": pose(100, 200, 300, configuration="N U T, 0, 0, 0")})
     q = degrees(0, 10, -20, 0, -60, 180.5)
-    text = program.rewrite(R2000, {0: (Waypoint(kind="joint", q=q, T=program.moves[0].end.T),)})[0].text
+    text = program.rewrite(R2000, {0: (Waypoint(kind="joint", q=q, T=program.motions[0].end.T),)})[0].text
     assert "CONFIG : 'N U T, 0, 0, 0'" in text  # within a degree of the border the old turn may stay
     q = degrees(0, 10, -20, 0, -60, 185)
-    text = program.rewrite(R2000, {0: (Waypoint(kind="joint", q=q, T=program.moves[0].end.T),)})[0].text
+    text = program.rewrite(R2000, {0: (Waypoint(kind="joint", q=q, T=program.motions[0].end.T),)})[0].text
     assert "CONFIG : 'N U T, 0, 0, 1'" in text
 
 
 def test_extended_axes_go_along_with_new_points():
     inside = pose(100, 200, 300).rstrip() + ",\r\n\tE1=   900.000  mm\r\n"
     program = read("L P[2] 100mm/sec FINE", positions={"2": inside})
-    assert program.moves[0].external == (900.0,)
-    first = Waypoint(kind="linear", q=Q, T=program.moves[0].end.T, external=(850.0,))
-    text = program.rewrite(R2000, {0: (first, to(program.moves[0], [0, 0, 0]))})[0].text
+    assert program.motions[0].external == (900.0,)
+    first = Waypoint(kind="linear", q=Q, T=program.motions[0].end.T, external=(850.0,))
+    text = program.rewrite(R2000, {0: (first, to(program.motions[0], [0, 0, 0]))})[0].text
     assert re.search(r"E1= +850\.00000  mm", text)
     assert "E1=   900.000  mm" in text
 
@@ -150,4 +150,4 @@ def test_extended_axes_go_along_with_new_points():
 def test_a_motion_keeps_its_kind():
     program = read("L P[2] 100mm/sec FINE", positions={"2": pose(100, 200, 300)})
     with pytest.raises(TaskcalError, match=r"mill.ls:6: the motion cannot become one of another kind"):
-        program.rewrite(R2000, {0: (to(program.moves[0], [0, 0, 0], kind="axes"),)})
+        program.rewrite(R2000, {0: (to(program.motions[0], [0, 0, 0], kind="axes"),)})

@@ -26,7 +26,7 @@ def only(*lines, **given):
     """The one motion of a program that has nothing to diagnose."""
     program = read(*lines, **given)
     assert not program.diagnostics
-    (move,) = program.moves
+    (move,) = program.motions
     return move
 
 
@@ -59,7 +59,7 @@ def test_a_line_to_joints_goes_to_their_pose():
     move = only(f"movel({JOINTS})")
     np.testing.assert_allclose(move.end.T, ErrorModel(UR5).poses(Q[None])[0] @ se3.translation(0, 0, 0.1), atol=1e-12)
     program = read_urscript((source(f"set_tcp(p[0,0,0,0,0,0])\nmovel({JOINTS})\n"),))
-    assert not program.moves
+    assert not program.motions
     assert "kinematics" in program.diagnostics[0].text
 
 
@@ -110,7 +110,7 @@ def test_calls_bind_parameters_defaults_and_results():
         "goto(above(Waypoint_1_p))", "goto(above(Waypoint_1_p, h=0.2), blend=0.01, speed=0.3)",
     )  # fmt: skip
     assert not program.diagnostics
-    assert [(m.end.T[2, 3], m.speed, m.stops, m.texts_motions) for m in program.moves] == [
+    assert [(m.end.T[2, 3], m.speed, m.stops, m.texts_motions) for m in program.motions] == [
         (pytest.approx(P1[2] + 0.1), 0.1, True, 2), (pytest.approx(P1[2] + 0.2), 0.3, False, 2),
     ]  # fmt: skip
 
@@ -119,8 +119,8 @@ def test_a_loop_over_a_list_goes_to_each_element():
     program = read("list = [Waypoint_1_p, p[.1, .2, .3, 0, 0, 1]]", "i = 0", "while i < length(list):", "movel(list[i])",
                    "i = i + 1", "if i == 1:", "continue", "end", "sleep(1)", "end")  # fmt: skip
     assert not program.diagnostics
-    assert [m.end.T[0, 3] for m in program.moves] == [P1[0], 0.1]
-    assert [m.follows for m in program.moves] == [None, 0]
+    assert [m.end.T[0, 3] for m in program.motions] == [P1[0], 0.1]
+    assert [m.follows for m in program.motions] == [None, 0]
 
 
 @pytest.mark.parametrize(
@@ -175,13 +175,13 @@ def test_variables_are_followed(lines, value):
 )
 def test_what_only_the_controller_knows_is_diagnosed(lines, reason):
     program = read(*lines)
-    assert not program.moves
+    assert not program.motions
     assert any(reason in diagnostic.text for diagnostic in program.diagnostics)
 
 
 def test_without_a_tcp_a_pose_asks_for_it_or_takes_the_given_one():
     program = read("movel(Waypoint_1_p)", tcp=False)
-    assert not program.moves
+    assert not program.motions
     assert "--tool" in program.diagnostics[0].text
     tool = Frame(name="gripper", T=se3.translation(0, 0, 0.2))
     assert only("movel(Waypoint_1_p)", tcp=False, tool=tool).tool is tool
@@ -200,7 +200,7 @@ def test_a_function_that_no_file_has_is_named_once():
     program = read("movel(Waypoint_1_p)", "rq_close()", "rq_close()", "movel(Plane_1)")
     (diagnostic,) = program.diagnostics
     assert "rq_close is not in the files given (2 times)" in diagnostic.text
-    assert [m.follows for m in program.moves] == [None, None]
+    assert [m.follows for m in program.motions] == [None, None]
 
 
 def test_time_takes_the_place_of_speed_and_is_not_divided():
@@ -211,7 +211,7 @@ def test_time_takes_the_place_of_speed_and_is_not_divided():
 def test_functions_outside_see_what_stands_before_them():
     text = "set_tcp(p[0,0,0.1,0,0,0])\nhome = p[.1,.2,.3,0,0,0]\n"
     text += "def unused():\nmovel(home)\nend\ndef prog():\nmovel(home)\nend\nprog()\n"
-    assert len(read_urscript((source(text),)).moves) == 2
+    assert len(read_urscript((source(text),)).motions) == 2
 
 
 @pytest.mark.parametrize(

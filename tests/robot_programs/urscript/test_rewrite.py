@@ -23,9 +23,9 @@ SHIFT = se3.translation(1e-4, 0, 0)
 
 def shifted(program, *numbers, by=SHIFT):
     """Waypoints of motions, their ends shifted in the part's frame."""
-    numbers = numbers or range(len(program.moves))
-    moves = program.moves
-    return {i: (Waypoint(kind=moves[i].kind, q=np.zeros(6), T=by @ moves[i].end.T),) for i in numbers}
+    numbers = numbers or range(len(program.motions))
+    motions = program.motions
+    return {i: (Waypoint(kind=motions[i].kind, q=np.zeros(6), T=by @ motions[i].end.T),) for i in numbers}
 
 
 def changes(program, waypoints):
@@ -44,13 +44,13 @@ def test_rewrite_is_read_back_and_keeps_the_rest(rng):
     for number in program.unwritable(UR5, waypoints, 1e-6):
         del waypoints[number]
     again = read_urscript(program.rewrite(UR5, waypoints), robot=UR5)
-    moves = iter(again.moves)
+    motions = iter(again.motions)
     assert len(again.diagnostics) == len(program.diagnostics)
-    for number, move in enumerate(program.moves):
+    for number, move in enumerate(program.motions):
         own = Waypoint(kind=move.kind, q=move.end.q, T=move.end.T)
         path = waypoints.get(number, (own,))
         for waypoint in path:
-            new = next(moves)
+            new = next(motions)
             assert (new.kind, new.speed) == (move.kind, move.speed)
             if waypoint.T is None:
                 np.testing.assert_allclose(new.end.q, waypoint.q, atol=1e-8)
@@ -58,7 +58,7 @@ def test_rewrite_is_read_back_and_keeps_the_rest(rng):
                 base = [m.part.T @ T for m, T in ((new, new.end.T), (move, waypoint.T))]
                 np.testing.assert_allclose(base[0], base[1], atol=2e-7)
             assert new.stops == move.stops or waypoint is not path[-1]
-    assert next(moves, None) is None
+    assert next(motions, None) is None
 
 
 @given(generators)
@@ -141,7 +141,7 @@ def test_elements_of_a_list_get_numbers_of_their_own():
 def test_one_text_of_several_motions_is_refused_if_they_differ():
     lines = ("i = 1", "while i < 3:", "movel(p[0.1 * i, 0.2, 0.3, 0, 0, 0])", "i = i + 1", "end")
     program = read(*lines)
-    assert [move.texts_motions for move in program.moves] == [2, 2]
+    assert [move.texts_motions for move in program.motions] == [2, 2]
     refused = program.unwritable(UR5, shifted(program), 1e-6)
     assert set(refused) == {0, 1}
     with pytest.raises(TaskcalError, match="stands for 2 motions"):
@@ -150,7 +150,7 @@ def test_one_text_of_several_motions_is_refused_if_they_differ():
 
 def test_joints_of_a_line_are_written_as_joints():
     program = read("movel([0.1, -1.2, 1.5, -1.8, -1.4, 0.3])")
-    waypoint = Waypoint(kind="linear", q=np.full(6, 0.5), T=SHIFT @ program.moves[0].end.T)
+    waypoint = Waypoint(kind="linear", q=np.full(6, 0.5), T=SHIFT @ program.motions[0].end.T)
     ((_, after),) = changes(program, {0: (waypoint,)})
     assert after == f"movel([{', '.join(['0.50000000'] * 6)}])"
 
@@ -158,13 +158,13 @@ def test_joints_of_a_line_are_written_as_joints():
 @pytest.mark.parametrize("blend", ["", ", r=0.05", ", r=0.0002"])
 def test_points_between_are_passed_by(blend):
     program = read(f"movel(Waypoint_1_p, 1.2, 0.2{blend})")
-    (move,) = program.moves
+    (move,) = program.motions
     path = [shifted(program, by=se3.translation(x, 0, 0))[0][0] for x in (-0.02, -0.002, 0.0)]
     again = program.reread(program.rewrite(UR5, {0: tuple(path)}))
-    assert [m.stops for m in again.moves] == [False, False, move.stops]
-    assert [m.speed for m in again.moves] == [0.2] * 3
-    assert all(0 < m.zone.distance < 0.5 * 0.002 for m in again.moves[:2])  # the blends of two points do not overlap
-    assert again.moves[2].zone == move.zone
+    assert [m.stops for m in again.motions] == [False, False, move.stops]
+    assert [m.speed for m in again.motions] == [0.2] * 3
+    assert all(0 < m.zone.distance < 0.5 * 0.002 for m in again.motions[:2])  # the blends of two points do not overlap
+    assert again.motions[2].zone == move.zone
 
 
 def test_motions_to_one_waypoint_and_beside_it_are_corrected_together():
@@ -182,10 +182,10 @@ def test_blends_of_a_new_program_do_not_overlap():
     """Points of a dense path are passed by within less than half of the way between them."""
     x = [0.0, 0.1, 0.1003, 0.2]
     lines = [f"movel(p[{value}, 0.2, 0.3, 0, 3, 0], v=0.1, r=0.01)" for value in x]
-    moves = read(*lines).moves
-    again = read_urscript((compose_urscript(Composition(name="dense", robot=UR5, moves=moves)),), robot=UR5).moves
-    np.testing.assert_allclose([move.end.T for move in again], [move.end.T for move in moves], atol=1e-9)
-    np.testing.assert_allclose([m.tool.T for m in again], [m.tool.T for m in moves], atol=1e-9)
+    motions = read(*lines).motions
+    again = read_urscript((compose_urscript(Composition(name="dense", robot=UR5, motions=motions)),), robot=UR5).motions
+    np.testing.assert_allclose([move.end.T for move in again], [move.end.T for move in motions], atol=1e-9)
+    np.testing.assert_allclose([m.tool.T for m in again], [m.tool.T for m in motions], atol=1e-9)
     radii = [move.zone.distance for move in again]
     assert all(a + b < way for a, b, way in zip(radii, radii[1:], np.diff(x), strict=False))
     assert min(radii) > 0

@@ -272,7 +272,7 @@ def _result(
         **correction.summary(),
         "targets": correction.targets(),
         "refused": [
-            {"file": program.moves[i].place.path, "line": program.moves[i].place.line, "reason": reason}
+            {"file": program.motions[i].place.path, "line": program.motions[i].place.line, "reason": reason}
             for i, reason in sorted(correction.rejected.items())
         ],
         "remarks": [
@@ -297,8 +297,8 @@ def _show(correction: "taskcal.Correction", verdict: "Verdict", written: tuple[P
     backup = correction.program.backup
     if backup is not None:
         info(f"{backup.path}: {len(correction.program.sources)} files of the program, {backup.skipped} others")
-    moves = correction.program.moves
-    problems = [(moves[i].place, f"unchanged: {why}") for i, why in sorted(correction.rejected.items())]
+    motions = correction.program.motions
+    problems = [(motions[i].place, f"unchanged: {why}") for i, why in sorted(correction.rejected.items())]
     problems += [(diagnostic.place, diagnostic.text) for diagnostic in correction.diagnostics]
     for problem in tables.group_remarks(problems):
         info(problem)

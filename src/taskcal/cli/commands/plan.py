@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-    from robot_programs.core.program import Move
+    from robot_programs.core.program import Motion
     from robot_programs.core.source import Source
     from taskcal.observations import Instrument
     from taskcal.report.page import Page
@@ -100,7 +100,7 @@ class MeasuringOptions:
         """The program of some of the poses."""
         import numpy as np
 
-        from robot_programs.reading import moves_to_joints
+        from robot_programs.reading import motions_to_joints
 
         visits = plan.q[:, None]
         if plan.of is not None:
@@ -119,7 +119,7 @@ class MeasuringOptions:
                 name = plan.names[row] if plan.names else ""
                 note = " ".join(part for part in (f"pose {row}", name, remark) if part)
                 stops.append(Stop(q, note, halts=k in (0, seat, 2 * seat), waits=k == seat, speed=slow if k else None))
-        moves = moves_to_joints(
+        motions = motions_to_joints(
             model.robot,
             np.stack([stop.q for stop in stops]),
             path,
@@ -127,15 +127,15 @@ class MeasuringOptions:
             waits=[stop.waits for stop in stops],
             speeds=[stop.speed for stop in stops],
         )
-        return self._composed(path, model.robot, moves, [stop.note for stop in stops])
+        return self._composed(path, model.robot, motions, [stop.note for stop in stops])
 
-    def _composed(self, path: Path, robot: "taskcal.Robot", moves: "Sequence[Move]", notes: list[str]) -> "Source":
+    def _composed(self, path: Path, robot: "taskcal.Robot", motions: "Sequence[Motion]", notes: list[str]) -> "Source":
         from robot_programs.reading import compose_program
 
         return compose_program(
             path,
             robot,
-            moves,
+            motions,
             notes=notes,
             wait_s=self.wait_s,
             speed=self.speed_mm_s * 1e-3,

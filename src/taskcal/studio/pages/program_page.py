@@ -98,7 +98,7 @@ def _named(project: Project) -> list[Named] | None:
     if sum(source.stat().st_size for source in sources) > MAX_LISTED_BYTES:
         return None
     with suppress(OSError, TaskcalError):  # of a program that is not read the correction says why
-        return named_in(read_program(*sources, robot=robot_of(project)).moves)
+        return named_in(read_program(*sources, robot=robot_of(project)).motions)
     return []
 
 
@@ -205,15 +205,15 @@ def _place(result: Mapping[str, Any], project: Project) -> tuple[np.ndarray, np.
     """Targets in the base, metres, their errors before and after, millimetres, and where they stand in the text."""
     try:
         sources = [project.path(path) for path in result["program"]]
-        moves = read_program(*sources, robot=robot_of(project)).moves
+        motions = read_program(*sources, robot=robot_of(project)).motions
     except TaskcalError:
         return None  # a tool or part of the cell file is needed to read it; the numbers are in the table and the report
-    if len(moves) != len(result["targets"]):
+    if len(motions) != len(result["targets"]):
         return None  # the program was changed since
     points: list[Float[np.ndarray, " 3"]] = []
     errors: list[tuple[float, float]] = []
     places: list[str] = []
-    for move, target in zip(moves, result["targets"], strict=True):
+    for move, target in zip(motions, result["targets"], strict=True):
         if move.end.T is None or move.part_in_hand or target["before_mm"] is None or target["after_mm"] is None:
             continue
         points.append((move.part.T @ move.end.T)[:3, 3])
