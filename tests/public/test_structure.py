@@ -18,7 +18,6 @@ MANY_ALIKE = {"taskcal.cli.commands": "one file for each command", "taskcal.stud
 ONE_IMPORTER = {
     "a step of its own in the way of a file, or of a fit": {
         "robot_programs.apt.rewrite",
-        "robot_programs.krl.routines",
         "taskcal.correction.subdivision",
         "taskcal.diagnosis.drift",
         "taskcal.identification.chunked_fit",

@@ -273,6 +273,8 @@ class Flow(ABC, Generic[S, R]):
     """Routines that are called where that is not followed, so that anything may hold there."""
     lost_at: dict[Label, Any] = field(default_factory=dict[Label, Any])
     """By label to which lines lead back: what they had changed when it was gone through last."""
+    turns: "dict[Loop, tuple[float, ...] | None]" = field(default_factory=dict[Any, Any])
+    """By loop that was gone through turn by turn: its counter in each turn, the same each time; None where that is not so."""
 
     @abstractmethod
     def body(self, routine: R) -> Body:
@@ -316,6 +318,10 @@ class Flow(ABC, Generic[S, R]):
             inside: routines that are being gone through.
         """
         return self.walk(routine, (*inside, routine)).through(entry)
+
+    def took(self, loop: "Loop", turns: tuple[float, ...] | None) -> None:
+        """Note the turns that a loop took; None where they are not decided."""
+        self.turns[loop] = turns if self.turns.get(loop, turns) == turns else None
 
     def may(self, lines: int) -> bool:
         """Whether so many lines may still be gone through once more; if so, they count."""
@@ -583,14 +589,16 @@ class Walk(ABC, Generic[S, R]):
         counts = self.counts(loop, state)
         if counts is None or not counts.turns <= MAX_TURNS:
             return self._some_turns(loop, state)
-        turns, first = int(counts.turns), counts.first
+        turns, first, taken = int(counts.turns), counts.first, list[float]()
         if not self.by_turns(loop, turns) or not self.flow.may(turns * loop.size):
             return self._some_turns(loop, state)
         for k in range(turns + 1):
             count = first + k * counts.step
             state = self.counting(loop, state, count)
             if not state.reached or counts.beyond(count):
+                self.flow.took(loop, tuple(taken) if state.reached else None)
                 return state
+            taken.append(count)
             state = self.turn(loop, state)
             now = self.counted(loop, state, count) if state.reached else count
             if now is None:
@@ -599,9 +607,10 @@ class Walk(ABC, Generic[S, R]):
         return self._some_turns(loop, state)
 
     def _while(self, loop: Loop, state: S) -> S:
-        for _ in range(MAX_TURNS if self.reads_data(loop.condition) else 0):
+        for turn in range(MAX_TURNS if self.reads_data(loop.condition) else 0):
             holds = self.truth(loop.condition, state)
             if holds is False or not state.reached:
+                self.flow.took(loop, tuple(map(float, range(turn))) if state.reached else None)
                 return state
             if holds is None or not self.flow.may(loop.size):
                 break
@@ -641,6 +650,8 @@ class Walk(ABC, Generic[S, R]):
 
     def _some_turns(self, loop: Loop, state: S) -> S:
         """State after a loop of which it is not known how often it is gone through, if nothing leaves it inside."""
+        if not self.flow.scouting:
+            self.flow.took(loop, None)
         head = self._stable(self.counting(loop, state, None), loop, "it is set further down in the same loop")
         end = self.turn(loop, head)
         match loop.kind:

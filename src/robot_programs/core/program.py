@@ -3,7 +3,7 @@
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Container, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import atan2, copysign, cos, degrees, hypot, inf, radians, sin
 from pathlib import Path
@@ -312,6 +312,16 @@ class Program(ABC):
             tolerance: how far a target may be from its waypoint that is written as the shift of another one, metres.
         """
         return {}
+
+    def written_out(self, numbers: Collection[int]) -> "tuple[Source, ...] | None":
+        """The program's files with text written out that some motions have in common with others; None where there is none.
+
+        They do the same: loops are written turn by turn, and routines once for each call.
+
+        Args:
+            numbers: of the motions.
+        """
+        return None
 
     def visits(self) -> Iterable[Visit]:
         """Which motions of one path go to one target, some of them to a place above it: all are corrected, or none.

@@ -52,6 +52,8 @@ class Source:
     """Line ends as in the file."""
     encoding: str
     """``utf-8``, or ``latin-1`` where the file is not UTF-8: either gives every byte back."""
+    lines: tuple[int, ...] | None = None
+    """Of a text that was made of the file's, for each line the one of the file that it comes from; None for the file's own."""
 
     def __repr__(self) -> str:
         return f"Source({shortened(str(self.path), 120)}: {len(self.text)} characters, {self.encoding})"
@@ -97,8 +99,9 @@ class Source:
         return array("Q", [0]) + array("Q", (match.end() for match in re.finditer("\n", self.text)))
 
     def line(self, position: int) -> int:
-        """Line of a character, counted from 1."""
-        return bisect_right(self._starts, position)
+        """Line of a character in the file, counted from 1."""
+        own = bisect_right(self._starts, position)
+        return own if self.lines is None else self.lines[own - 1]
 
     def place(self, position: int) -> Place:
         """Place of a character."""
@@ -106,7 +109,7 @@ class Source:
 
     def indent(self, position: int) -> str:
         """White space at the start of a character's line."""
-        start = self._starts[self.line(position) - 1]
+        start = self._starts[bisect_right(self._starts, position) - 1]
         end = start
         while end < len(self.text) and self.text[end] in " \t":
             end += 1
@@ -118,7 +121,7 @@ class Source:
         Raises:
             ValueError: two edits overlap.
         """
-        return replace(self, text=self.piece(0, len(self.text), edits))
+        return replace(self, text=self.piece(0, len(self.text), edits), lines=None)
 
     def piece(self, start: int, end: int, edits: Iterable[TextEdit]) -> str:
         """A piece of the text with edits that lie in it; see `edited`."""

@@ -917,7 +917,8 @@ class _Reading:
         flow.follow_rest(everywhere, begin)
         self._warn()
         self._say_set_elsewhere(data)
-        return self._ordered(data)
+        bodies = {routine: flow.body(routine).nodes for routine in everywhere}
+        return replace(self._ordered(data), bodies=bodies, turns=flow.turns)
 
     def _flow(self, routines: Mapping[str, list[Routine]], data: Data) -> Flow:
         changes = changing(routines, data)

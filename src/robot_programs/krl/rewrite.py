@@ -2,7 +2,7 @@
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import isnan
@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 
 from robot_programs.core import se3
 from robot_programs.core.errors import InputError
+from robot_programs.core.flow import Block, Loop
 from robot_programs.core.program import (
     Composition,
     Motion,
@@ -24,12 +25,15 @@ from robot_programs.core.program import (
 )
 from robot_programs.core.robot import Robot, meeting_point
 from robot_programs.core.source import FreshNames, Place, Source, TextEdit, numeral
+from robot_programs.core.written_out import Copy, Turns, WritingOut, loops_to_write, reaching, written_out
 from robot_programs.krl.data import (
     AXES,
     DECIMALS,
     EXTERNAL,
     Datum,
     File,
+    Routine,
+    Text,
     axis_values,
     edits_for,
     has_axes,
@@ -37,12 +41,17 @@ from robot_programs.krl.data import (
     pose_values,
     whole,
 )
+from robot_programs.krl.routines import calls_of
 from robot_programs.krl.syntax import (
     Aggregate,
     Assignment,
+    Call,
+    Control,
+    End,
     MotionLine,
     Operand,
     Reference,
+    Statement,
 )
 
 # Status and turn, by which KRL tells apart the axis positions that reach one pose.
@@ -246,6 +255,10 @@ class KrlProgram(Program):
     sites: tuple[Site, ...]
     """Of the moves, in their order."""
     files: tuple[File, ...] = ()
+    bodies: Mapping[Routine, Block] = field(default_factory=dict[Routine, Block])
+    """Nodes of the routines."""
+    turns: Mapping[Loop, tuple[float, ...] | None] = field(default_factory=dict[Loop, tuple[float, ...] | None])
+    """See `Flow.turns`."""
 
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
@@ -292,9 +305,112 @@ class KrlProgram(Program):
         """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
         return Sharing(sites=self.sites, motions=self.motions, robot=robot).unwritable(waypoints)
 
+    def written_out(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
+        """The program's files with shared text written out; see `Program.written_out`."""
+        shared = {self.sites[i].text for i in numbers}
+        by_name: dict[str, list[Routine]] = defaultdict(list)
+        for routine in self.bodies:
+            by_name[routine.name].append(routine)
+        calls: dict[Routine, list[tuple[Statement, Routine]]] = defaultdict(list)
+        for routine in self.bodies:
+            for line in routine.lines:
+                for other in (other for name in calls_of(line) for other in by_name.get(name, ())):
+                    calls[other].append((line, routine))
+        motions = [(text, routine) for routine in self.bodies for text in _texts(routine) if text in shared]
+        reached = reaching(
+            motions, {other: [((r.file.number, x.start), r) for x, r in own] for other, own in calls.items()}
+        )
+        turns: dict[int, list[Turns]] = defaultdict(list)
+        for routine, nodes in self.bodies.items():
+            turns[routine.file.number] += _turns_of(routine, nodes, self.turns, reached)
+        plans = {number: WritingOut(turns=tuple(own)) for number, own in turns.items() if own}
+        if not plans:
+            plans = _copies(calls, {routine for _, routine in motions}, self.files)
+        if not plans:
+            return None
+        new = [written_out(source, plans.get(i, WritingOut())) for i, source in enumerate(self.sources)]
+        return None if None in new else tuple(source for source in new if source is not None)
+
     def visits(self) -> Iterable[Visit]:
         """Motions of one routine that name one point; see `Program.visits`."""
         return visits_of(self.sites, self.motions, self.files)
+
+
+# Loops written turn by turn, and routines for each of their calls.
+
+
+def _texts(routine: Routine) -> Iterator[Text]:
+    return ((routine.file.number, line.start) for line in routine.lines)
+
+
+def _turns_of(
+    routine: Routine, nodes: Block, turns: Mapping[Loop, tuple[float, ...] | None], shared: Container[Text]
+) -> Iterator[Turns]:
+    """Loops of a routine around some lines that can be written turn by turn."""
+    source, number = routine.file.source, routine.file.number
+    text = source.text
+
+    def behind_line(position: int) -> int:
+        return text.find("\n", position) + 1 or len(text)
+
+    def differs(loop: Loop) -> bool:
+        counter = loop.line.words[0].text if loop.line.words else ""
+        inside = text[loop.line.end : loop.end.start]
+        return loop.kind == "while" or re.search(rf"\b{re.escape(counter)}\b", inside, re.IGNORECASE) is not None
+
+    for loop, taken in loops_to_write(nodes, turns, lambda line: (number, line.start) in shared, differs):
+        opening, closing = loop.line, loop.end
+        inside = [line for line in routine.lines if opening.start < line.start < closing.start]
+        if any(isinstance(line, Control) and line.keyword in ("LABEL", "EXIT") for line in inside):
+            continue
+        sets = ["" for _ in taken]
+        after = ""
+        if loop.kind == "counted":
+            counter, step = opening.words[0].text, taken[1] - taken[0]
+            indent = source.indent(opening.start)
+            sets = [f"{indent}{counter}={count:.0f}{source.newline}" for count in taken]
+            after = f"{indent}{counter}={taken[-1] + step:.0f}{source.newline}"
+        yield Turns(
+            start=text.rfind("\n", 0, opening.start) + 1,
+            end=behind_line(closing.end),
+            body=(behind_line(opening.end), text.rfind("\n", 0, closing.start) + 1),
+            before=tuple(sets),
+            after=after,
+        )
+
+
+def _copies(
+    calls: Mapping[Routine, Sequence[tuple[Statement, Routine]]], shared: Iterable[Routine], files: Iterable[File]
+) -> dict[int, WritingOut]:
+    """A copy of routines with shared lines for each call in their file but the first; by number of the file."""
+    fresh = FreshNames((name for file in files for name in file.mentions), longest=MAX_NAME_LENGTH)
+    copies: dict[int, list[Copy]] = defaultdict(list)
+    named: dict[int, dict[tuple[int, int], str]] = defaultdict(dict)
+    for routine in sorted(shared, key=lambda one: (one.file.number, one.head.start if one.head else 0)):
+        head, file = routine.head, routine.file
+        own = [line for line, by in calls.get(routine, ()) if by.file is file and isinstance(line, Call)]
+        text = file.source.text
+        end = next(
+            (line for line in file.statements if head and isinstance(line, End) and line.start > head.start), None
+        )
+        if head is None or end is None or any(by is routine for _, by in calls.get(routine, ())):
+            continue
+        name = re.search(rf"\b{re.escape(routine.name)}\b", text[head.start : head.end], re.IGNORECASE)
+        if name is None:
+            continue
+        start, at = text.rfind("\n", 0, head.start) + 1, text.find("\n", end.end) + 1 or len(text)
+        for line in own[len(own) == len(calls.get(routine, ())) :]:
+            new = fresh.like(name[0])
+            named[file.number][line.start, line.start + len(routine.name)] = new
+            copies[file.number].append(
+                Copy(
+                    at=at,
+                    before=file.source.newline,
+                    span=(start, at),
+                    named={(head.start + name.start(), head.start + name.end()): new},
+                )
+            )
+    return {number: WritingOut(copies=tuple(own), named=named[number]) for number, own in copies.items()}
 
 
 def _files(sites: Sequence[Site]) -> tuple[File, ...]:

@@ -558,8 +558,10 @@ def _meaning(target: TargetArgument) -> tuple[object, ...]:
 # Where a RAPID program begins, and what holds there.
 
 
-def follow_program(everywhere: Sequence[Context], effects: Effects, values: Values, findings: Findings) -> None:
-    """Go through a program from each routine that nothing calls, and find its motions."""
+def follow_program(
+    everywhere: Sequence[Context], effects: Effects, values: Values, findings: Findings
+) -> Mapping[form.Loop, tuple[float, ...] | None]:
+    """Go through a program from each routine that nothing calls, and find its motions; gives `form.Flow.turns`."""
     contexts = {context.routine: context for context in everywhere if context.routine is not None}
     size = sum(1 for routine in contexts for _ in routine.lines)
     flow = Flow(
@@ -571,6 +573,7 @@ def follow_program(everywhere: Sequence[Context], effects: Effects, values: Valu
     flow.follow(routines, roots)
     findings.close()
     flow.follow_rest(routines, roots)
+    return flow.turns
 
 
 def _lent(contexts: Mapping[Routine, Context], effects: Effects) -> dict[Routine, dict[Symbol, str]]:
@@ -668,7 +671,7 @@ def read_rapid(sources: Sequence[Source]) -> RapidProgram:
     values = Values(assigned=changed.assigned)
     settings = replace(_settings(everywhere), T_world_base=T_world_base)
     findings = Findings(settings=settings, files=files)
-    follow_program(everywhere, effects_of(everywhere, changed), values, findings)
+    turns = follow_program(everywhere, effects_of(everywhere, changed), values, findings)
     sites = findings.sites()
     diagnostics += findings.diagnostics(sites)
     for context in everywhere:
@@ -679,7 +682,8 @@ def read_rapid(sources: Sequence[Source]) -> RapidProgram:
     diagnostics.sort(key=lambda diagnostic: (order[diagnostic.place.path], diagnostic.place.line))
     return RapidProgram(
         sources=tuple(sources), motions=tuple(motion.move for motion in sites), diagnostics=tuple(diagnostics),
-        sites=tuple(sites), uses=uses(everywhere, values), everywhere=everywhere, read=read_rapid, T_world_base=T_world_base,
+        sites=tuple(sites), uses=uses(everywhere, values), everywhere=everywhere, turns=turns, read=read_rapid,
+        T_world_base=T_world_base,
         unresolved=frozenset(findings.reasons).difference(motion.instruction for motion in sites),
     )  # fmt: skip
 

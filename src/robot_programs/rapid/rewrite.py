@@ -3,16 +3,17 @@
 import math
 from bisect import bisect_left, bisect_right
 from collections import Counter, defaultdict
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import islice, zip_longest
+from itertools import islice, pairwise, zip_longest
 
 import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core import se3
 from robot_programs.core.errors import InputError
+from robot_programs.core.flow import Loop, lines_in
 from robot_programs.core.program import (
     Composition,
     Frame,
@@ -26,6 +27,7 @@ from robot_programs.core.program import (
 )
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import FreshNames, Place, Source, TextEdit
+from robot_programs.core.written_out import Copy, Turns, WritingOut, loops_to_write, reaching, written_out
 from robot_programs.rapid.changes import Use
 from robot_programs.rapid.names import DATA, Context, File, Symbol
 from robot_programs.rapid.parse import RESERVED
@@ -41,7 +43,20 @@ from robot_programs.rapid.resolve import (
     pose_numbers,
     target_arguments,
 )
-from robot_programs.rapid.syntax import Argument, Assignment, Declaration, Instruction, Node, Routine, tokenize
+from robot_programs.rapid.syntax import (
+    Argument,
+    Assignment,
+    Control,
+    Declaration,
+    Instruction,
+    Label,
+    Line,
+    Node,
+    Routine,
+    Unparsed,
+    tokenize,
+    words_from,
+)
 from robot_programs.rapid.values import (
     DEG_DECIMALS,
     MM_DECIMALS,
@@ -600,6 +615,8 @@ class RapidProgram(Program):
     """Modules and routines."""
     unresolved: frozenset[Instruction] = frozenset()
     """Motions that were not resolved, on no way that leads to them."""
+    turns: Mapping[Loop, tuple[float, ...] | None] = field(default_factory=dict[Loop, tuple[float, ...] | None])
+    """See `Flow.turns`."""
 
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
@@ -637,6 +654,31 @@ class RapidProgram(Program):
         """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
         return Sharing(sites=self.sites, uses=self.uses, robot=robot, tolerance=tolerance).unwritable(waypoints)
 
+    def written_out(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
+        """The program's files with shared text written out; see `Program.written_out`."""
+        shared = {self.sites[i].instruction for i in numbers}
+        routines = {context.routine: context for context in self.everywhere if context.routine is not None}
+        calls: dict[Routine, list[tuple[Line, Routine]]] = defaultdict(list)
+        for routine, context in routines.items():
+            for line in routine.lines:
+                if isinstance(line, Instruction):
+                    for other in context.scope.routines.get(line.name.key, ()):
+                        calls[other].append((line, routine))
+        texts = [(line, routine) for routine in routines for line in routine.lines if line in shared]
+        reached = reaching(texts, calls)
+        plans: dict[str, WritingOut] = {}
+        for context in self.everywhere:
+            if context.routine is not None:
+                found = _turns_of(context.routine, context.file.source, self.turns, reached.__contains__)
+                path, plan = str(context.file.source.path), WritingOut(turns=tuple(found))
+                plans[path] = plan if path not in plans else replace(plan, turns=plans[path].turns + plan.turns)
+        if not any(plan.turns for plan in plans.values()):
+            plans = _copies(routines, calls, {routine for _, routine in texts}, self.sources)
+        if not any(plan.turns or plan.copies for plan in plans.values()):
+            return None
+        new = [written_out(source, plans.get(str(source.path), WritingOut())) for source in self.sources]
+        return None if None in new else tuple(source for source in new if source is not None)
+
     def visits(self) -> Iterator[Visit]:
         """Motions of one routine to one target in one tool and work object; see `Program.visits`.
 
@@ -656,6 +698,108 @@ class RapidProgram(Program):
                 own = read[id(context.file)]
                 text = _RoutineText(file=context.file, read=own, sites=self.sites, numbers=numbers)
                 yield from _visits(context.routine, text.stops(context.routine, self.unresolved))
+
+
+# Loops written turn by turn, and routines for each of their calls.
+
+
+def _turns_of(
+    routine: Routine,
+    source: Source,
+    turns: Mapping[Loop, tuple[float, ...] | None],
+    is_shared: Callable[[Line], bool],
+) -> Iterator[Turns]:
+    """Loops of a routine around some lines that can be written turn by turn."""
+    text = source.text
+
+    def named(loop: Loop) -> list[tuple[int, int]]:
+        """Places at which a loop names its counter."""
+        line: Control = loop.line
+        if line.counter is None:
+            return []
+        own = [token for token in words_from(text, line.start) if token.start < line.end]
+        return [
+            (token.start, token.start + len(token.text))
+            for before, token in pairwise(own)
+            if token.kind == "name" and token.key == line.counter.key and before.key not in (".", "\\")
+        ]
+
+    for loop, taken in loops_to_write(
+        routine.nodes, turns, is_shared, lambda loop: loop.kind == "while" or len(named(loop)) > 1
+    ):
+        line: Control = loop.line
+        own = [token for token in words_from(text, line.conditions[-1].end) if token.start < line.end]
+        closing = own[-1]
+        odd = any(isinstance(one, Label | Unparsed) for one in lines_in(loop.body))
+        hidden = any(
+            isinstance(one, Control) and one.counter is not None and line.counter is not None
+            and one.counter.key == line.counter.key for one in lines_in(loop.body)
+        )  # fmt: skip
+        declares = any(line.start < one.start < line.end for one in routine.declarations)
+        if odd or hidden or declares or closing.key not in ("endfor", "endwhile"):
+            continue
+        begins, ends = own[0].start + len(own[0].text), closing.start
+        ends = begins + len(text[begins:ends].rstrip())
+        rest, newline = text[begins : text.find("\n", begins)].strip(), source.newline + source.indent(line.start)
+        apart = "" if not rest or rest.startswith("!") else newline
+        counts = [real(count, COUNT_DECIMALS) for count in taken]
+        what = "turn" if line.counter is None else line.counter.text
+        heads = [
+            f"! {what} {k + 1} of {len(counts)}" if line.counter is None else f"! {what} = {own}"
+            for k, own in enumerate(counts)
+        ]
+        behind = text[line.end : text.find("\n", line.end)].strip()
+        yield Turns(
+            start=line.start,
+            end=line.end,
+            body=(begins, ends),
+            before=tuple(f"{newline if k else ''}{head}{apart}" for k, head in enumerate(heads)),
+            after=newline if behind and not behind.startswith("!") else "",
+            named=tuple(
+                {at: f"({count})" if count.startswith("-") else count for at in named(loop) if at[0] > begins}
+                for count in counts
+            ),
+        )
+
+
+COUNT_DECIMALS = 9
+"""Of a counter."""
+
+
+def _copies(
+    routines: Mapping[Routine, Context],
+    calls: Mapping[Routine, Sequence[tuple[Line, Routine]]],
+    shared: Container[Routine],
+    sources: Sequence[Source],
+) -> dict[str, WritingOut]:
+    """A copy of procedures with shared lines for each call but the first."""
+    words = (token.key for source in sources for token in tokenize(source.text) if token.kind == "name")
+    fresh = FreshNames(words, longest=MAX_NAME_LENGTH, usual=S4_NAME_LENGTH, reserved=RESERVED | set(DATA))
+    copies: dict[str, list[Copy]] = defaultdict(list)
+    named: dict[str, dict[tuple[int, int], str]] = defaultdict(dict)
+    for routine, context in routines.items():
+        own = calls.get(routine, ())
+        alone = len(context.scope.routines[routine.name.key]) == 1
+        if routine not in shared or routine.kind != "proc" or not alone or any(by is routine for _, by in own):
+            continue
+        source, name = context.file.source, routine.name
+        for line, by in own[1:]:
+            assert isinstance(line, Instruction)
+            new = fresh.like(name.text)
+            path = str(routines[by].file.source.path)
+            named[path][line.name.start, line.name.start + len(line.name.text)] = new
+            copies[str(source.path)].append(
+                Copy(
+                    at=routine.end,
+                    before=source.newline * 2 + source.indent(routine.start),
+                    span=(routine.start, routine.end),
+                    named={(name.start, name.start + len(name.text)): new},
+                )
+            )
+    return {
+        path: WritingOut(copies=tuple(copies.get(path, ())), named=named.get(path, {}))
+        for path in dict.fromkeys((*copies, *named))
+    }
 
 
 def _type(kind: MotionKind) -> TargetType:

@@ -150,8 +150,8 @@ def choose_waypoints(
     *,
     keep_joints: bool,
     program: Program | None,
-) -> tuple[dict[int, tuple[Waypoint, ...]], dict[int, str]]:
-    """Waypoints to write, by number of the motion, and the motions left unchanged, with the reason.
+) -> tuple[dict[int, tuple[Waypoint, ...]], dict[int, str], frozenset[int]]:
+    """Waypoints to write, by number of the motion, the motions left unchanged, with the reason, and which for their text.
 
     Args:
         problem: what is corrected.
@@ -166,16 +166,18 @@ def choose_waypoints(
     found = problem.trajectory.rejected | find_rejections(robot, subdivision, changes, bounds)
     rejected = {i: why for i, why in found.items() if i not in joint_motions}
     waypoints = _waypoints(motions, subdivision, changes, joint_motions | rejected.keys())
+    of_text: set[int] = set()
     if program is not None:
         visits = tuple(program.visits())
         while True:
             more = program.unwritable(robot, waypoints, subdivision.tolerance)
+            of_text.update(more)
             more = more or keep_together(visits, rejected, waypoints)
             if not more:
                 break
             rejected |= more
             waypoints = {i: path for i, path in waypoints.items() if i not in more}
-    return waypoints, rejected
+    return waypoints, rejected, frozenset(of_text)
 
 
 def _waypoints(
@@ -605,10 +607,66 @@ def correct(
         TaskcalError: the program has no motion that is known; no rotation about the tool's axis lets the robot follow it; what was
             measured does not fit; or the calibration knows less at the targets than the robot's tolerances do.
     """
-    cell, bounds, robot = cell or Cell(), bounds or Bounds(), calibration.model.robot
+    cell, bounds = cell or Cell(), bounds or Bounds()
     if not program.motions:
         why = "".join(f"; {diagnostic}" for diagnostic in program.diagnostics[:MAX_REASONS])
         raise TaskcalError(f"{program.sources[0].path} has no motion that could be resolved{why}")
+
+    def corrected(program: Program) -> tuple[Correction, frozenset[int]]:
+        return _correct(
+            calibration, program, cell, bounds, into=into, keep_joints=keep_joints, accept_uncertain=accept_uncertain,
+            progress=progress,
+        )  # fmt: skip
+
+    first = best = corrected(program)
+    written_out, of_text = program, best[1]
+    for _ in range(MAX_WRITING_OUT if of_text else 0):
+        sources = written_out.written_out(of_text)
+        if sources is None:
+            break
+        progress("writing out what several motions have in common")
+        written_out = written_out.reread(sources)
+        found, of_text = corrected(written_out)
+        if len(found.rejected) < len(best[0].rejected):
+            best = found, of_text
+        if not of_text:
+            break
+    return best[0] if best is first else _with_written_out(best[0], program)
+
+
+MAX_WRITING_OUT = 4
+"""Loops, routines that are called in their turns, loops in those, and routines again: who writes a program nests no deeper."""
+
+
+def _with_written_out(found: Correction, program: Program) -> Correction:
+    """The correction of a program written out, with a diagnostic that says so."""
+    before = [source.text.count("\n") for source in program.sources]
+    after = [source.text.count("\n") for source in found.program.sources]
+    said = [
+        Diagnostic(
+            place=Place(path=source.path, line=1),
+            text=f"is {new - old} lines longer: loops are written turn by turn, or routines once for each call, where "
+            "their motions need different corrections",
+        )
+        for source, old, new in zip(program.sources, before, after, strict=True)
+        if new != old
+    ]
+    return replace(found, diagnostics=(*said, *found.diagnostics))
+
+
+def _correct(
+    calibration: Calibration,
+    program: Program,
+    cell: Cell,
+    bounds: Bounds,
+    *,
+    into: str | Path | None,
+    keep_joints: bool,
+    accept_uncertain: bool,
+    progress: Callable[[str], None],
+) -> tuple[Correction, frozenset[int]]:
+    """Correct a program as its text is; says also which motions stay because others have their text."""
+    robot = calibration.model.robot
     progress("the joints of the nominal robot")
     given, mounted = program, mount(program, cell)
     program = with_spins(mounted.program, robot)
@@ -631,7 +689,7 @@ def correct(
     )  # fmt: skip
     subdivision = subdivide(problem)
     changes = target_changes(robot, subdivision, trajectory)
-    waypoints, rejected = choose_waypoints(
+    waypoints, rejected, of_text = choose_waypoints(
         problem, subdivision, changes, bounds, keep_joints=keep_joints, program=program if into is None else None
     )
     rewritten = rewrite_program(
@@ -654,7 +712,7 @@ def correct(
     motion = joint_motion(robot, written_moves, new_trajectory)
     before, after = assess(placed, path, trajectory), assess(placed, path, new_trajectory, rewritten.origin)
     farthest = after.farthest(calibration.measured_range, len(motions))
-    return Correction(
+    correction = Correction(
         program=program,
         sources=rewritten.sources,
         motions=written_moves,
@@ -688,6 +746,7 @@ def correct(
         ),
         motion=motion,
     )
+    return correction, of_text
 
 
 def _tolerances(uncertainty: Uncertainty) -> tuple[float, float]:

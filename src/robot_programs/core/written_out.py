@@ -1,0 +1,151 @@
+"""Text that several motions have in common, written out: loops turn by turn, and a copy of a routine for each of its calls.
+
+The program does the same as before, and each motion has numbers of its own.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from robot_programs.core.flow import Block, Loop, bodies_of, leaves_loop, lines_in
+from robot_programs.core.source import Source
+
+MAX_NEW_LINES = 5000
+"""A pallet of a thousand places with five lines each; more text than that is a burden on the controller."""
+
+Named = Mapping[tuple[int, int], str]
+"""Text in place of characters, by the first and the one behind the last."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Turns:
+    """A loop to be written turn by turn."""
+
+    start: int
+    end: int
+    body: tuple[int, int]
+    """The text of a turn."""
+    before: tuple[str, ...]
+    """Text in front of each turn."""
+    after: str
+    """Text behind the last one."""
+    named: tuple[Named, ...] = ()
+    """For each turn, what stands in place of its counter; empty where that is still set."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Copy:
+    """A copy of a part of the text, such as a routine under another name."""
+
+    at: int
+    before: str
+    span: tuple[int, int]
+    named: Named
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WritingOut:
+    """What is written out in one file."""
+
+    turns: tuple[Turns, ...] = ()
+    copies: tuple[Copy, ...] = ()
+    named: Named = field(default_factory=dict[tuple[int, int], str])
+
+
+def written_out(source: Source, plan: WritingOut) -> Source | None:
+    """The file with loops and copies written out, each line counted as the one that it comes from; None where it gets too long."""
+    writer = _Writer(source=source, plan=plan)
+    writer.write(0, len(source.text), plan.named)
+    if writer.fresh:  # what is behind the last line end
+        writer.lines.append(source.line(len(source.text)))
+    if len(writer.lines) > source.text.count("\n") + 1 + MAX_NEW_LINES:
+        return None
+    return replace(source, text="".join(writer.parts), lines=tuple(writer.lines))
+
+
+@dataclass(eq=False, kw_only=True)
+class _Writer:
+    source: Source
+    plan: WritingOut
+    parts: list[str] = field(default_factory=list[str])
+    lines: list[int] = field(default_factory=list[int])
+    fresh: bool = True
+    """The next character begins a line."""
+
+    def write(self, start: int, end: int, named: Named) -> None:
+        """Write a part of the text."""
+        inside: list[tuple[int, int, str | Turns | Copy]] = [(*span, text) for span, text in named.items()]
+        inside += [(one.start, one.end, one) for one in self.plan.turns]
+        if (start, end) == (0, len(self.source.text)):  # copies are not copied again
+            inside += [(one.at, one.at, one) for one in self.plan.copies]
+        inside = [one for one in inside if start <= one[0] and one[1] <= end]
+        at = start
+        for first, behind, what in sorted(inside, key=lambda one: (one[0], -one[1])):
+            if first < at or len(self.lines) > len(self.source.text) + MAX_NEW_LINES:
+                continue  # inside a loop that is written already
+            self._put(self.source.text[at:first], at)
+            at = behind
+            match what:
+                case str():
+                    self._put(what, first, inserted=True)
+                case Copy():
+                    self._put(what.before, first, inserted=True)
+                    self.write(*what.span, {**named, **what.named})
+                case Turns():
+                    for k, text in enumerate(what.before):
+                        self._put(text, first, inserted=True)
+                        self.write(*what.body, {**named, **(what.named[k] if what.named else {})})
+                    self._put(what.after, first, inserted=True)
+        self._put(self.source.text[at:end], at)
+
+    def _put(self, text: str, at: int, *, inserted: bool = False) -> None:
+        if not text:
+            return
+        if self.fresh:
+            self.lines.append(self.source.line(at))
+        ends = [match.end() for match in re.finditer("\n", text)]
+        self.fresh = bool(ends) and ends[-1] == len(text)
+        self.lines += [self.source.line(at if inserted else at + end) for end in ends if end < len(text)]
+        self.parts.append(text)
+
+
+def loops_to_write(
+    nodes: Block, turns: Mapping[Loop, tuple[float, ...] | None], is_shared: Callable[[Any], bool],
+    counts: Callable[[Loop], bool],
+) -> Iterator[tuple[Loop, tuple[float, ...]]]:  # fmt: skip
+    """Loops of known turns around some lines: the innermost, and those around it whose turns differ.
+
+    Args:
+        nodes: of a routine.
+        turns: see `Flow.turns`.
+        is_shared: whether a line is one of those.
+        counts: whether the turns of a loop differ by its own counter.
+    """
+    for node in nodes:
+        for body in bodies_of(node):
+            inner = list(loops_to_write(body, turns, is_shared, counts))
+            yield from inner
+            if not isinstance(node, Loop) or not any(map(is_shared, lines_in(body))):
+                continue
+            taken = turns.get(node)
+            if taken and len(taken) > 1 and not leaves_loop(body) and (not inner or counts(node)):
+                yield node, taken
+
+
+def reaching(texts: Iterable[tuple[Any, Any]], calls: Mapping[Any, Sequence[tuple[Any, Any]]]) -> set[Any]:
+    """Lines, and those that call the routines which they stand in, directly or by others.
+
+    Args:
+        texts: lines with their routines.
+        calls: by routine, the lines that call it, with their own routines.
+    """
+    found: set[Any] = set()
+    waiting, seen = list(texts), set[Any]()
+    while waiting:
+        line, routine = waiting.pop()
+        found.add(line)
+        if routine not in seen:
+            seen.add(routine)
+            waiting += calls.get(routine, ())
+    return found
