@@ -34,6 +34,7 @@ COMMANDS = {
     "identify --effects": "identify --robot ROBOT one.csv -o more.json --effects gain",
     "validate": "validate cal.json one.csv --accept 1",
     "compare": "compare cal.json again.json",
+    "compare --with": "compare cal.json --with ROBOT --task TASK",
     "fleet": "fleet fleet",
     "performance": "performance cycles.csv",
     "performance --path": "performance passes.csv --path",

@@ -29,6 +29,7 @@ ONE_IMPORTER = {
         "taskcal.studio.server",
     },
     "one of many alike, which a table names": {
+        "taskcal.robot.importers.mjcf",
         "robot_programs.apt.read",
         "robot_programs.csv_path.read",
         "robot_programs.krl.read",

@@ -32,7 +32,7 @@ SUMMARIES = {
     "register": "Register tracker frame and targets with the nominal robot.",
     "identify": "Identify a robot's parameters, tracker frame and targets from a campaign.",
     "validate": "Validate a calibration against a campaign; optional pass/fail decision.",
-    "compare": "Compare calibrations of one robot and test for change.",
+    "compare": "Compare calibrations of one robot, or a model with a calibration.",
     "fleet": "Monitor a fleet: latest calibrations, changes and outliers.",
     "performance": "Evaluate accuracy and repeatability of poses or paths (ISO 9283).",
     "correct": "Correct a robot program with the calibrated model.",

@@ -9,3 +9,6 @@ from taskcal.export.forms import Loss as Loss
 from taskcal.export.forms import export_dh as export_dh
 from taskcal.export.forms import export_ur_yaml as export_ur_yaml
 from taskcal.export.forms import export_urdf as export_urdf
+from taskcal.export.model_comparison import ModelComparison as ModelComparison
+from taskcal.export.model_comparison import compare_model as compare_model
+from taskcal.export.model_comparison import read_model as read_model

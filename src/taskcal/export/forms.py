@@ -104,6 +104,12 @@ def placed(T: Float[np.ndarray, "4 4"]) -> dict[str, Any]:
     }
 
 
+def describe_place(T: Float[np.ndarray, "4 4"]) -> str:
+    """The same in words."""
+    (x, y, z), (a, b, c) = placed(T)["position_mm"], placed(T)["rpy_deg"]
+    return f"x {x:.4f} y {y:.4f} z {z:.4f} mm, rotated by {a:.5f}° {b:.5f}° {c:.5f}° about fixed x, y, z"
+
+
 # The calibrated chain: what geometry alone holds of a calibration, its defects taken into the fixed parts.
 
 SAMPLES = 400

@@ -177,9 +177,9 @@ def compare(first: Calibration, second: Calibration, q: Float[np.ndarray, "n joi
     tips = first.T_tool_target[:, :3, 3]
     T = first.tool_in_base(q)
     start = np.stack([se3.apply(T, tip) for tip in tips], axis=1)
-    residual = _without_frames(second.tool_in_base(q), tips, start)
+    residual = fit_frames(second.tool_in_base(q), tips, start)[2].ravel()
     basis = np.linalg.qr(_frame_columns(T[:, :3, :3], start))[0]
-    spread = [_spread(calibration, q, tips, basis) for calibration in (first, second)]
+    spread = [spread_without_frames(calibration, q, tips, basis) for calibration in (first, second)]
     same = robots[0].digest == robots[1].digest
     remarks = () if same else ("their nominal robots differ, so that parameters mean different things",)
     return Comparison(
@@ -210,18 +210,32 @@ def _frame_columns(R: Float[np.ndarray, "n 3 3"], points: Float[np.ndarray, "n p
     return columns.reshape(3 * n * k, -1)
 
 
-def _without_frames(
-    T: Float[np.ndarray, "n 4 4"], tips: Float[np.ndarray, "points 3"], start: Float[np.ndarray, "n points 3"]
-) -> Float[np.ndarray, " m"]:
-    """TCPs of poses less others, when the base of the poses is moved and the points are offset so that the least is left."""
-    offsets = np.zeros_like(tips)
-    difference = np.zeros(start.size)
-    for _ in range(ALIGNMENTS):
-        difference = (np.stack([se3.apply(T, tip) for tip in tips + offsets], axis=1) - start).ravel()
-        step = np.linalg.lstsq(_frame_columns(T[:, :3, :3], start), difference, rcond=1e-10)[0]
+def fit_frames(
+    T: Float[np.ndarray, "n 4 4"],
+    tips: Float[np.ndarray, "points 3"],
+    start: Float[np.ndarray, "n points 3"],
+    steps: int = ALIGNMENTS,
+) -> tuple[Float[np.ndarray, "n 4 4"], Float[np.ndarray, "points 3"], Float[np.ndarray, "n points 3"]]:
+    """Move the base of poses and offset points on the tool, so that these are as near to others as can be.
+
+    Args:
+        T: poses of the tool, near those that the others are of.
+        tips: points on the tool, metres.
+        start: the others.
+        steps: of Gauss and Newton.
+
+    Returns:
+        The poses, moved; the points on the tool; what is left, metres.
+    """
+
+    def left() -> Float[np.ndarray, "n points 3"]:
+        return np.stack([se3.apply(T, tip) for tip in tips], axis=1) - start
+
+    for _ in range(steps):
+        step = np.linalg.lstsq(_frame_columns(T[:, :3, :3], start), left().ravel(), rcond=1e-10)[0]
         T = se3.inverse(se3.pose(se3.exp(step[3:6]), step[:3])) @ T
-        offsets = offsets - step[6:].reshape(offsets.shape)
-    return difference
+        tips = tips - step[6:].reshape(tips.shape)
+    return T, tips, left()
 
 
 def _jacobian(calibration: Calibration, q: np.ndarray, tips: np.ndarray) -> Float[np.ndarray, "m z"]:
@@ -231,8 +245,21 @@ def _jacobian(calibration: Calibration, q: np.ndarray, tips: np.ndarray) -> Floa
     return (calibration.T_tracker_base[:3, :3].T @ at_tips).reshape(-1, J.shape[2])
 
 
-def _spread(calibration: Calibration, q: np.ndarray, tips: np.ndarray, basis: np.ndarray) -> Float[np.ndarray, "m z"]:
-    """B with B·Bᵀ the covariance of the TCPs, without what frames can do."""
+def spread_without_frames(
+    calibration: Calibration, q: np.ndarray, tips: np.ndarray, basis: np.ndarray | None = None
+) -> Float[np.ndarray, "m z"]:
+    """B with B·Bᵀ the covariance of points on the tool, without what frames can do.
+
+    Args:
+        calibration: the robot.
+        q: joint positions, radians or metres.
+        tips: the points on the tool (points, 3), metres.
+        basis: what frames can do, orthonormal (m, f); computed where it is not given.
+    """
+    if basis is None:
+        T = calibration.tool_in_base(q)
+        points = np.stack([se3.apply(T, tip) for tip in tips], axis=1)
+        basis = np.linalg.qr(_frame_columns(T[:, :3, :3], points))[0]
     values, vectors = np.linalg.eigh(calibration.z_covariance)
     B = _jacobian(calibration, q, tips) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
     return B - basis @ (basis.T @ B)

@@ -10,7 +10,7 @@ import tomli_w
 from taskcal.arguments import checked
 from taskcal.errors import FileError, TaskcalError, UnknownName, shown
 from taskcal.plugins import load_plugins, state_faults
-from taskcal.robot.importers import dh, ur, urdf
+from taskcal.robot.importers import dh, mjcf, ur, urdf
 from taskcal.robot.importers.base import RobotImporter
 from taskcal.robot.importers.xacro import trusting_xacro
 from taskcal.robot.robot import Robot
@@ -22,7 +22,7 @@ GROUP = "taskcal.robot_importers"
 """Entry points of other packages: a `RobotImporter` each."""
 
 _IMPORTERS: dict[str, RobotImporter] = {
-    one.name: one for one in (urdf.URDF, urdf.XACRO, dh.DH_TABLE, ur.KINEMATICS, ur.CALIBRATION_CONF)
+    one.name: one for one in (urdf.URDF, urdf.XACRO, mjcf.MJCF, dh.DH_TABLE, ur.KINEMATICS, ur.CALIBRATION_CONF)
 }
 
 

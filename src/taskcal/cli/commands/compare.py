@@ -1,6 +1,7 @@
-"""``taskcal compare``: what changed between calibrations of one robot."""
+"""``taskcal compare``: what changed between calibrations of one robot, or how far a model is from one."""
 
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -17,6 +18,7 @@ from taskcal.cli.options.common import (
     metres,
     read_and_reach,
     read_calibration,
+    split_names,
 )
 from taskcal.cli.output import info, say, show, show_facts, tell_edits, write_json
 from taskcal.cli.progress import bar_over
@@ -27,10 +29,21 @@ def command(
     calibrations: list[Path] = argument(
         ...,
         "CAL.json CAL.json…",
-        "Calibrations; each is compared with the first.",
+        "Calibrations; each is compared with the first. A single one with --with.",
         callback=lambda paths: [look_at_calibration(path) for path in paths],
     ),
     unsealed: UnsealedOption = False,
+    model: str | None = option(
+        None,
+        "MODEL",
+        "Compare a model that someone uses with the calibration: catalogue name, .toml, .urdf (or .urdf#TIP), .xacro, MuJoCo's "
+        ".xml, or a table (.csv with --convention).",
+        named="--with",
+    ),
+    convention: str | None = option(None, "dh|mdh", "Convention of the table."),
+    joints: str | None = option(
+        None, "LIST", "Joints of the model in the order of the robot's, where their names differ."
+    ),
     task: Path | None = option(
         None, "TASK.toml", "Compare over this task; by default at the measured poses.", also="-t"
     ),
@@ -44,12 +57,34 @@ def command(
     seed: SeedOption = 0,
     as_json: JsonOption = False,
 ) -> None:
-    """Compare calibrations of one robot and test for change.
+    """Compare calibrations of one robot, or a model with a calibration.
 
     Tracker frames and targets do not count, nor does it matter which parameters each calibration estimates.
     """
-    if len(calibrations) < 2:
-        raise typer.BadParameter("name two calibrations or more", param_hint="CAL.json")
+    of_model = {"--convention": convention, "--joints": joints}
+    of_change = {"--accuracy-mm": accuracy_mm, "--parameters": all_parameters or None}
+    for name, value in (of_model if model is None else of_change).items():
+        if value is not None:
+            raise typer.BadParameter(f"has no use {'without' if model is None else 'with'} --with", param_hint=name)
+    if (len(calibrations) < 2) != (model is not None):
+        message = "name two calibrations or more, or a model (--with)" if model is None else "name one beside --with"
+        raise typer.BadParameter(message, param_hint="CAL.json")
+
+    if model is not None:
+        calibration = read_calibration(calibrations[0], unsealed=unsealed)
+        q = None
+        if task is not None:
+            with bar_over([REACHING]) as begin:
+                q = read_and_reach(calibration.model, task, count, seed, begin).q
+        read = taskcal.export.read_model(model, convention)
+        compared_with = taskcal.export.compare_model(calibration, read, q, joints=split_names(joints, "--joints"))
+        result = {"first": calibrations[0], "model": model, **compared_with.summary()}
+        if as_json:
+            write_json(result)
+        else:
+            tell_edits()
+            _show_model(f"{model} against {calibrations[0]}", result)
+        return
 
     first, *others = [read_calibration(path, unsealed=unsealed) for path in calibrations]
     accuracy, q = metres(accuracy_mm), None
@@ -93,3 +128,38 @@ def _show(title: str, comparison: "taskcal.Comparison", accuracy: float | None, 
     table = tables.tabulate_changes(comparison, None) if all_parameters else tables.tabulate_changes(comparison)
     if len(table):
         show(table)
+
+
+def _show_model(title: str, result: dict[str, Any]) -> None:
+    from taskcal.report.content import Column, Table
+
+    worst = result["worst"]
+    joints = ", ".join(
+        f"{name.rpartition('_')[0]} {value:.1f}{'°' if name.endswith('_deg') else ' mm'}"
+        for name, value in worst["joints"].items()
+    )
+    place = " ".join(f"{value:.1f}" for value in worst["position_mm"])
+    columns = [
+        Column(f"{words} {unit}", f"{name}_{key}", digits)
+        for unit, key, digits in (("mm", "mm", ".3f"), ("°", "deg", ".4f"))
+        for words, name in (("mean", "mean"), ("95 %", "p95"), ("max", "max"))
+    ]
+    kinds = {
+        "as it stands": "as_it_stands",
+        "base and tool fitted": "frames_fitted",
+        "nominal robot, fitted": "nominal",
+    }
+    rows = [{"label": label, **result[key]} for label, key in kinds.items()]
+    say(title)
+    show(
+        Table.of(
+            f"distance of the TCP, and of its axes, over {result['poses']} poses",
+            (Column("", "label"), *columns),
+            rows,
+        )
+    )
+    facts = [
+        ("farthest, fitted", f"at {place} mm: {joints}"),
+        ("uncertainty", f"of the calibration {result['uncertainty_mm']:.3f} mm (3D rms, 1σ)"),
+    ]
+    show_facts(facts)

@@ -127,27 +127,22 @@ def _poses(reached: "taskcal.task.TaskPoses | None") -> "tuple[np.ndarray | None
 
 
 def _show(export: "taskcal.export.Export", written: str) -> None:
+    from taskcal.export.forms import describe_place
+
     tell(written)
     for name, T in export.frames.items():
-        tell(f"{name}: {_place(T)}")
-
-
-def _place(T: "np.ndarray") -> str:
-    from taskcal.export.forms import placed
-
-    place = placed(T)
-    x, y, z = place["position_mm"]
-    a, b, c = place["rpy_deg"]
-    return f"x {x:.4f} y {y:.4f} z {z:.4f} mm, rotated by {a:.5f}° {b:.5f}° {c:.5f}° about fixed x, y, z"
+        tell(f"{name}: {describe_place(T)}")
 
 
 def _show_offsets(robot: str, offsets: "taskcal.export.ControllerOffsets", task: Path | None) -> None:
+    from taskcal.export.forms import describe_place
+
     result = offsets.summary()
     facts = [
         (name.rpartition("_")[0], f"{value:+.5f} {name.rpartition('_')[2]}")
         for name, value in result["joint_offsets"].items()
     ]
-    facts += [("tool in the flange", _place(offsets.tool_in_flange)), ("base", _place(offsets.base))]
+    facts += [("tool in the flange", describe_place(offsets.tool_in_flange)), ("base", describe_place(offsets.base))]
     tell(f"{robot}: offsets for its controller; add each joint's offset to its reading")
     show_facts(facts)
     settings = {

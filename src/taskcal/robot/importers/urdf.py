@@ -437,7 +437,7 @@ def describe_tree(
 
 URDF = RobotImporter(
     name="URDF",
-    suffixes=(".urdf", ".xml"),
+    suffixes=(".urdf",),
     options=("tip", "base"),
     describe=lambda path, options: describe_urdf(path, **options),
 )
