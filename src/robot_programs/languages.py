@@ -48,7 +48,7 @@ _OWN = (
     Language(
         name="RAPID",
         suffixes=(".mod", ".sys", ".prg", ".modx", ".sysx", ".cfg"),
-        read=_reader("rapid.read:read_rapid"),
+        read=_reader("rapid.read:read_rapid", "tools", "parts"),
         compose=_composer("rapid.rewrite:compose_rapid"),
         composed=(".mod", ".prg", ".modx"),
         declares_frames=True,
@@ -59,7 +59,7 @@ _OWN = (
     Language(
         name="KRL",
         suffixes=(".src", ".dat", ".sub"),
-        read=_reader("krl.read:read_krl"),
+        read=_reader("krl.read:read_krl", "tools", "parts"),
         compose=_composer("krl.rewrite:compose_krl"),
         composed=(".src",),
         declares_frames=True,

@@ -23,6 +23,7 @@ def read_program(
     tool: Frame | None = None,
     part: Frame | None = None,
     tools: Mapping[str, Frame] | None = None,
+    parts: Mapping[str, Frame] | None = None,
 ) -> Program:
     """Read a robot program: RAPID, KRL, TP, URScript, APT or CSV.
 
@@ -36,15 +37,18 @@ def read_program(
         part: of a program in APT or CSV: frame in which the positions are counted; the robot's base by default. In TP for user
             frames by number whose values no file states, counted in FANUC's world frame; in URScript of motions that name no
             feature.
-        tools: of a program in APT: its tools, by the name or number by which it loads them.
+        tools: of a program in APT: its tools, by the name or number by which it loads them. In RAPID and KRL those that the
+            files do not declare, held by the robot: `tMill`, `TOOL_DATA[3]`.
+        parts: in RAPID and KRL: work objects and bases that the files do not declare, in the controller's world frame.
 
     Raises:
         FileError: a file is missing, or is not a program; of a CSV: it cannot be read as a path.
         InputError: no file, several languages, or a tool where the program says its own.
     """
     _expect_kinds(paths, robot=robot, tool=tool, part=part)
-    if tools is not None and not isinstance(tools, Mapping):
-        raise WrongKind(f"tools is {shown(repr(tools))}, not a dictionary of Frames by their names in the program")
+    for name, given in (("tools", tools), ("parts", parts)):
+        if given is not None and not isinstance(given, Mapping):
+            raise WrongKind(f"{name} is {shown(repr(given))}, not a dictionary of Frames by their names in the program")
     files = [Path(path) for path in paths]
     if not files:
         raise InputError("no program was given; name its files")
@@ -52,12 +56,12 @@ def read_program(
     if twice is not None:
         raise FileError(twice, "is given twice; name each file once")
     named = [path for path in files if not is_backup(path)]
-    frames = tool is not None or part is not None or bool(tools)
+    frames = tool is not None or part is not None
     if named:  # what is wrong with their names is said before anything is read
         _check_language(named, frames=frames)
     backup, sources = _sources(files)
     _check_language([source.path for source in sources], frames=frames)
-    program = parse_program(sources, robot=robot, tool=tool, part=part, tools=tools)
+    program = parse_program(sources, robot=robot, tool=tool, part=part, tools=tools, parts=parts)
     missing = tuple(missing_names(program.diagnostics)) if backup else ()
     return program if backup is None else replace(program, backup=backup, diagnostics=(*missing, *program.diagnostics))
 
@@ -124,6 +128,7 @@ def parse_program(
     tool: Frame | None = None,
     part: Frame | None = None,
     tools: Mapping[str, Frame] | None = None,
+    parts: Mapping[str, Frame] | None = None,
 ) -> Program:
     """The program of texts of one language; see `read_program`.
 
@@ -131,7 +136,7 @@ def parse_program(
         FileError: a text is not a program.
     """
     return language_of(sources[0].path).read(
-        sources, Surroundings(robot=robot, tool=tool, part=part, tools=tools or {})
+        sources, Surroundings(robot=robot, tool=tool, part=part, tools=tools or {}, parts=parts or {})
     )
 
 

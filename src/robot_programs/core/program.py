@@ -4,7 +4,7 @@ import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Container, Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import atan2, copysign, cos, degrees, hypot, inf, radians, sin
 from pathlib import Path
 from typing import Literal, Protocol, TypeVar, runtime_checkable
@@ -356,6 +356,8 @@ class Surroundings:
     """The same by the name by which a program loads it."""
     part: Frame | None = None
     """Frame in which the positions are counted; the robot's base by default."""
+    parts: Mapping[str, Frame] = field(default_factory=dict[str, Frame])
+    """Parts' frames by the name by which a program calls them."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -501,23 +503,42 @@ def keep_together(visits: Iterable[Visit], staying: Container[int], changing: Co
 # What a program needs and its files do not have, each once.
 
 _MISSING = re.compile(
-    r"unknown [\w ]+ '([^']+)'|'([^']+)' is not declared in the files|(\S+) is not in the files given"
+    r"unknown (?P<kind>tool|work object) '(?P<frame>[^']+)'|'(?P<data>[^']+)' is not declared in the files|"
+    r"(?:\$(?P<variable>TOOL|BASE): )?(?P<name>\S+) is not in the files given"
 )
+_KINDS = {"tool": "tool", "work object": "part", "TOOL": "tool", "BASE": "part"}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MissingName:
+    """A name that the files of a program use and do not declare."""
+
+    name: str
+    kind: Literal["tool", "part", "other"]
+    count: int
+    """How often it is missed."""
+    place: Place
+    """Where it is first."""
+
+
+def missing_from(diagnostics: Iterable[Diagnostic]) -> tuple[MissingName, ...]:
+    """Names that a program's files do not declare, in the order of the text."""
+    found: dict[str, MissingName] = {}
+    for diagnostic in diagnostics:
+        for match in _MISSING.finditer(diagnostic.text):
+            name = match["frame"] or match["data"] or match["name"]
+            kind = _KINDS.get(match["kind"] or match["variable"] or name.partition("_DATA[")[0], "other")
+            known = found.get(name, MissingName(name=name, kind=kind, count=0, place=diagnostic.place))
+            found[name] = replace(known, count=known.count + 1)
+    return tuple(found.values())
 
 
 def missing_names(diagnostics: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
     """One diagnostic that lists the names, each with how often it is missed, at the first place; none where none is missing."""
-    names: dict[str, int] = {}
-    first: Diagnostic | None = None
-    for diagnostic in diagnostics:
-        match = _MISSING.search(diagnostic.text)
-        if match:
-            first = first or diagnostic
-            name = next(filter(None, match.groups()))
-            names[name] = names.get(name, 0) + 1
-    if first is not None:
-        listed = ", ".join(f"{name} ({count})" if count > 1 else name for name, count in names.items())
-        yield Diagnostic(place=first.place, text=f"the files miss {len(names)} names: {listed}")
+    names = missing_from(diagnostics)
+    if names:
+        listed = ", ".join(f"{one.name} ({one.count})" if one.count > 1 else one.name for one in names)
+        yield Diagnostic(place=names[0].place, text=f"the files miss {len(names)} names: {listed}")
 
 
 # Rotations as KUKA's and FANUC's controllers state them: three angles about z, y and x, in degrees.

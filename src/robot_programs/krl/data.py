@@ -9,7 +9,7 @@ from math import isfinite, nan
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core.program import Unresolved, angled_pose, pose_numbers
+from robot_programs.core.program import Frame, Unresolved, angled_pose, pose_numbers
 from robot_programs.core.source import Place, Source, TextEdit, renumbered
 from robot_programs.krl.syntax import (
     Aggregate,
@@ -350,11 +350,24 @@ READ = frozenset({*POSE, *AXES, *EXTERNAL, "S", "T", "TOOL_NO", "BASE_NO", "IPO_
 """Components of points, frames and parameter sets that matter for where the robot goes."""
 
 
+class NotInFiles(Unresolved):
+    """A variable that no data list states, and that nothing in the files changes."""
+
+    SAYS = "is not in the files given"
+
+    @classmethod
+    def is_said(cls, reason: str) -> bool:
+        """Whether a reason is this one."""
+        return cls.SAYS in reason
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Data:
     """Data lists of a program, and what its code changes of them."""
 
     files: tuple[File, ...]
+    given: Mapping[str, Frame] = field(default_factory=dict[str, Frame])
+    """By name in capitals: tools and bases that no data list states, given beside the files."""
     roots: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
     """By name of a routine: the routines that nothing calls, from which it is reached."""
     always: frozenset[str] = frozenset()
@@ -516,7 +529,7 @@ class Data:
             raise Unresolved(f"{name} is known only at run time")
         if datum is None:
             files = "$config.dat" if variable in TABLES else "the .dat that states it"
-            raise Unresolved(f"{name} is not in the files given; pass {files}")
+            raise NotInFiles(f"{name} {NotInFiles.SAYS}; pass {files}")
         return datum
 
     def _apart(self, routine: str, other: str) -> bool:

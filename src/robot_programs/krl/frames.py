@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from robot_programs.core import flow, se3
 from robot_programs.core.program import THROUGH_TARGET, Frame, MotionKind, Unresolved, Zone
-from robot_programs.krl.data import Data, aggregate_of, pose
+from robot_programs.krl.data import Data, NotInFiles, aggregate_of, pose
 from robot_programs.krl.syntax import (
     Aggregate,
     Assignment,
@@ -320,6 +320,8 @@ class Frames:
                 else:
                     names.append(name_of(part, known))
                     T = T @ self._named(names[-1], known)
+        except NotInFiles as trouble:
+            return _unknown(f"{name}: {trouble}")
         except Unresolved as trouble:
             return _unknown(trouble)
         if len(operand.parts) > 1 or not names:
@@ -355,7 +357,12 @@ class Frames:
             return pose(assigned)
         if assigned is None and name in known.frames:
             return known.frames[name].T
-        return pose(self._stated(name))
+        try:
+            return pose(self._stated(name))
+        except NotInFiles:
+            if name not in self.data.given:
+                raise
+            return self.data.given[name].T
 
     @property
     def robroot(self) -> Float[np.ndarray, "4 4"]:
@@ -568,8 +575,9 @@ class Frames:
             Unresolved: the text does not tell them.
         """
         tool, base = state.tool, state.base
-        if tool.frame is None or base.frame is None:
-            raise Unresolved(tool.reason if tool.frame is None else base.reason)
+        if tool.frame is None or base.frame is None:  # names that have to be stated are said together
+            reasons = list(dict.fromkeys(one.reason for one in (tool, base) if one.frame is None))
+            raise Unresolved("; ".join(reasons) if all(map(NotInFiles.is_said, reasons)) else reasons[0])
         if state.fixed_tool is None:
             raise Unresolved("whether the robot holds tool or part ($IPO_MODE) is not stated before it")
         if not state.fixed_tool:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -870,11 +871,15 @@ routines set is taken as not known, and loops are not taken turn by turn."""
 
 
 @uncollected()
-def read_krl(sources: Sequence[Source]) -> KrlProgram:
+def read_krl(
+    sources: Sequence[Source], tools: Mapping[str, Frame] | None = None, parts: Mapping[str, Frame] | None = None
+) -> KrlProgram:
     """Read a KRL program.
 
     Args:
         sources: its ``.src`` files, with their ``.dat`` and, for tools and bases by number, ``$config.dat``.
+        tools: those that no file states, by name: ``TOOL_DATA[3]``.
+        parts: bases that no file states, in the world, the same.
 
     Raises:
         FileError: a file is no KRL, or none holds a program.
@@ -885,12 +890,15 @@ def read_krl(sources: Sequence[Source]) -> KrlProgram:
             raise FileError(file.source.path, f"is not a KRL file: no {'DEFDAT' if file.holds_data else 'DEF'} line")
     if sources and all(file.holds_data for file in files):
         raise FileError(sources[0].path, "holds data only; pass the .src with the motions, too")
-    return _Reading(files=files).program()
+    given = {name.upper(): frame for name, frame in {**(tools or {}), **(parts or {})}.items()}
+    return replace(_Reading(files=files, given=given).program(), read=partial(read_krl, tools=tools, parts=parts))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Reading:
     files: tuple[File, ...]
+    given: Mapping[str, Frame]
+    """As in `Data`."""
     findings: Findings = field(default_factory=Findings)
     elements: Mapping[Text, frozenset[str]] = field(default_factory=dict[Text, frozenset[str]])
     """What assignments by a computed index set, where that is known already."""
@@ -903,7 +911,7 @@ class _Reading:
             for name in calls_of(line.action) if line.action is not None else ():
                 callers.get(name, set()).add(routine.name)
         always = frozenset(line.name for file in self.files if file.submits for line in file.heads)
-        data = Data(files=self.files, roots=roots_of(callers), always=always, elements=self.elements)
+        data = Data(files=self.files, given=self.given, roots=roots_of(callers), always=always, elements=self.elements)
         flow = self._flow(routines, data)
         beside = unasked(self.files, routines)
         roots = [name for name in routines if not callers[name] - {name} or name in beside]
@@ -912,7 +920,7 @@ class _Reading:
         flow.follow(everywhere, begin)
         known = {text: frozenset(names) for text, names in flow.elements.items() if names is not None}
         if not self.elements and data.refused & {name.partition("[")[0] for names in known.values() for name in names}:
-            return _Reading(files=self.files, elements=known).program()
+            return _Reading(files=self.files, given=self.given, elements=known).program()
         self.findings.close()
         flow.follow_rest(everywhere, begin)
         self._warn()
@@ -987,6 +995,5 @@ class _Reading:
             ),
             sites=tuple(site for _, site in found),
             files=self.files,
-            read=read_krl,
             T_world_base=T_world_base,
         )

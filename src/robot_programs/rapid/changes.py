@@ -363,7 +363,7 @@ def changes(everywhere: Iterable[Context]) -> Changes:
                 symbol = mention.symbol if mention.changes else None
                 if symbol is None:
                     continue
-                if symbol.declaration is not None and symbol.declaration.storage != "const":
+                if symbol.may_change:
                     routine = context.routine
                     own = lent.setdefault(routine, {}) if mention.lent_to and routine is not None else assigned
                     own.setdefault(symbol, _assignment(mention))

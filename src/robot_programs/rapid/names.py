@@ -181,11 +181,18 @@ class Symbol:
     scope: "Scope | None" = None
     """Where its value is to be read."""
     value: Value | None = None
-    """Of predefined data."""
+    """Of predefined data, and of tools and work objects that are given beside the files."""
     obstacle: str = ""
     """Why it has no value in the text."""
     parameter_of: str = ""
     """Key of the routine whose parameter it is."""
+
+    @property
+    def may_change(self) -> bool:
+        """Whether a program can assign to it, parameters aside."""
+        if self.declaration is not None:
+            return self.declaration.storage != "const"
+        return self.value is not None and self.name.lower() not in DATA
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -262,8 +269,13 @@ class Context:
         return self.module.unparsed if self.routine is None else self.routine.lines
 
 
-def contexts(files: Iterable[File]) -> Iterator[Context]:
-    """Every module and every routine of the files, in the order of the text, with its names."""
+def contexts(files: Iterable[File], given: Iterable[Symbol] = ()) -> Iterator[Context]:
+    """Every module and every routine of the files, in the order of the text, with its names.
+
+    Args:
+        files: the files.
+        given: data beside the files, which count where no module shares data of that name.
+    """
     files = tuple(files)
     shared: dict[str, list[Symbol]] = {}
     types = dict(TYPES)
@@ -283,6 +295,9 @@ def contexts(files: Iterable[File]) -> Iterator[Context]:
             types.update({record.name.key: record.components for record in module.records})
             for routine in module.routines:
                 named.setdefault(routine.name.key, []).append(routine)
+    for symbol in given:
+        if symbol.name.lower() not in DATA:
+            shared.setdefault(symbol.name.lower(), [symbol])
     routines.update({key: tuple(same) for key, same in named.items()})
     for file in files:
         for module in file.modules:

@@ -3,11 +3,14 @@
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
 
 from robot_programs.core import flow as form
 from robot_programs.core.errors import FileError
 from robot_programs.core.flow import MIN_LINES, with_called
-from robot_programs.core.program import Diagnostic, Unresolved
+from robot_programs.core.program import Diagnostic, Frame, Unresolved
 from robot_programs.core.source import Source, uncollected
 from robot_programs.rapid.changes import (
     ANY_ROUTINE,
@@ -79,7 +82,7 @@ from robot_programs.rapid.syntax import (
     expressions_of,
     parts,
 )
-from robot_programs.rapid.values import UNREACHED, AbstractValue, PassedArgument, State, Values
+from robot_programs.rapid.values import UNREACHED, AbstractValue, PassedArgument, State, Values, pose_numbers
 
 # What assignments and calls make of data.
 
@@ -643,11 +646,15 @@ def _start(flow: Flow, context: Context) -> State:
 
 
 @uncollected()
-def read_rapid(sources: Sequence[Source]) -> RapidProgram:
+def read_rapid(
+    sources: Sequence[Source], tools: Mapping[str, Frame] | None = None, parts: Mapping[str, Frame] | None = None
+) -> RapidProgram:
     """Read the modules of a program: those with its routines and those with its tools, work objects and targets.
 
     Args:
         sources: the files.
+        tools: those that the files do not declare, held by the robot, by name.
+        parts: work objects that the files do not declare, which stand still in the world, by name.
 
     Raises:
         FileError: a file is no RAPID module.
@@ -666,7 +673,7 @@ def read_rapid(sources: Sequence[Source]) -> RapidProgram:
         modules, problems = _parsed(source)
         files.append(File(source=source, modules=modules))
         diagnostics += [Diagnostic(place=source.place(p.position), text=p.text) for p in problems]
-    everywhere = tuple(contexts(files))
+    everywhere = tuple(contexts(files, _given(tools or {}, parts or {})))
     changed = changes(everywhere)
     values = Values(assigned=changed.assigned)
     settings = replace(_settings(everywhere), T_world_base=T_world_base)
@@ -682,10 +689,30 @@ def read_rapid(sources: Sequence[Source]) -> RapidProgram:
     diagnostics.sort(key=lambda diagnostic: (order[diagnostic.place.path], diagnostic.place.line))
     return RapidProgram(
         sources=tuple(sources), motions=tuple(motion.move for motion in sites), diagnostics=tuple(diagnostics),
-        sites=tuple(sites), uses=uses(everywhere, values), everywhere=everywhere, turns=turns, read=read_rapid,
+        sites=tuple(sites), uses=uses(everywhere, values), everywhere=everywhere, turns=turns,
+        read=partial(read_rapid, tools=tools, parts=parts),
         T_world_base=T_world_base,
         unresolved=frozenset(findings.reasons).difference(motion.instruction for motion in sites),
     )  # fmt: skip
+
+
+def _given(tools: Mapping[str, Frame], parts: Mapping[str, Frame]) -> Iterator[Symbol]:
+    """Tools and work objects as data of the program."""
+    for name, frame in tools.items():
+        yield Symbol(name=name, type="tooldata", value=(True, _pose(frame), LOAD_VALUE))
+    for name, frame in parts.items():
+        yield Symbol(name=name, type="wobjdata", value=(False, True, "", _pose(frame), _pose(NO_FRAME)))
+
+
+NO_FRAME = Frame(name="", T=np.eye(4))
+
+LOAD_VALUE: Value = (1.0, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
+"""Of a tool of which only the frame is known; no motion depends on it."""
+
+
+def _pose(frame: Frame) -> Value:
+    numbers = pose_numbers(frame.T)
+    return (tuple(numbers[:3]), tuple(numbers[3:]))
 
 
 def _parsed(source: Source) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:

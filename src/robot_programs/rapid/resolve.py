@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Literal
@@ -672,11 +672,15 @@ def resolve(
     where = layout(instruction) if manner is None or manner.variables is not values.variables else None
     if kind != "axes" and settings.shift:
         raise Unresolved(settings.shift)
-    if manner is None or where is not None:
-        manner = settings.manners[alike] = _manner(
-            instruction, where or layout(instruction), scope, file, settings, values
-        )
     type_ = "jointtarget" if kind == "axes" else "robtarget"
+    if manner is None or where is not None:
+        try:
+            manner = settings.manners[alike] = _manner(
+                instruction, where or layout(instruction), scope, file, settings, values
+            )
+        except Unresolved as reason:
+            _with_reason(reason, lambda: resolve_target(to, type_, scope, values, file))
+            raise
     end = resolve_target(to, type_, scope, values, file)
     via = resolve_target(by, type_, scope, values, file) if by else None
     return Resolved(file=file, instruction=instruction, end=end, via=via, manner=manner, routine=routine)
@@ -756,11 +760,24 @@ def _in_base(frames: Frames, settings: Settings) -> Frames:
 
 
 def _frames(where: Layout, scope: Scope, file: File, values: Values) -> Frames:
-    tool = _data(where.tool.value, "tool", "tooldata", scope, file, values)
     given = where.options.get("wobj")
+    try:
+        tool = _data(where.tool.value, "tool", "tooldata", scope, file, values)
+    except Unresolved as reason:
+        if given is not None:
+            _with_reason(reason, lambda: _data(given.value, "work object", "wobjdata", scope, file, values))
+        raise
     if given is None:
         return frames_of(tool, ("wobj0", DATA["wobj0"][1]))
     return frames_of(tool, _data(given.value, "work object", "wobjdata", scope, file, values))
+
+
+def _with_reason(reason: Unresolved, resolves: Callable[[], object]) -> None:
+    """Raise a reason with another one behind it, if that one is met: all that has to be stated is said at once."""
+    try:
+        resolves()
+    except Unresolved as other:
+        raise Unresolved(f"{reason}; {other}") from None
 
 
 def _data(

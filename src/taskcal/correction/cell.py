@@ -1,6 +1,6 @@
 """The cell: its tools and parts as measured, the robot's base, external axes, and a program's motions counted in that base."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal, Self, TypeVar
@@ -10,7 +10,7 @@ import tomli_w
 from jaxtyping import Float
 from pydantic import Field, model_validator
 
-from robot_programs.core.program import Diagnostic, Frame, Motion, Program
+from robot_programs.core.program import Diagnostic, Frame, MissingName, Motion, Program
 from robot_programs.languages import language_of
 from taskcal.arguments import checked, repeated
 from taskcal.errors import FileError, TaskcalError
@@ -85,7 +85,7 @@ class Measured:
     name: str
     """As programs call it."""
     controller: Float[np.ndarray, "4 4"] | None = None
-    """The controller's value, for programs that declare no frames."""
+    """The controller's value, where the program's files do not declare it."""
     in_tracker: Float[np.ndarray, "4 4"] | None = None
     """Pose in the tracker's frame of the calibration, of what stands still."""
     touched: Float[np.ndarray, "k joints"] | None = None
@@ -317,6 +317,29 @@ def cell_text(cell: Cell) -> str:
     return tomli_w.dumps({**own, **{kind: tables for kind, tables in sections.items() if tables}})
 
 
+UNFILLED = 'controller = { position_mm = ["x", "y", "z"], quaternion = ["qx", "qy", "qz", "qw"] }'
+"""Of a tool or part that is still to be stated; refused until numbers stand there."""
+
+
+def cell_to_fill_in(missing: Iterable[MissingName]) -> str:
+    """Sections of a cell file for tools and parts that no file of a program declares; empty where there are none."""
+    return "\n".join(
+        f"# {one.count} of the program's motions, first in {one.place}\n[[{one.kind}]]\n"
+        f"{tomli_w.dumps({'name': one.name})}{UNFILLED}\n"
+        for one in missing
+        if one.kind != "other"
+    )
+
+
+def given_frames(cell: Cell) -> tuple[dict[str, Frame], dict[str, Frame]]:
+    """Tools and parts with the controller's value, by name, for the reader of a program."""
+    tools, parts = (
+        {m.name: Frame(name=m.name, T=m.controller) for m in among.values() if m.controller is not None}
+        for among in (cell.tools, cell.parts)
+    )
+    return tools, parts
+
+
 def _pose(T: Float[np.ndarray, "4 4"]) -> dict[str, object]:
     return {"position_mm": (T[:3, 3] * 1e3).tolist(), "quaternion": se3.to_quaternion(T[:3, :3]).tolist()}
 
@@ -385,6 +408,7 @@ def mount(program: Program, cell: Cell) -> Mounted:
             f"the robot stands at {_at(said)} by the cell file and at {_at(stated)} by {program.base_from}; state [robot] base "
             "as it is there, or leave it out"
         )
+    _check_frames(program, cell)
     positions = _positions(program.motions)
     plain = not any(move.carrier or move.external_offset or not move.tool.stated for move in program.motions)
     if said is None and not cell.axes and not np.nan_to_num(positions).any() and plain:
@@ -418,6 +442,33 @@ def mount(program: Program, cell: Cell) -> Mounted:
 def _at(T: Float[np.ndarray, "4 4"]) -> str:
     x, y, z = np.round(T[:3, 3] * 1e3, 2) + 0.0  # no minus before zero
     return f"[{x:.2f}, {y:.2f}, {z:.2f}] mm"
+
+
+def _check_frames(program: Program, cell: Cell) -> None:
+    """See that the cell file has tools and parts where the program's files have them, which count.
+
+    Raises:
+        TaskcalError: one is elsewhere.
+    """
+    if not language_of(program.sources[0].path).declares_frames:
+        return
+    to_base = np.eye(4) if program.T_world_base is None else se3.inverse(program.T_world_base)
+    seen: set[tuple[str, int]] = set()
+    for motion in program.motions:
+        standing, held = (motion.tool, motion.part) if motion.part_in_hand else (motion.part, motion.tool)
+        for frame, T in ((held, np.eye(4)), (standing, np.eye(4) if motion.carrier else to_base)):
+            kind, measured = (
+                ("tool", cell.tool(frame.name)) if frame is motion.tool else ("part", cell.part(frame.name))
+            )
+            if (kind, id(frame)) in seen or measured.controller is None:
+                continue
+            seen.add((kind, id(frame)))
+            off = frame.T - T @ measured.controller
+            if np.abs(off).max() > MAX_BASE_DIFFERENCE:
+                raise TaskcalError(
+                    f"{motion.place}: the files have {kind} '{frame.name}' {np.linalg.norm(off[:3, 3]) * 1e3:.3f} mm from where "
+                    f"controller of the cell file has it, or turned otherwise; leave controller out there, as the files declare it"
+                )
 
 
 def _positions(motions: Sequence[Motion]) -> Float[np.ndarray, "m axes"]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from robot_programs.core.program import Diagnostic, Motion, Program, Waypoint, keep_together
+from robot_programs.core.program import Diagnostic, Motion, Program, Waypoint, keep_together, missing_names
 from robot_programs.core.source import Place, Source, uncollected
 from robot_programs.languages import language_of
 from robot_programs.reading import compose_program, parse_program
@@ -609,7 +609,9 @@ def correct(
     """
     cell, bounds = cell or Cell(), bounds or Bounds()
     if not program.motions:
-        why = "".join(f"; {diagnostic}" for diagnostic in program.diagnostics[:MAX_REASONS])
+        missing = tuple(missing_names(program.diagnostics))  # of a backup it is the first one already
+        said = dict.fromkeys(str(diagnostic) for diagnostic in (*missing, *program.diagnostics))
+        why = "".join(f"; {text}" for text in list(said)[:MAX_REASONS])
         raise TaskcalError(f"{program.sources[0].path} has no motion that could be resolved{why}")
 
     def corrected(program: Program) -> tuple[Correction, frozenset[int]]:

@@ -193,10 +193,12 @@ def test_an_unknown_frame_is_named_by_file_and_line_and_left(run: Run, cell, rob
     path = tmp_path / "unknown.mod"
     line = "MoveL pB,v50,fine,tSpindle\\WObj:=wFixture;"
     path.write_text(module(robot, GOOD[0], line), newline="")
-    ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.mod")
+    to_fill_in = tmp_path / "cell.toml"
+    ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.mod", "--missing", to_fill_in)
     assert f"{path}:8" in ended.err
-    assert "wFixture" in ended.err
+    assert "part wFixture (1)" in ended.err
     assert line in (tmp_path / "out.mod").read_text()
+    assert 'name = "wFixture"' in to_fill_in.read_text()
 
 
 def test_a_target_that_others_need_as_it_was_is_cloned(run: Run, cell, robot, tmp_path):

@@ -52,7 +52,8 @@ def test_without_the_module_of_its_frames_a_path_stays_as_it_is():
     program = read_rapid([source(IRC5)])
     assert not program.motions
     assert reasons(program)[0] == (
-        "part.mod:15: MoveJ stays as it is: unknown tool 'tSpindle'; pass the module that declares it"
+        "part.mod:15: MoveJ stays as it is: unknown tool 'tSpindle'; pass the module that declares it; "
+        "unknown work object 'wPart'; pass the module that declares it"
     )
 
 

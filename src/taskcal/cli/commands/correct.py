@@ -93,6 +93,12 @@ class CellOptions:
         None, "NAME", "Part of the cell file, for URScript, APT and CSV, where the program names none."
     )
 
+    missing: Path | None = option(
+        None,
+        "CELL.toml",
+        "Cell file to write, with the tools and parts that no file of the program declares, to be filled in.",
+    )
+
     def __post_init__(self) -> None:
         for name, given in ((self.tool, "--tool"), (self.part, "--part")):
             if name is not None and self.cell is None:
@@ -214,16 +220,48 @@ def command(
 def _read(
     programs: list[Path], around: CellOptions, calibration: "taskcal.Calibration"
 ) -> "tuple[taskcal.Cell, Program]":
-    from robot_programs.core.program import Frame
-    from robot_programs.languages import language_of
     from robot_programs.reading import read_program
+    from taskcal.correction.cell import given_frames
 
     cell = taskcal.Cell() if around.cell is None else taskcal.load_cell(around.cell)
     tool, part = _frame(cell, around.tool, "tool"), _frame(cell, around.part, "part")
-    told = {m.name: Frame(name=m.name, T=m.controller) for m in cell.tools.values() if m.controller is not None}
-    files = any(map(is_backup, programs))
-    tools = {} if files or language_of(programs[0]).declares_frames else told
-    return cell, read_program(*programs, robot=calibration.model.robot, tool=tool, part=part, tools=tools)
+    tools, parts = given_frames(cell)
+    program = read_program(*programs, robot=calibration.model.robot, tool=tool, part=part, tools=tools, parts=parts)
+    _say_missing(program, around)
+    return cell, program
+
+
+MAX_SHOWN_SECTIONS = 4
+"""Of a cell file to fill in; more are written to a file."""
+
+
+def _say_missing(program: "Program", around: CellOptions) -> None:
+    """Name tools and parts that no file declares, and show or write the cell file that states them.
+
+    Raises:
+        FileError: the file exists, or cannot be written.
+    """
+    from robot_programs.core.program import missing_from
+    from taskcal.correction.cell import cell_to_fill_in
+    from taskcal.io.files import write_whole
+
+    missing = missing_from(program.diagnostics)
+    frames = [one for one in missing if one.kind != "other"]
+    others = [one.name for one in missing if one.kind == "other"]
+    if frames:
+        listed = ", ".join(f"{one.kind} {one.name} ({one.count})" for one in frames)
+        info(f"declared in none of the files: {listed}")
+        info("pass the files that declare them, or state them in the cell file (--cell); --missing CELL.toml writes it")
+        if around.missing is None and len(frames) <= MAX_SHOWN_SECTIONS:
+            info(cell_to_fill_in(frames))
+    if others:
+        info(f"declared in none of the files, and not for a cell file: {', '.join(others)}")
+    if around.missing is not None and frames:
+        if around.missing.exists():
+            raise FileError(around.missing, "exists; name a new file for the tools and parts to be stated")
+        own = "" if around.cell is None else around.cell.read_text(encoding="utf-8").rstrip() + "\n\n"
+        write_whole(around.missing, own + cell_to_fill_in(frames))
+        info(f"to be filled in: {around.missing}")
 
 
 def _new_program(program: Path, output: Path | None) -> Path | None:
