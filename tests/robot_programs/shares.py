@@ -16,11 +16,9 @@ from jaxtyping import Float
 
 from robot_programs.apt.syntax import parse as parse_apt
 from robot_programs.core.program import Motion, Program, Waypoint, keep_together
-from robot_programs.core.source import Source, read_source
-from robot_programs.krl.read import KrlProgram
+from robot_programs.core.source import Place, Source, read_source
 from robot_programs.krl.syntax import lines_of_words
 from robot_programs.languages import LANGUAGES
-from robot_programs.rapid.read import RapidProgram
 from robot_programs.rapid.syntax import tokenize
 from robot_programs.reading import parse_program
 from taskcal.errors import TaskcalError
@@ -70,23 +68,11 @@ def share_of(files: Sequence[Path], robot: Robot) -> Share:
     return Share(
         files=tuple(files),
         motions=motions,
-        understood=len(set(instructions_of(program))),
+        understood=len({motion.place for motion in program.motions}),
         written=len(written),
         reasons=reasons(program) + refused,
         kept=same,
     )
-
-
-def instructions_of(program: Program) -> list[object]:
-    """For each motion the instruction that it is of; one that is given several targets has several motions."""
-    if isinstance(program, RapidProgram):
-        return [id(site.instruction) for site in program.sites]
-    if isinstance(program, KrlProgram):
-        return [site.text for site in program.sites]
-    halves = [getattr(one, "half", False) for one in getattr(program, "instructions", ())] or [False] * len(
-        program.motions
-    )
-    return list(np.cumsum(~np.array(halves, dtype=bool)))
 
 
 TOLERANCE_M = 5e-5
@@ -99,8 +85,22 @@ def smooth_error(T: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " 3"]:
     return 1.5e-3 * np.array([np.sin(2.0 * y), np.sin(2.0 * z), np.sin(2.0 * x)])
 
 
-def written_in(program: Program, robot: Robot) -> tuple[set[object], Counter[str]]:
-    """Instructions all of whose motions are written corrected, and why others are not; `correct` would ask the kinematics, too."""
+def written_in(program: Program, robot: Robot) -> tuple[set[Place], Counter[str]]:
+    """Instructions all of whose motions are written corrected, and why others are not; `correct` would ask the kinematics, too.
+
+    As there, text that several motions have in common is written out as often as that lets more of them be corrected.
+    """
+    best, left = _written_as_it_is(program, robot)
+    while left and (sources := program.written_out(left)) is not None:
+        program = program.reread(sources)
+        written, left = _written_as_it_is(program, robot)
+        if len(written) <= len(best):
+            break
+        best = written
+    return best, Counter(f"not written: {plain(why)}" for why in left.values())
+
+
+def _written_as_it_is(program: Program, robot: Robot) -> tuple[set[Place], dict[int, str]]:
     wanted = {i: (corrected(motion),) for i, motion in enumerate(program.motions)}
     left: dict[int, str] = {}
     visits = tuple(program.visits())
@@ -113,10 +113,8 @@ def written_in(program: Program, robot: Robot) -> tuple[set[object], Counter[str
         end = again.motions[i].end
         if waypoint.T is not None and end.T is not None:
             assert np.abs(end.T[:3, 3] - waypoint.T[:3, 3]).max() < TOLERANCE_M + 1e-5, str(program.motions[i])
-    of = instructions_of(program)
-    return {of[i] for i in wanted} - {of[i] for i in left}, Counter(
-        f"not written: {plain(why)}" for why in left.values()
-    )
+    stay = {program.motions[i].place for i in left}
+    return {program.motions[i].place for i in wanted} - stay, left
 
 
 def corrected(motion: Motion) -> Waypoint:
