@@ -4,17 +4,22 @@ from importlib import import_module
 from typing import Any
 
 _HOMES = {
+    "Diagnostic": "core.program",
+    "Edit": "core.program",
     "FileError": "core.errors",
     "Frame": "core.program",
     "InputError": "core.errors",
+    "Language": "core.program",
     "Motion": "core.program",
     "Program": "core.program",
     "Robot": "core.robot",
     "Source": "core.source",
     "Target": "core.program",
+    "Zone": "core.program",
     "compose_program": "reading",
     "motions_to_joints": "reading",
     "read_program": "reading",
+    "write_program": "reading",
 }
 """Public names, each loaded when it is first used from the module that has it; for type checkers they stand in the stub."""
 

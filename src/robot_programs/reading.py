@@ -1,19 +1,21 @@
-"""Reading a robot program of any language, known by the suffix of its files."""
+"""Reading and writing robot programs of any language, known by the suffix of their files."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.backup import open_backup
+from robot_programs.backup import lay_backup, open_backup
 from robot_programs.core.errors import FileError, InputError, WrongKind, shown
 from robot_programs.core.files import is_backup
 from robot_programs.core.program import Frame, Motion, Program, Target, missing_names
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Backup, Place, Source, read_source
+from robot_programs.core.writing import Laid, write_together
 from robot_programs.languages import COMPOSED, Composition, Surroundings, language_of
 
 
@@ -138,6 +140,55 @@ def parse_program(
     return language_of(sources[0].path).read(
         sources, Surroundings(robot=robot, tool=tool, part=part, tools=tools or {}, parts=parts or {})
     )
+
+
+# Writing the files of a program that was read.
+
+
+def write_program(program: Program, out: str | Path) -> tuple[Path, ...]:
+    """Write the files of a program, all or none; of a backup all of it, to a place that does not exist yet.
+
+    Args:
+        program: the program, such as `Program.with_edits` gives.
+        out: its file or a folder; of several files a folder that exists, in which they keep their names.
+
+    Returns:
+        What was written.
+
+    Raises:
+        FileError: it would overwrite what was read, or cannot be written.
+    """
+    contents, lay = written_files(program, program.sources, out)
+    write_together(contents, lay)
+    return (Path(out),) if lay is not None else tuple(contents)
+
+
+def written_files(
+    program: Program, sources: Sequence[Source], out: str | Path
+) -> tuple[dict[Path, bytes], Callable[[], Laid] | None]:
+    """Contents of the files that a program is written to, or what lays a backup beside its place.
+
+    Args:
+        program: as it was read.
+        sources: its files, or some of them, with their new text.
+        out: a file, a folder, or the place of a backup.
+
+    Raises:
+        FileError: it would overwrite what was read, there are several files and no folder, or two of one name.
+    """
+    if program.backup is not None and len(sources) == len(program.sources):
+        return {}, partial(lay_backup, program.backup, out, sources)
+    out = Path(out)
+    if len(sources) > 1 and not out.is_dir():
+        raise FileError(out, f"is not a folder; a program of {len(sources)} files is written into a folder that exists")
+    contents = {out / source.path.name if out.is_dir() else out: source.encode() for source in sources}
+    if len(contents) < len(sources):
+        raise FileError(out, "would get two files of one name; write programs of different folders one by one")
+    read = {source.path.resolve() for source in program.sources}
+    for path in contents:
+        if path.resolve() in read:
+            raise FileError(path, "is the program that was read, and is never overwritten; name another file or folder")
+    return contents, None
 
 
 # Writing a new robot program in the language of a file's suffix.

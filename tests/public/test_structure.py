@@ -51,7 +51,7 @@ ONE_IMPORTER = {
         "taskcal.report.study",
     },
     "arithmetic that knows no robot": {"taskcal.estimation.trimmed_squares", "taskcal.geometry.polyline"},
-    "entered by name": {"taskcal.__main__", "taskcal.effects", "taskcal.performance"},
+    "entered by name": {"robot_programs.__main__", "taskcal.__main__", "taskcal.effects", "taskcal.performance"},
 }
 """Modules that fewer than two others import and that have no public name, by the reason for which they are there."""
 

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_programs.core.program import Frame, Motion, Program, Target, angles, rotation
+from robot_programs import FileError, Frame, Language, Motion, Program, Target
+from robot_programs.core.program import angles, rotation
 from robot_programs.core.source import TextEdit
-from robot_programs.languages import Language
-from taskcal import FileError
 
 LINE = re.compile(r"^[ \t]*LIN((?:[ \t]+[-+.\d]+){6})[ \t]*\r?$", re.MULTILINE)
 """A motion; lines that begin with LIN and are none are refused, all others are left as they are."""

@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from robot_programs.core import se3
-from robot_programs.core.errors import InputError, shortened
-from robot_programs.core.robot import Robot
-from robot_programs.core.source import Backup, Place, Source
+from robot_programs.core.errors import InputError, shortened, shown
+from robot_programs.core.robot import NO_ROBOT, Robot
+from robot_programs.core.source import Backup, Place, Source, TextEdit
 
 # How near a motion passes by its target, where it does not stop in it.
 
@@ -53,6 +53,10 @@ MAX_JOINTS = 6
 
 SAME_POSE = 1e-9
 """Poses and joint positions that differ by less are one, metres and radians; single precision on a metre is coarser."""
+
+WRITTEN_M, WRITTEN_RAD, WRITTEN_SPEED = 2e-5, 2e-4, 1e-3
+"""What is read back differs by less from what was to be written, metres, radians, and of a speed its share: ten times the last
+digit of the coarsest language (FANUC's listings: 0.001 mm and 0.001°), for offsets have levers."""
 
 MotionKind = Literal["joint", "linear", "circular", "axes"]
 """To a pose with all joints at once, along a line, along an arc; or to joint positions."""
@@ -218,9 +222,9 @@ class Motion:
         pairs = [(self.end.q, only.q if only.T is None else None), (self.end.T, only.T)]
         if self.via is not None and only.via is not None:
             pairs.append((self.via.T, only.via.T))
-        shown = np.s_[..., 2:] if self.end.free_spin else np.s_[...]
+        compared = np.s_[..., 2:] if self.end.free_spin else np.s_[...]
         return all(
-            old is None if new is None else old is not None and bool(np.abs((new - old)[shown]).max() < SAME_POSE)
+            old is None if new is None else old is not None and bool(np.abs((new - old)[compared]).max() < SAME_POSE)
             for old, new in pairs
         )
 
@@ -240,6 +244,29 @@ class Waypoint:
     """Positions of the external axes, as in `Motion`; empty to leave them as the motion states them."""
     share: float = 1.0
     """How much of the motion is done there, of its length."""
+
+    def edited(self, edit: "Edit") -> "Waypoint":
+        """The same with other numbers."""
+        via = self.via if edit.via is None or self.via is None else replace(self.via, T=edit.via)
+        return replace(
+            self, T=self.T if edit.T is None else edit.T, q=self.q if edit.q is None else np.asarray(edit.q), via=via
+        )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Edit:
+    """Other numbers for a motion; what is None stays as it is written."""
+
+    motion: int
+    """Its number in the program, counted from 0."""
+    T: Float[np.ndarray, "4 4"] | None = None
+    """Pose of its tool in its part's frame at its end, metres."""
+    via: Float[np.ndarray, "4 4"] | None = None
+    """The same at the via point of an arc."""
+    q: Float[np.ndarray, " joints"] | None = None
+    """Joint positions at its end, radians: its target, or the posture that is written for its pose."""
+    speed: float | None = None
+    """Of the TCP, metres per second."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -301,6 +328,52 @@ class Program(ABC):
             waypoints: by number of the motion.
         """
 
+    def with_edits(self, edits: Iterable[Edit], robot: Robot | None = None) -> "Program":
+        """The program with other numbers in some motions, as it is read again; its files keep every other byte.
+
+        Args:
+            edits: at most one for each motion.
+            robot: the robot; only for edits that state the posture of a pose, which is kept as it is written otherwise.
+
+        Raises:
+            InputError: a motion has no such numbers, or they cannot be written without changing others.
+        """
+        changes = _by_motion(edits, self.motions, robot)
+        waypoints = {
+            number: (self.motions[number].own_waypoint().edited(edit),)
+            for number, edit in changes.items()
+            if edit.T is not None or edit.via is not None or edit.q is not None
+        }
+        known = NO_ROBOT if robot is None else robot
+        for number, why in self.unwritable(known, waypoints, WRITTEN_M).items():
+            raise InputError(f"{self.motions[number].place}: the motion's target cannot be written: {why}")
+        program = self.reread(self.rewrite(known, waypoints)) if waypoints else self
+        _expect_edited(self.motions, program.motions, {n: replace(edit, speed=None) for n, edit in changes.items()})
+        texts: list[dict[tuple[int, int], TextEdit]] = [{} for _ in self.sources]
+        for number, edit in changes.items():
+            if edit.speed is not None:
+                file, text = program.speed_edit(number, edit.speed)
+                texts[file][text.start, text.end] = text
+        if any(texts):
+            edited = (source.edited(of.values()) for source, of in zip(program.sources, texts, strict=True))
+            program = self.reread(tuple(edited))
+            _expect_edited(self.motions, program.motions, changes)
+        return replace(program, backup=self.backup)
+
+    def speed_edit(self, number: int, speed: float) -> tuple[int, TextEdit]:
+        """What gives a motion another speed: the number of its file, and the edit.
+
+        Args:
+            number: of the motion, whose speed is known.
+            speed: of the TCP, metres per second.
+
+        Raises:
+            InputError: the motion itself does not state its speed.
+        """
+        raise InputError(
+            f"{self.motions[number].place}: its speed is stated before it, for all motions that follow; change it there"
+        )
+
     def unwritable(
         self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
     ) -> dict[int, str]:
@@ -339,6 +412,83 @@ class Program(ABC):
         if self.read is None:
             raise NotImplementedError(f"{type(self).__name__} does not say how it is read again")
         return self.read(sources)
+
+
+# Edits of a program's numbers.
+
+
+def _by_motion(edits: Iterable[Edit], motions: Sequence[Motion], robot: Robot | None) -> dict[int, Edit]:
+    """Edits by their motions' numbers.
+
+    Raises:
+        InputError: there is no such motion, or it has no such numbers.
+    """
+    out: dict[int, Edit] = {}
+    for edit in edits:
+        if not 0 <= edit.motion < len(motions):
+            raise InputError(f"there is no motion {edit.motion}; the program has {len(motions)}, counted from 0")
+        if edit.motion in out:
+            raise InputError(f"motion {edit.motion} has two edits; state all its new numbers in one")
+        motion = motions[edit.motion]
+        why = next(_misfits(motion, edit, robot), "")
+        if why:
+            raise InputError(f"{motion.place}: motion {edit.motion} cannot be edited so: {why}")
+        out[edit.motion] = edit
+    return out
+
+
+def _misfits(motion: Motion, edit: Edit, robot: Robot | None) -> Iterator[str]:
+    """Why a motion does not have the numbers that an edit states."""
+    q, own = edit.q, motion.end.q
+    if edit.T is not None and motion.end.T is None:
+        yield "it goes to joint positions; state q in place of T"
+    if edit.via is not None and motion.via is None:
+        yield "it is not an arc, and has no via point"
+    if any(T is not None and not se3.is_pose(T) for T in (edit.T, edit.via)):
+        yield "a pose has four rows and columns, a rotation in the upper left three, and metres in the last column"
+    if q is not None and own is None and robot is None:
+        yield "it goes to a pose, whose posture follows from q for a robot only; give the robot, or leave out q"
+    if q is not None and (not np.isfinite(q).all() or (own is not None and np.shape(q) != own.shape)):
+        yield f"q is {shown(q)}, not {len(own) if own is not None else 'the robot'}'s joint positions"
+    if edit.speed is not None and not 0.0 < edit.speed < inf:
+        yield f"{edit.speed:g} m/s is not a speed"
+    if edit.speed is not None and motion.speed is None:
+        yield "its text states no speed of the TCP that could be changed"
+
+
+def _expect_edited(before: Sequence[Motion], after: Sequence[Motion], edits: Mapping[int, Edit]) -> None:
+    """See that motions became what edits ask for, and the others stayed.
+
+    Raises:
+        InputError: they did not.
+    """
+    if len(before) != len(after):
+        raise InputError(f"the program of {len(before)} motions would have {len(after)}; leave out some of the edits")
+    for number, (old, new) in enumerate(zip(before, after, strict=True)):
+        edit = edits.get(number, Edit(motion=number))
+        if not _is_edited(old, new, edit):
+            shared = "" if number in edits else "; it shares text with another one that is edited"
+            raise InputError(f"{old.place}: motion {number} would become another one than was asked for{shared}")
+
+
+def _is_edited(old: Motion, new: Motion, edit: Edit) -> bool:
+    if old.kind != new.kind or not _close(edit.speed or old.speed, new.speed, WRITTEN_SPEED * (new.speed or 0.0)):
+        return False
+    if old.via is not None and new.via is not None:  # a via point's orientation is not used in every language
+        via = old.via.T if edit.via is None else edit.via
+        if via is not None and not _close(via[:3, 3], None if new.via.T is None else new.via.T[:3, 3], WRITTEN_M):
+            return False
+    if old.end.T is None or new.end.T is None:
+        return _close(old.end.q if edit.q is None else edit.q, new.end.q, WRITTEN_RAD)
+    T = old.end.T if edit.T is None else edit.T
+    first = 2 if new.end.free_spin else 0
+    return _close(T[:3, 3], new.end.T[:3, 3], WRITTEN_M) and _close(T[:3, first:3], new.end.T[:3, first:3], WRITTEN_RAD)
+
+
+def _close(a: float | np.ndarray | None, b: float | np.ndarray | None, tolerance: float) -> bool:
+    if a is None or b is None:
+        return a is b
+    return bool(np.max(np.abs(np.asarray(a) - b)) <= tolerance)
 
 
 # What a language of robot programs can do.

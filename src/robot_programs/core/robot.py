@@ -1,6 +1,6 @@
 """What a reader of programs asks of the robot that it is given, and how an arm with a spherical wrist is bent."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Protocol, runtime_checkable
 
@@ -53,6 +53,30 @@ class Robot(Protocol):
     def tool_poses(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
         """Poses of its own tool in the base, metres."""
         ...
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _NoRobot:
+    """Six axes that slide: by none of them does a controller tell postures apart, so that they stay as they are written."""
+
+    name: str = "no robot"
+    joint_names: tuple[str, ...] = ("J1", "J2", "J3", "J4", "J5", "J6")
+    prismatic: tuple[bool, ...] = (True,) * 6
+    limits: Float[np.ndarray, "joints 2"] = field(default_factory=lambda: np.tile([-np.inf, np.inf], (6, 1)))
+    has_linkage: bool = False
+    T_flange_tool: Float[np.ndarray, "4 4"] = field(default_factory=lambda: np.eye(4))
+
+    def joint_frames(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n joints 4 4"]:
+        """Nowhere."""
+        return np.full((len(q), JOINTS, 4, 4), np.nan)
+
+    def tool_poses(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
+        """Nowhere."""
+        return np.full((len(q), 4, 4), np.nan)
+
+
+NO_ROBOT: Robot = _NoRobot()
+"""In place of a robot that is not given."""
 
 
 # How an arm with a spherical wrist is bent: what controllers tell the postures of one pose apart by.

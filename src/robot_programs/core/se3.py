@@ -46,6 +46,20 @@ def inverse(T: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b 4 4"]:
     return pose(Rt, -(Rt @ T[..., :3, 3:])[..., 0])
 
 
+MAX_SKEW = 1e-6
+"""Of a rotation's columns from unit length and right angles; numbers with seven digits have less."""
+
+
+def is_pose(T: object) -> bool:
+    """Whether something is a pose: a rotation of right-handed axes, and a position."""
+    if not isinstance(T, np.ndarray) or T.shape != (4, 4) or not np.isfinite(T).all():
+        return False
+    R = T[:3, :3]
+    return bool(
+        np.abs(R.T @ R - np.eye(3)).max() < MAX_SKEW and np.linalg.det(R) > 0.0 and (T[3] == [0, 0, 0, 1]).all()
+    )
+
+
 def apply(T: Float[np.ndarray, "*b 4 4"], points: Float[np.ndarray, "*c 3"]) -> Float[np.ndarray, "*d 3"]:
     """Points seen from the frame on the transform's left."""
     return (T[..., :3, :3] @ points[..., None])[..., 0] + T[..., :3, 3]

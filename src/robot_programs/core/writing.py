@@ -21,7 +21,7 @@ import stat
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -135,6 +135,30 @@ def lay_file(named: str | Path, content: bytes) -> Laid:
         Path(part).unlink(missing_ok=True)
         raise
     return Laid(named, Path(part), path)
+
+
+def write_together(
+    contents: Mapping[str | Path, bytes] | Mapping[Path, bytes], lay: Callable[[], Laid] | None = None
+) -> None:
+    """Write files that belong together, all or none.
+
+    Args:
+        contents: of each file.
+        lay: lays another file or folder beside its place, which is put there with them.
+
+    Raises:
+        FileError: as `lay_file` and `put_in_place`, and what `lay` raises.
+    """
+    ready: list[Laid] = []
+    try:
+        for named, content in contents.items():
+            ready.append(lay_file(named, content))
+        if lay is not None:
+            ready.append(lay())
+    except BaseException:
+        discard(ready)
+        raise
+    put_in_place(ready)
 
 
 def umask() -> int:

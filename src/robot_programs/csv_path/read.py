@@ -728,6 +728,13 @@ class CsvProgram(Program):
             edits[s] += rewrite(self.path_tables[s], written, path)
         return tuple(path_table.source.edited(e) for path_table, e in zip(self.path_tables, edits, strict=True))
 
+    def speed_edit(self, number: int, speed: float) -> tuple[int, TextEdit]:
+        """The cell of the column ``speed_mm_s``; see `Program.speed_edit`."""
+        s, written = self.written[number]
+        was = self.motions[number].speed or 0.0
+        column = self.path_tables[s].columns.words["speed_mm_s"]
+        return s, _edit(self.path_tables[s], written.row, column, was * 1e3, speed * 1e3, MM)
+
 
 def read_csv_path(
     sources: Sequence[Source], *, robot: Robot | None = None, tool: Frame | None = None, part: Frame | None = None

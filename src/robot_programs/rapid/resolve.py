@@ -584,7 +584,7 @@ class Manner:
     divisible: bool
     external_offset: str
     redefined: frozenset[str]
-    """As in `Motion`."""
+    """As in `Site`."""
     meanings: dict[tuple[object, ...], int]
     """Numbers of all that motions of the program do."""
 

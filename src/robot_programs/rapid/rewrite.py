@@ -648,6 +648,21 @@ class RapidProgram(Program):
         _write_targets(wants, self.sources, self.uses, edits)
         return tuple(source.edited(edits.by_path.get(str(source.path), ())) for source in self.sources)
 
+    def speed_edit(self, number: int, speed: float) -> tuple[int, TextEdit]:
+        r"""The value of ``\V``, which takes the place of the speed's own; see `Program.speed_edit`.
+
+        Raises:
+            InputError: the instruction has no ``\V``.
+        """
+        site = self.sites[number]
+        where, text = site.layout, real(speed * 1e3, MM_DECIMALS)
+        file = next(i for i, source in enumerate(self.sources) if source.path == site.file.source.path)
+        if (given := where.options.get("v")) is not None and given.value is not None:
+            return file, TextEdit(start=given.value.start, end=given.value.end, text=text)
+        if (name := site.instruction.name.text).lower() not in ("movej", "movel", "movec"):
+            raise InputError(f"{site.move.place}: {name} takes no speed of its own; change its speed data")
+        return file, TextEdit(start=where.speed.end, end=where.speed.end, text=f"\\V:={text}")
+
     def unwritable(
         self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
     ) -> dict[int, str]:

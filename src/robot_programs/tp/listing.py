@@ -579,6 +579,8 @@ class MotionLine:
     """How near it passes by; None where the text does not say: a corner by ``CNT`` depends on how the controller accelerates."""
     speed: float | None = None
     """Metres per second; None where the text does not say."""
+    speed_at: tuple[int, int, str] = (0, 0, "")
+    """Where its number stands, and the unit behind it in lower case."""
     turn_speed: float | None = None
     """Radians per second; None where the text does not say."""
     wrist: bool = False
@@ -658,7 +660,9 @@ def _behind_operands(text: str, position: int, at: int, motion: MotionLine) -> M
     if amount > 0.0:
         unit = speed[2].lower()
         along = amount * METRES_PER_SECOND[unit] if unit in METRES_PER_SECOND else None
-        motion = replace(motion, speed=along, turn_speed=radians(amount) if unit == "deg/sec" else None)
+        place = at + speed.start(1), at + speed.end(1), unit
+        turning = radians(amount) if unit == "deg/sec" else None
+        motion = replace(motion, speed=along, turn_speed=turning, speed_at=place)
     termination = _TERMINATION.match(text, _blanks(text, speed.end()))
     if termination is None:
         raise Unresolved("it says neither FINE nor CNT")

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from math import isclose
 
 import numpy as np
 from jaxtyping import Float
@@ -13,6 +14,7 @@ from robot_programs.core.program import Composition, Motion, Program, Visit, Way
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Source, TextEdit
 from robot_programs.tp.listing import (
+    METRES_PER_SECOND,
     Configuration,
     Group,
     Instruction,
@@ -96,6 +98,19 @@ class TpProgram(Program):
                 rewriting.motion(self.sites[number], self.motions[number], waypoints[number])
             out[file] = rewriting.result()
         return tuple(out)
+
+    def speed_edit(self, number: int, speed: float) -> tuple[int, TextEdit]:
+        """The speed in the motion's own unit; see `Program.speed_edit`.
+
+        Raises:
+            InputError: it is not whole in that unit, and the unit takes whole numbers.
+        """
+        site = self.sites[number]
+        start, end, unit = site.motion.speed_at
+        value = speed / METRES_PER_SECOND[unit]
+        if unit != "inch/min" and not isclose(value, round(value), rel_tol=1e-9):
+            raise InputError(f"{self.motions[number].place}: {value:g} {unit} is not whole, as TP states it")
+        return site.file, TextEdit(start=start, end=end, text=f"{value:.10g}")
 
     def visits(self) -> Iterable[Visit]:
         """Motions of one listing that name one position, whatever shifts it; see `Program.visits`."""

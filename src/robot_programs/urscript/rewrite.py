@@ -261,12 +261,17 @@ class UrscriptProgram(Program):
             TextEdit(start=point.slot.start, end=point.slot.end, text=_text(point, wanted))
             for point, wanted in _wanted(site, waypoint)
         ]
-        order = [*POINTS[call.name], "a", "v", *(("t",) if call.name in ("movej", "movel") else ()), "r"]
-        given = dict(zip(order, [value for name, value in call.arguments if not name], strict=False))
-        given |= {name: value for name, value in call.arguments if name}
+        given = _given(call)
         at = (given["r"].start, given["r"].end) if "r" in given else (call.end - 1, call.end - 1)
         edits.append(TextEdit(start=at[0], end=at[1], text=f"{radius:.5f}" if "r" in given else f", r={radius:.5f}"))
         return source.piece(call.start, call.end, edits)
+
+    def speed_edit(self, number: int, speed: float) -> tuple[int, TextEdit]:
+        """The argument ``v``; see `Program.speed_edit`."""
+        site = self.sites[number]
+        given = _given(site.call).get("v")
+        start, end = (site.call.end - 1,) * 2 if given is None else (given.start, given.end)
+        return site.file.number, TextEdit(start=start, end=end, text=f"{'' if given else ', v='}{speed:.10g}")
 
     def unwritable(
         self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
@@ -321,6 +326,13 @@ class UrscriptProgram(Program):
 
 
 _WORD = re.compile(r"[A-Za-z_]\w*")
+
+
+def _given(call: Call) -> dict[str, Expression]:
+    """Arguments of a motion by their names."""
+    order = [*POINTS[call.name], "a", "v", *(("t",) if call.name in ("movej", "movel") else ()), "r"]
+    given = dict(zip(order, [value for name, value in call.arguments if not name], strict=False))
+    return given | {name: value for name, value in call.arguments if name}
 
 
 def _passing(path: Sequence[Waypoint]) -> float:

@@ -2,16 +2,15 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robot_programs.backup import lay_backup
 from robot_programs.core.program import Diagnostic, Motion, Program
 from robot_programs.core.source import Source
+from robot_programs.reading import written_files
 from taskcal.arguments import checked
 from taskcal.correction.controller import ControllerTrajectory, JointMotion
 from taskcal.correction.frames import SOURCES, Uncertainty
@@ -340,22 +339,6 @@ class Correction:
         more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
         return f"no motion was corrected, so that the program would be the one that was read; {refused[0]}{more}"
 
-    def destinations(self, out: str | Path) -> tuple[Path, ...]:
-        """Paths of the corrected files: one to a file or into a folder, several into a folder, under their own names.
-
-        Raises:
-            FileError: several files and no folder, or two files of one name.
-        """
-        out = Path(out)
-        if len(self.sources) > 1 and not out.is_dir():
-            raise FileError(
-                out, f"is not a folder; a program of {len(self.sources)} files is written into a folder that exists"
-            )
-        paths = tuple(out / source.path.name if out.is_dir() else out for source in self.sources)
-        if len(set(paths)) < len(paths):
-            raise FileError(out, "would get two files of one name; correct programs of different folders one by one")
-        return paths
-
     def write(self, out: str | Path) -> tuple[Path, ...]:
         """Write the corrected files, all or none; of a backup all of it, to a place that does not exist yet.
 
@@ -374,25 +357,7 @@ class Correction:
         Raises:
             FileError: it would overwrite what was read.
         """
-        backup = self.program.backup
-        if backup is not None and len(self.sources) == len(self.program.sources):
-            return {}, partial(lay_backup, backup, out, self.sources)
-        return self.contents(out), None
-
-    def contents(self, out: str | Path) -> dict[Path, bytes]:
-        """Contents of the corrected files, by path.
-
-        Raises:
-            FileError: it would overwrite what was read.
-        """
-        paths = self.destinations(out)
-        for path in paths:
-            for source in self.program.sources:
-                if path.resolve() == source.path.resolve():
-                    raise FileError(
-                        path, "is the program that was read, and is never overwritten; name another file or folder"
-                    )
-        return {path: source.encode() for path, source in zip(paths, self.sources, strict=True)}
+        return written_files(self.program, self.sources, out)
 
     def summary(self) -> dict[str, Any]:
         """The report in numbers, in millimetres and degrees."""

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from robot_programs.core.writing import Laid as Laid
-from robot_programs.core.writing import discard, lay_file, put_in_place
 from robot_programs.core.writing import finish_writing as finish_writing
+from robot_programs.core.writing import write_together
 
 
 def write_whole(path: str | Path, content: str | bytes) -> None:
@@ -30,16 +30,7 @@ def write_all(
     Raises:
         FileError: as `write_whole`, and what `lay` raises.
     """
-    ready: list[Laid] = []
-    try:
-        for named, content in contents.items():
-            ready.append(lay_file(named, to_bytes(content)))
-        if lay is not None:
-            ready.append(lay())
-    except BaseException:
-        discard(ready)
-        raise
-    put_in_place(ready)
+    write_together({named: to_bytes(content) for named, content in contents.items()}, lay)
 
 
 def to_bytes(content: str | bytes) -> bytes:
