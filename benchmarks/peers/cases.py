@@ -9,7 +9,8 @@ from jaxtyping import Float
 
 import taskcal as tc
 from taskcal.campaigns.campaign import Campaign
-from taskcal.export.forms import CalibratedChain, fit_table, urdf_text
+from taskcal.export.descriptions import Tree, urdf_text
+from taskcal.export.forms import CalibratedChain, fit_table
 from taskcal.registration.registration import register
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.joint_side import JointMap
@@ -44,7 +45,7 @@ class Case:
         start = register(self.model, self.fitted)
         joint_map = self.model.robot.joint_map
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "robot.urdf").write_text(urdf_text(serial), encoding="utf-8")
+        (folder / "robot.urdf").write_text(urdf_text(Tree.of(serial)), encoding="utf-8")
         np.savez(
             folder / "case.npz",
             robot=self.model.robot.name,

@@ -10,17 +10,16 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import TaskcalError
+from taskcal.export.descriptions import UNSTATED_SPEED, Tree, export_urdf, urdf_text
 from taskcal.export.forms import (
     LINKS,
-    UNSTATED_SPEED,
     CalibratedChain,
     export_dh,
     export_ur_yaml,
-    export_urdf,
+    export_xarm_yaml,
     fit_table,
     placed,
     spread_poses,
-    urdf_text,
 )
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
@@ -70,7 +69,7 @@ def test_random_chains_come_back_from_their_urdf(tmp_path_factory):
         chain = CalibratedChain.of_model(case.model, case.x, case.q)
         np.testing.assert_allclose(chain.poses(case.q), case.model.poses(case.q, case.x), atol=1e-12)
         path = tmp_path_factory.mktemp("urdf") / "robot.urdf"
-        path.write_text(urdf_text(chain), encoding="utf-8")
+        path.write_text(urdf_text(Tree.of(chain)), encoding="utf-8")
         referee = Referee(path)
         tip = referee.tree.links[-1]
         for row, T in zip(case.q, case.model.poses(case.q, case.x), strict=True):
@@ -98,7 +97,7 @@ def test_axes_that_meet_far_away_leave_no_frame_there(tmp_path):
     x = np.random.default_rng(1).normal(size=len(model)) * 1e-4
     chain = CalibratedChain.of_model(model, x, q)
     path = tmp_path / "robot.urdf"
-    path.write_text(urdf_text(chain), encoding="utf-8")
+    path.write_text(urdf_text(Tree.of(chain)), encoding="utf-8")
     text = path.read_text(encoding="utf-8")
     assert max(abs(float(v)) for xyz in re.findall('xyz="([^"]*)"', text) for v in xyz.split()) < 2.0
     assert 'velocity="0.0"' not in text
@@ -148,8 +147,10 @@ def test_a_nominal_robot_is_its_own_table():
 def places(text: str) -> dict[str, np.ndarray]:
     """Links of a kinematics file, each in the one before."""
     out, link = {}, ""
-    for line in text.splitlines()[1:-1]:
+    for line in text.splitlines()[1:]:
         key, _, value = line.strip().partition(": ")
+        if key == "hash":
+            continue
         if not value:
             link = key.rstrip(":")
             out[link] = {}
@@ -173,6 +174,43 @@ def test_urs_yaml_predicts_the_same_with_its_tool(calibrations):
     np.testing.assert_allclose([x[1], along], 0.0, atol=1e-12)  # those are the last link's own
     assert x[0] > 0.9
     assert z[2] > 0.9
+
+
+XARM6 = {
+    "joint1": (0.0, 0.0, 0.267, 0.0),
+    "joint2": (0.0, 0.0, 0.0, -1.5708),
+    "joint3": (0.0535, -0.2845, 0.0, 0.0),
+    "joint4": (0.0775, 0.3425, 0.0, -1.5708),
+    "joint5": (0.0, 0.0, 0.0, 1.5708),
+    "joint6": (0.076, 0.097, 0.0, -1.5708),
+}
+"""x, y, z and roll of each joint, as UFACTORY's xarm_ros has them in xarm6_default_kinematics.yaml, and in the URDF."""
+
+
+def test_xarms_yaml_predicts_the_same_with_its_tool(tmp_path, calibrations):
+    links = "".join(f'<link name="l{k}"/>' for k in range(7))
+    joints = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/><axis xyz="0 0 1"/>'
+        f'<origin xyz="{x} {y} {z}" rpy="{roll} 0 0"/><limit lower="-2" upper="2" velocity="3.14" effort="1"/></joint>'
+        for k, (name, (x, y, z, roll)) in enumerate(XARM6.items())
+    )
+    path = tmp_path / "xarm6.urdf"
+    path.write_text(f'<robot name="xarm6">{links}{joints}</robot>', encoding="utf-8")
+    calibration = calibrated(load_robot(path))
+    made = export_xarm_yaml(calibration)
+    at = places(made.text)
+    for q in spread_poses(calibration, 10):
+        T = np.eye(4)
+        for name, angle in zip(XARM6, q, strict=True):
+            T = T @ at[name] @ se3.rotation("z", float(angle))
+        np.testing.assert_allclose(T @ made.frames["tool"], calibration.tool_in_base(q[None])[0], atol=1e-12)
+    nominal = export_xarm_yaml(replace(calibration, z=np.zeros_like(calibration.z)))
+    for name, (x, y, z, roll) in XARM6.items():
+        np.testing.assert_allclose(
+            places(nominal.text)[name], se3.translation(x, y, z) @ se3.rotation("x", roll), atol=1e-9
+        )
+    with pytest.raises(TaskcalError, match=r"ur5 has the joints J1, .*, an xArm joint1, joint2 and so on"):
+        export_xarm_yaml(calibrations["ur5"])
 
 
 @pytest.mark.realdata

@@ -7,7 +7,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from taskcal.errors import FileError, TaskcalError
-from taskcal.export.forms import CalibratedChain, export_dh, export_urdf, spread_poses, urdf_text
+from taskcal.export.descriptions import Tree, export_urdf, urdf_text
+from taskcal.export.forms import CalibratedChain, export_dh, spread_poses
 from taskcal.export.model_comparison import compare_model, read_model
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
@@ -41,7 +42,7 @@ def test_frames_of_a_model_are_found_wherever_they_are(seed, ur5, tmp_path):
     first = replace(chain.joints[0], before=base @ chain.joints[0].before)
     moved = replace(chain, joints=(first, *chain.joints[1:]), end=chain.end @ tool)
     path = tmp_path / "robot.urdf"
-    path.write_text(urdf_text(moved).replace('"J', '"axis_'), encoding="utf-8")
+    path.write_text(urdf_text(Tree.of(moved)).replace('"J', '"axis_'), encoding="utf-8")
     compared = compare_model(ur5, load_robot(path), joints=[f"axis_{k}" for k in range(1, 7)])
     np.testing.assert_allclose(compared.frames_fitted.position, 0.0, atol=1e-9)
     np.testing.assert_allclose(compared.frames_fitted.rotation, 0.0, atol=1e-7)

@@ -9,7 +9,8 @@ from jaxtyping import Float
 
 from taskcal.errors import UnknownName
 from taskcal.export.c_source import export_c
-from taskcal.export.forms import Export, export_dh, export_ur_yaml, export_urdf
+from taskcal.export.descriptions import NAMES, Form, export_description
+from taskcal.export.forms import Export, export_dh, export_ur_yaml, export_xarm_yaml
 from taskcal.identification.calibration import Calibration
 from taskcal.plugins import load_plugins, state_faults
 
@@ -33,6 +34,8 @@ class Exporter:
     Raises:
         TaskcalError: the form cannot hold the robot, or loses something that is not accepted (`Loss.refuse`).
     """
+    description: Form | None = None
+    """Of links and joints, which may have meshes and samples (`export_description`, `export_samples`): the form's name there."""
 
 
 GROUP = "taskcal.exporters"
@@ -42,10 +45,12 @@ _EXPORTERS: dict[str, Exporter] = {
     name: Exporter(
         name=name,
         write=lambda one, q, accept, export=export: export(one, q=q, accept_loss=accept, accept_uncertain=True),
+        description=name if name in NAMES else None,
     )
     for name, export in {
-        "urdf": export_urdf,
+        **{form: partial(export_description, form=form) for form in NAMES},
         "ur-yaml": export_ur_yaml,
+        "xarm-yaml": export_xarm_yaml,
         "dh": partial(export_dh, convention="dh"),
         "mdh": partial(export_dh, convention="mdh"),
     }.items()

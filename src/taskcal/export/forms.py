@@ -1,9 +1,8 @@
-"""Files of calibrated robots for other programs: URDF, UR's YAML, Denavit–Hartenberg tables; and the loss by each form."""
+"""The calibrated chain and what a form of it loses; UR's YAML, and tables of Denavit and Hartenberg."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from jaxtyping import Float
@@ -220,17 +219,7 @@ def poses_or_spread(calibration: Calibration, q: Float[np.ndarray, "n joints"] |
     return spread_poses(calibration) if q is None else q
 
 
-# A calibrated robot as URDF with absolute values, its joints at the controller's own.
-
-ANYWHERE = 1000.0
-"""Metres to which a sliding joint without limits may go; URDF wants a limit."""
-
-UNSTATED_SPEED = 1.0
-"""Radians or metres per second of a joint whose speed nobody states: URDF wants one, and planners refuse zero. Slow."""
-
-FAR_M = 10.0
-"""Distance of a joint's frame from the one before, from which on it is moved along its axis: tables have nearly parallel axes meet
-hundreds of metres away, where viewers and solvers lose digits."""
+# Writing a chain in a form, and what that loses.
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -278,140 +267,6 @@ def export_as(
     return Export(text=written.text, loss=loss, frames=written.frames, remarks=written.remarks)
 
 
-@checked
-def export_urdf(
-    calibration: Calibration,
-    q: Float[np.ndarray, "n joints"] | None = None,
-    *,
-    accept_loss: bool = False,
-    accept_uncertain: bool = False,
-) -> Export:
-    """Export the calibrated robot as URDF: links without shapes, every defect in the joints' origins.
-
-    A joint that the controller couples with others is a row of joints about one axis, of which those that mimic have no motor.
-
-    Args:
-        calibration: the robot.
-        q: joint positions at which a loss is measured; all over the ranges by default.
-        accept_loss: write it although it loses something.
-        accept_uncertain: write it although the calibration knows less there than the robot's tolerances do.
-
-    Raises:
-        TaskcalError: the model has parts that no URDF holds, such as gear harmonics; the message has the loss.
-    """
-
-    def write(chain: CalibratedChain) -> Written:
-        unstated = [joint.name for joint in chain.robot.joints if not np.isfinite(joint.speed)]
-        remarks = (
-            f"the robot file states no speed of {', '.join(unstated)}: the URDF has {UNSTATED_SPEED:g} rad/s (m/s)"
-        )
-        return Written(text=urdf_text(chain), poses=chain.poses, remarks=(remarks,) if unstated else ())
-
-    return export_as("a URDF", write, calibration, q, accept_loss=accept_loss, accept_uncertain=accept_uncertain)
-
-
-def urdf_text(chain: CalibratedChain) -> str:
-    """The URDF of a chain."""
-    robot = chain.robot
-    lines = [
-        '<?xml version="1.0" encoding="UTF-8"?>',
-        *([f"<!-- {shown(chain.warning, 200).replace('--', '- -')} -->"] if chain.warning else []),
-        f"<robot name={quoteattr(robot.name)}>",
-        '  <link name="base_link"/>',
-    ]
-    parent, pending = "base_link", np.eye(4)
-    for joint in chain.joints:
-        pending = pending @ joint.before @ moved(joint.kind, chain.offset[joint.coordinate : joint.coordinate + 1])[0]
-        far = float(pending[:3, 2] @ pending[:3, 3]) if np.linalg.norm(pending[:3, 3]) > FAR_M else 0.0
-        along = se3.translation(0.0, 0.0, far)
-        parent = _joint(lines, chain, joint, parent, pending @ se3.inverse(along))
-        pending = along
-    pending = pending @ chain.end
-    tip = "tool0" if np.allclose(robot.T_flange_tool, np.eye(4), atol=1e-12) else "tool"
-    lines += [
-        f'  <link name="{tip}"/>',
-        f'  <joint name="{tip}_fixed" type="fixed">',
-        f'    <parent link="{parent}"/>',
-        f'    <child link="{tip}"/>',
-        f"    {_origin(pending)}",
-        "  </joint>",
-        "</robot>",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _UrdfJoint:
-    """A joint of the file and the link that it moves."""
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    origin: Float[np.ndarray, "4 4"]
-    sign: float = 1.0
-    mimic: str | None = None
-    """The element that says which joint it follows; None for a joint with a motor."""
-
-
-def _joint(
-    lines: list[str], chain: CalibratedChain, joint: ChainJoint, parent: str, origin: Float[np.ndarray, "4 4"]
-) -> str:
-    """Write a joint and those that its coupling takes; returns the last link."""
-    row, names = chain.matrix[joint.coordinate], chain.robot.joint_names
-    own = joint.coordinate if joint.coordinate < len(names) else -1
-    plain = _UrdfJoint(name=joint.name, kind=joint.kind, parent=parent, child=f"{joint.name}_link", origin=origin)
-    if own >= 0 and abs(row[own]) != 1.0:  # its motor stands beside the chain, which follows it with its ratio
-        motor = replace(plain, parent="base_link", child=f"{joint.name}_motor", origin=np.eye(4))
-        lines += _element(chain, motor)
-        own = -1
-    elif own >= 0:
-        lines += _element(chain, replace(plain, sign=float(row[own])))
-        parent, origin = plain.child, np.eye(4)
-    for other in np.flatnonzero(row):
-        if other == own:
-            continue
-        name = f"{joint.name}_with_{names[other]}"
-        mimic = f'<mimic joint="{names[other]}" multiplier="{float(row[other])!r}" offset="0"/>'
-        follower = replace(plain, name=name, parent=parent, child=f"{name}_link", origin=origin, mimic=mimic)
-        lines += _element(chain, follower)
-        parent, origin = follower.child, np.eye(4)
-    return parent
-
-
-def _element(chain: CalibratedChain, joint: _UrdfJoint) -> list[str]:
-    """The lines of a joint and of its link."""
-    low, high, speed = -np.inf, np.inf, np.inf
-    if joint.mimic is None:
-        own = chain.robot.joints[chain.robot.joint_names.index(joint.name)]
-        (low, high), speed = own.limits, own.speed
-    limited = bool(np.isfinite([low, high]).all())
-    if joint.kind == "prismatic" and not limited:
-        low, high, limited = -ANYWHERE, ANYWHERE, True
-    kind = "continuous" if joint.kind == "revolute" and not limited else joint.kind
-    rate = speed if np.isfinite(speed) else UNSTATED_SPEED
-    bounds = f'lower="{low!r}" upper="{high!r}" ' if limited else ""
-    return [
-        f'  <link name="{joint.child}"/>',
-        f'  <joint name="{joint.name}" type="{kind}">',
-        f'    <parent link="{joint.parent}"/>',
-        f'    <child link="{joint.child}"/>',
-        f"    {_origin(joint.origin)}",
-        f'    <axis xyz="0 0 {int(np.sign(joint.sign))}"/>',
-        f'    <limit {bounds}velocity="{float(rate)!r}" effort="0"/>',
-        *([f"    {joint.mimic}"] if joint.mimic else []),
-        "  </joint>",
-    ]
-
-
-def _origin(T: Float[np.ndarray, "4 4"]) -> str:
-    return f'<origin xyz="{_numbers(T[:3, 3])}" rpy="{_numbers(roll_pitch_yaw(T[:3, :3]))}"/>'
-
-
-def _numbers(values: Float[np.ndarray, " 3"]) -> str:
-    return " ".join(repr(float(value) + 0.0) for value in values)
-
-
 def roll_pitch_yaw(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 3"]:
     """Angles about fixed x, y, z, each from what the one before has left, so that they give the rotation to rounding."""
     yaw = float(np.arctan2(R[1, 0], R[0, 0])) if np.hypot(R[0, 0], R[1, 0]) > 1e-9 else 0.0
@@ -421,7 +276,8 @@ def roll_pitch_yaw(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 3"]:
     return np.array([roll, pitch, yaw])
 
 
-# A calibrated robot as the ``kinematics`` YAML of Universal Robots' ROS driver.
+# A calibrated robot as the ``kinematics`` YAML of ROS drivers: Universal Robots', and UFACTORY's (xArm), whose
+# ``gen_kinematics_params.py`` writes such a file of a robot's own parameters.
 
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 """As the driver calls them, from the base."""
@@ -456,22 +312,54 @@ def _comments(chain: CalibratedChain) -> list[str]:
     return [f"# {shown(chain.warning, 200)}"] if chain.warning else []
 
 
+@checked
+def export_xarm_yaml(
+    calibration: Calibration,
+    q: Float[np.ndarray, "n joints"] | None = None,
+    *,
+    accept_loss: bool = False,
+    accept_uncertain: bool = False,
+) -> Export:
+    """Export the calibrated robot as the place of each joint in the one before it, as UFACTORY's ROS packages take it.
+
+    The form ends at the last joint; arguments and `Export.frames` are as of `export_ur_yaml`.
+
+    Raises:
+        TaskcalError: the robot is not built like one of UFACTORY, or has parts that the form does not hold.
+    """
+    keys = {"accept_loss": accept_loss, "accept_uncertain": accept_uncertain}
+    return export_as("xArm's YAML", _xarm_yaml, calibration, q, **keys)
+
+
 def _ur_yaml(chain: CalibratedChain) -> Written:
-    robot = chain.robot
-    alike = len(robot.joints) == len(LINKS) and not any(robot.prismatic) and not robot.driven
-    if not alike or not np.array_equal(chain.matrix, np.eye(len(LINKS))):
+    return _kinematics(chain, LINKS, "a UR", [f"  hash: taskcal_{chain.robot.digest}"])
+
+
+def _xarm_yaml(chain: CalibratedChain) -> Written:
+    names = tuple(f"joint{k + 1}" for k in range(len(chain.robot.joints)))
+    if chain.robot.joint_names != names:
         raise TaskcalError(
-            f"{robot.name} is not built like a UR: the form has six revolute joints at the controller's angles; write a URDF "
-            "(--form urdf)"
+            f"{chain.robot.name} has the joints {', '.join(chain.robot.joint_names)}, an xArm joint1, joint2 and so on; import "
+            "the robot from UFACTORY's URDF"
+        )
+    return _kinematics(chain, names, "an xArm", [])
+
+
+def _kinematics(chain: CalibratedChain, links: tuple[str, ...], like: str, ending: list[str]) -> Written:
+    robot = chain.robot
+    alike = len(robot.joints) == len(links) and not any(robot.prismatic) and not robot.driven
+    if not alike or not np.array_equal(chain.matrix, np.eye(len(links))):
+        raise TaskcalError(
+            f"{robot.name} is not built like {like}: the form has {len(links)} revolute joints at the controller's angles; write a "
+            "URDF (--form urdf)"
         )
     origins, tool = _origins(chain)
     lines = [*_comments(chain), "kinematics:"]
-    for link, T in zip(LINKS, origins, strict=True):
+    for link, T in zip(links, origins, strict=True):
         values = [*T[:3, 3], *roll_pitch_yaw(T[:3, :3])]
         keys = ("x", "y", "z", "roll", "pitch", "yaw")
         lines += [f"  {link}:", *(f"    {key}: {float(v) + 0.0!r}" for key, v in zip(keys, values, strict=True))]
-    lines.append(f"  hash: taskcal_{robot.digest}")
-    return Written(text="\n".join(lines) + "\n", poses=chain.poses, frames={"tool": tool})
+    return Written(text="\n".join([*lines, *ending]) + "\n", poses=chain.poses, frames={"tool": tool})
 
 
 def _origins(chain: CalibratedChain) -> tuple[list[Float[np.ndarray, "4 4"]], Float[np.ndarray, "4 4"]]:

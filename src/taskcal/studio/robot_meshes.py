@@ -1,10 +1,8 @@
 """Meshes beside a robot's file: kept in a folder of its own, and turned into triangles that a page can draw."""
 
-import io
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -12,17 +10,12 @@ from jaxtyping import Float
 
 from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.io.files import write_whole
-from taskcal.io.xml_file import parse_xml
 from taskcal.robot.importers.urdf import Looks, Visual, read_looks
+from taskcal.robot.mesh_file import MAX_MESH_BYTES, MESH_ENDINGS, stl_of
 from taskcal.studio.project import LAYOUT, URDF_ENDINGS, Project, plain_name
-
-MESH_ENDINGS = (".stl", ".obj", ".dae", ".glb")
 
 MESHES = ".meshes"
 """Ending of the folder beside a robot's file, after its name, that holds its meshes."""
-
-MAX_MESH_BYTES = 20_000_000
-"""Bytes of one mesh, at most. A convention."""
 
 MAX_TRIANGLES = 400_000
 """Triangles of one robot, at most: as many as a browser without a graphics card still turns."""
@@ -84,9 +77,7 @@ def triangles_of(project: Project, robot: str, visual: Visual) -> tuple[bytes, i
     Raises:
         TaskcalError: it is not there, or cannot be read.
     """
-    path = _found(project, robot, visual.file)
-    status = path.stat()
-    return _converted(path, status.st_mtime_ns, status.st_size)
+    return stl_of(_found(project, robot, visual.file))
 
 
 def folder_of(robot: str) -> str:
@@ -139,39 +130,3 @@ def _found(project: Project, robot: str, file: str) -> Path:
     raise TaskcalError(
         f"its mesh '{shown(file, 80)}' is not there; drop it here, or drop the URDF with its meshes as a zip"
     )
-
-
-@lru_cache(maxsize=64)
-def _converted(path: Path, changed: int, size: int) -> tuple[bytes, int]:
-    """Convert as `triangles_of`, once for a file that did not change."""
-    # half a second to import, for those alone who have meshes
-    import trimesh
-
-    if size > MAX_MESH_BYTES:
-        raise FileError(path, f"has more than {MAX_MESH_BYTES // 1_000_000} MB; simplify it")
-    content, ending = path.read_bytes(), path.suffix.lower()
-    unit = _collada_unit(path, content) if ending == ".dae" else 1.0
-    try:
-        mesh = trimesh.load_scene(io.BytesIO(content), file_type=ending[1:]).to_mesh()
-        mesh.apply_scale(unit)
-        count = len(mesh.faces)
-        written: bytes = mesh.export(file_type="stl")
-    except Exception as error:  # whatever a reader of foreign formats trips over
-        raise FileError(path, f"cannot be read as a {ending[1:].upper()} mesh") from error
-    if not count or not np.isfinite(mesh.vertices).all():
-        raise FileError(path, "has no triangles")
-    return written, count
-
-
-def _collada_unit(path: Path, content: bytes) -> float:
-    """Metres of the unit that a COLLADA file counts in; its document types and what is nested too deeply are refused."""
-    asset = parse_xml(path, content).first("asset")
-    unit = None if asset is None else asset.first("unit")
-    stated = "1" if unit is None else unit.attributes.get("meter", "1")
-    try:
-        meters = float(stated)
-    except ValueError:
-        meters = np.nan
-    if not 1e-9 < meters < 1e9:
-        raise FileError(path, f"has a unit of '{shown(stated, 20)}' metres, which is not a length")
-    return meters

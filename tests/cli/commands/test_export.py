@@ -39,6 +39,18 @@ def test_offsets_stand_beside_the_whole_model(run: Run, cal, tmp_path) -> None:
     assert (tmp_path / "offsets.json").is_file()
 
 
+def test_samples_are_a_folder_with_a_table(run: Run, cal, tmp_path) -> None:
+    ended = run("export", cal, "--form", "mjcf", "--samples", "3", "--seed", "5", "-o", tmp_path / "robots", "--json")
+    assert ended.status == 0, ended.err
+    assert sorted(p.name for p in (tmp_path / "robots").iterdir()) == [
+        *("parameters.csv", "ur5_0.xml", "ur5_1.xml", "ur5_2.xml")
+    ]
+    assert "every link has a mass of 1 kg" in ended.err
+    refused = run("export", cal, "--form", "dh", "--samples", "3", "-o", tmp_path / "table.csv")
+    assert refused.status == 2
+    assert "--samples" in refused.err
+
+
 def test_a_file_must_be_named(run: Run, cal) -> None:
     ended = run("export", cal, "--form", "urdf")
     assert (ended.status, ended.out) == (2, "")

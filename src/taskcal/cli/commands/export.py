@@ -36,16 +36,26 @@ def command(
     unsealed: UnsealedOption = False,
     form: str = option(
         ...,
-        "urdf|ur-yaml|dh|mdh|c|cffi|offsets|…",
-        "urdf: links and joints; ur-yaml: kinematics of Universal Robots' driver; dh, mdh: a table; c: C99 source of the whole "
+        "urdf|mjcf|sdf|usd|ur-yaml|xarm-yaml|dh|mdh|c|cffi|offsets|…",
+        "urdf: links and joints; mjcf, sdf, usd: the same for MuJoCo, Gazebo, and Isaac or others; ur-yaml, xarm-yaml: kinematics "
+        "of Universal Robots' and UFACTORY's drivers; dh, mdh: a table; c: C99 source of the whole "
         "calibration; cffi: the same as a module for Python; offsets: joint zeros, tool and base alone, with the remaining error; "
         "or a form of an installed package.",
     ),
     output: Path | None = option(
         None,
         "FILE|FOLDER",
-        "File to write, optional for offsets; for c and cffi a folder, whose name all names begin with.",
+        "File to write, optional for offsets; for c and cffi a folder, whose name all names begin with; a folder with --samples.",
         also="-o",
+    ),
+    meshes: str | None = option(
+        None, "URDF", "The URDF of this robot, whose visible meshes the links of urdf, mjcf, sdf and usd get."
+    ),
+    samples: int | None = option(
+        None,
+        "N",
+        "Draw this many robots from the posterior, for urdf, mjcf, sdf and usd, with a table of parameters.",
+        min=1,
     ),
     task: Path | None = option(
         None, "TASK.toml", "Fit offsets and measure losses over this task; by default over the joint ranges.", also="-t"
@@ -62,12 +72,15 @@ def command(
     form, exporter = form.lower(), None if form.lower() == OFFSETS else _exporter(form.lower())
     if output is None and exporter is not None:
         raise typer.BadParameter(f"name the file to write as {form}", param_hint="--output")
-    folder = None if exporter is None else exporter.folder
-    if folder is not None and output is not None and output.exists() and not output.is_dir():
+    for option_name, value in (("--meshes", meshes), ("--samples", samples)):
+        if value is not None and (exporter is None or exporter.description is None):
+            raise typer.BadParameter(f"is not for {form}, but for urdf, mjcf, sdf and usd", param_hint=option_name)
+    several = samples is not None or (exporter is not None and exporter.folder is not None)
+    if several and output is not None and output.exists() and not output.is_dir():
         raise typer.BadParameter(
             f"'{output}' is a file, and {form} is a folder of several; name a folder", param_hint="--output"
         )
-    named = [] if folder is not None else [("--output", output)]
+    named = [] if several else [("--output", output)]
     outputs = out.begin("export", named, [calibration, *files_of_task(task)])
 
     calibrated = read_calibration(calibration, unsealed=unsealed)
@@ -75,7 +88,7 @@ def command(
     if task is not None:
         with bar_over([REACHING]) as begin:
             reached = read_and_reach(taskcal.ErrorModel(calibrated.model.robot), task, count, seed, begin)
-    if exporter is None:
+    if exporter is None or output is None:
         q, weights = _poses(reached)
         offsets = taskcal.export.fit_offsets(calibrated, q, weights, accept_uncertain=accept_uncertain)
         result: dict[str, Any] = {"robot": name, "form": form, **offsets.summary()}
@@ -85,18 +98,40 @@ def command(
     q = _poses(reached)[0]
     if not accept_uncertain:
         _check_known(calibrated, form, q)
-    if folder is None or output is None:
-        export = exporter.write(calibrated, q, accept_loss)
-        outputs.write({output: export.text})
-    else:
-        export = folder(calibrated, output.name)
-        outputs.write({output / name: text for name, text in export.files.items()})
+    export = _export(
+        exporter, calibrated, q, output, meshes=meshes, samples=samples, seed=seed, accept_loss=accept_loss
+    )
+    outputs.write({output / name: text for name, text in export.files.items()} if several else {output: export.text})
     for remark in export.remarks:
         info(remark)
     if export.loss.reasons:
         info(f"lost by the form: {export.loss.rms * 1e3:.3f} mm (3D rms), {', '.join(export.loss.reasons)}")
     result = {"robot": name, "form": form, "file": output, **export.summary()}
     out.give(result, lambda: _show(export, f"wrote {output}: {name} as {form}"))
+
+
+def _export(
+    exporter: "taskcal.export.Exporter",
+    calibration: "taskcal.Calibration",
+    q: "np.ndarray | None",
+    output: Path,
+    *,
+    meshes: str | None,
+    samples: int | None,
+    seed: int,
+    accept_loss: bool,
+) -> "taskcal.export.Export":
+    """The files of a form."""
+    if exporter.folder is not None:
+        return exporter.folder(calibration, output.name)
+    if exporter.description is None:
+        return exporter.write(calibration, q, accept_loss)
+    keys: dict[str, Any] = {"meshes": meshes, "accept_loss": accept_loss, "accept_uncertain": True}
+    if samples is None:
+        return taskcal.export.export_description(calibration, exporter.description, q, folder=output.parent, **keys)
+    return taskcal.export.export_samples(
+        calibration, exporter.description, samples, q, seed=seed, folder=output, **keys
+    )
 
 
 def _check_known(calibration: "taskcal.Calibration", form: str, q: "np.ndarray | None") -> None:
