@@ -74,6 +74,16 @@ def test_krl_loop_is_corrected_as_if_written_out(lines, cells, end, krl, calibra
     assert positions(found) == positions(expected)
 
 
+def test_coordinated_motion_is_corrected_at_its_points(rapid, calibration):  # noqa: F811
+    coordinated = SLOW.replace("v50", "\\ID:=20,v50").removeprefix(",")
+    programs = rapid(f"MoveL p1\\ID:=10,{SLOW}\nMoveL p2{coordinated}"), rapid(f"MoveL p1,{SLOW}\nMoveL p2,{SLOW}")
+    found, plain = (correct(calibration, program, bounds=Bounds(tolerance=1e-6, shift=0.02)) for program in programs)
+    assert found.pieces.tolist() == [1, 1]
+    assert plain.pieces[1] > 1
+    assert found.sources[0].text.count("\\ID:=") == 2
+    assert positions(found) <= positions(plain)
+
+
 def test_loop_stays_where_nothing_is_corrected(rapid, krl, nominal):  # noqa: F811
     for program in (rapid(RAPID_LOOP), krl(*KRL_CALLS)):
         assert [one.text for one in correct(nominal, program).sources] == [one.text for one in program.sources]

@@ -18,6 +18,7 @@ from taskcal.demo.true_robot import elastic_robot
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import solve_near
+from taskcal.report.placement import state_trade
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
 
@@ -190,3 +191,25 @@ def test_a_placement_is_ranked_by_what_is_left_and_states_its_units():
     ]
     ranked = PartPlacements(name="part", now=one, all=(one, *others)).ranked
     assert ranked == (others[1], others[0], one)
+
+
+@pytest.mark.parametrize(
+    ("error", "margin_deg", "now_deg", "worth"),
+    [
+        (0.99, 5.0, 30.0, False),
+        (0.99, 40.0, 30.0, False),
+        (0.5, 6.0, 30.0, True),
+        (0.5, 3.0, 30.0, False),
+        (0.5, 3.0, 2.0, True),
+    ],
+)
+def test_placement_is_recommended_for_a_gain_that_leaves_margin(error, margin_deg, now_deg, worth):
+    now = PlacedPart(
+        shift=np.zeros(3), turn=0.0, reached=1.0, obstacle="", before=1e-3, after=np.nan, compliance=np.nan,
+        margin=np.radians(now_deg), conditioning=0.2,
+    )  # fmt: skip
+    other = replace(now, before=error * 1e-3, margin=np.radians(margin_deg))
+    found = PartPlacements(name="part", now=now, all=(now, other))
+    assert found.recommended is (other if worth else None)
+    assert ("not worth it" in state_trade(found, other)) != worth
+    assert f"{1.0 - error:.0%} less error" in state_trade(found, other)

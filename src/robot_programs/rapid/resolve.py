@@ -395,7 +395,7 @@ def _literal(node: Aggregate, type_: TargetType) -> Aggregate | None:
 # MoveLSync …); Application manual, Arc and Arc Sensor, and its predecessor (ArcL, ArcC). Seam, weld and weave data
 # stand between speed and zone.
 
-_EVERY = frozenset({"conc", "v", "z", "inpos", "wobj", "tload", "noeoffs"})
+_EVERY = frozenset({"conc", "v", "z", "inpos", "wobj", "tload", "noeoffs", "id"})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -494,7 +494,6 @@ MAX_AXIS_POSITION = 1e8
 
 _REJECTED_OPTIONS = {
     "t": "\\T gives it a time, which a changed way would not keep",
-    "id": "\\ID synchronises it with another robot",
     "corr": "\\Corr corrects its path at run time",
     "track": "\\Track corrects its path at run time",
     "sync": "\\Sync synchronises it with other motions",
@@ -696,12 +695,17 @@ def _manner(
     """
     form = MOTION_FORMS[instruction.name.key]
     frames = _in_base(_frames(where, scope, file, values), settings)
+    if "id" in where.options and frames.carrier:
+        raise Unresolved(
+            f"\\ID synchronises it with another mechanism, and its work object '{frames.part.name}' moves with {frames.carrier}, "
+            "whose place then is not in the text"
+        )
     stops, zone = _zone(where, scope, file, settings, values)
     speed, turn_speed = _speeds(where, scope, values)
     return Manner(
         variables=values.variables, frames=frames, stops=stops, zone=zone,
         speed=speed if form.speed_counts or "on" in where.options else None, turn_speed=turn_speed,
-        divisible=form.repeats and not where.options.keys() & {"on", "off"},
+        divisible=form.repeats and not where.options.keys() & {"on", "off", "id"},
         external_offset="" if "noeoffs" in where.options else settings.external_offset,
         redefined=frozenset(MOTION_FORMS.keys() & scope.routines.keys()), meanings=settings.meanings,
     )  # fmt: skip

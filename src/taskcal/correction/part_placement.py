@@ -17,7 +17,7 @@ from robot_programs.core.source import Place
 from taskcal.arguments import checked, options_of
 from taskcal.correction.cell import Cell, mount
 from taskcal.correction.controller import ControllerTrajectory, simulate_controller, with_spins
-from taskcal.correction.correction import Deviations, assess
+from taskcal.correction.correction import Bounds, Deviations, assess
 from taskcal.correction.frames import FrameCalibration, frames_on, place_motions, uncertainty_at
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
@@ -163,6 +163,14 @@ class PlacedPart:
         return {**finite, "obstacle": self.obstacle, "possible": self.possible, **outside}
 
 
+MIN_GAIN = 0.1
+"""Share of the expected error by which a placement has to be better to be worth its move: an rms over 30 targets of three axes each
+is itself uncertain by 1/√(2·90) = 7.5 %."""
+
+MIN_MARGIN = Bounds().joint
+"""A recommended placement leaves the joints as much as a correction may move them, or at least what they have now, radians."""
+
+
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PartPlacements:
@@ -177,6 +185,19 @@ class PartPlacements:
     def ranked(self) -> tuple[PlacedPart, ...]:
         """Possible placements, the smallest error first; of equal ones the farthest from a singular posture."""
         return tuple(sorted((p for p in self.all if p.possible), key=lambda p: (round(p.expected, 9), -p.conditioning)))
+
+    def objection(self, placed: PlacedPart) -> str:
+        """Why a placement is not worth moving the part there; empty where it is (`MIN_GAIN`, `MIN_MARGIN`)."""
+        if self.now.possible and not placed.expected <= (1.0 - MIN_GAIN) * self.now.expected:
+            return f"an error less than {MIN_GAIN:.0%} smaller is not worth a move"
+        if placed.margin < MIN_MARGIN and not (self.now.possible and placed.margin >= self.now.margin):
+            return f"a correction may move a joint by {np.degrees(MIN_MARGIN):g}°, and it has not as much left there"
+        return ""
+
+    @property
+    def recommended(self) -> PlacedPart | None:
+        """The possible placement of the smallest error that is worth moving the part there; None where it had better stay."""
+        return next((placed for placed in self.ranked if not self.objection(placed)), None)
 
 
 @checked

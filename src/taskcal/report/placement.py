@@ -171,19 +171,35 @@ def state_placement(placed: PlacedPart) -> str:
     return f"{text}: {placed.obstacle}" if placed.obstacle else text
 
 
-def state_cost(now: PlacedPart, best: PlacedPart) -> str:
-    """State the move to the best placement, and what it reduces."""
-    distance = float(np.linalg.norm(best.shift)) * 1e3
-    text = f"move the part by {distance:.0f} mm and turn it by {np.degrees(best.turn):.1f}°"
+def state_trade(found: PartPlacements, placed: PlacedPart) -> str:
+    """State the move to a placement, what it gains and costs, and why it is not worth it where it is not."""
+    now, distance = found.now, float(np.linalg.norm(placed.shift)) * 1e3
+    text = f"move the part by {distance:.0f} mm and turn it by {np.degrees(placed.turn):.1f}°"
+    changes: list[str] = []
     if np.isfinite(now.expected) and now.expected > 0.0:
-        text += f": error reduced by {1.0 - best.expected / now.expected:.0%}"
-    return text
+        change = 1.0 - placed.expected / now.expected
+        changes.append(f"{abs(change):.0%} {'less' if change >= 0.0 else 'more'} error")
+    if np.isfinite(now.margin) and np.isfinite(placed.margin):
+        change = float(np.degrees(placed.margin - now.margin))
+        changes.append(f"{abs(change):.0f}° {'less' if change < 0.0 else 'more'} joint margin")
+    text += f": {', '.join(changes)}" if changes else ""
+    objection = found.objection(placed)
+    return f"{text}: not worth it, {objection}" if objection else text
+
+
+def state_recommendation(found: PartPlacements) -> str:
+    """State the placement that is recommended, or that the part had better stay."""
+    best = found.recommended
+    if best is None:
+        return "leave the part where it is" if found.now.possible else "none"
+    return "the best placement" if best is found.ranked[0] else state_trade(found, best)
 
 
 MEANING = (
     "Expected errors are 3D rms over the targets. Before: predicted error of the robot, uncertainty included. Corrected: that "
     "uncertainty alone, which no correction removes. Force: deflection of the tool by the stated process force. Placements are "
-    "ranked by corrected (by before where there is no calibration) and force."
+    "ranked by corrected (by before where there is no calibration) and force. One is recommended "
+    "if its error is at least 10 % smaller, and if its joints have 5° left, or as much as now."
 )
 
 _MAPS = (
@@ -203,7 +219,8 @@ def placement_page(found: PartPlacements, robot: str, *, calibrated: bool) -> Pa
     ranked = found.ranked
     said = [f"Present placement: {state_placement(found.now)}."]
     if ranked:
-        said += [f"Best placement: {state_placement(ranked[0])}.", f"To reach it, {state_cost(found.now, ranked[0])}."]
+        said += [f"Best placement: {state_placement(ranked[0])}.", f"To reach it, {state_trade(found, ranked[0])}."]
+        said += [f"Recommended: {state_recommendation(found)}."]
         said += [f"There, {ranked[0].outside}."] if ranked[0].outside else []
     best = tabulate_placements(found) if ranked else None
     sections = [Section("Best placements", Numbers(*_numbers(found)), *said, MEANING, best)]

@@ -15,7 +15,11 @@ from tests.robot_programs.rapid.samples import POINTS, module, source
         ("VAR" + POINTS.splitlines()[0][5:], "p1.trans.x:=3;MoveL p1,v100,fine,tool0;", "'p1' is assigned to in part.mod:4"),
         ("VAR" + POINTS.splitlines()[0][5:], "Elsewhere p1;MoveL p1,v100,fine,tool0;", "'p1' is assigned to in part.mod:4"),
         (POINTS, "MoveL p1,v100,fine,tool0\\Mine:=10;", "\\mine is not provided for"),
-        (POINTS, "MoveL p1\\ID:=10,v100,fine,tool0;", "\\ID synchronises"),
+        (
+            f'{POINTS}PERS wobjdata wTable:=[FALSE,FALSE,"STN_1",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n',
+            "MoveL p1\\ID:=10,v100,fine,tool0\\WObj:=wTable;",
+            "'wTable' moves with STN_1",
+        ),
         (POINTS, "MoveL p1,v100,fine,tool0\\WObj:=w7;", "unknown work object 'w7'"),
         (POINTS, "MoveL p1,v100,fine,tool0\\WObj:=p2;", "'p2' is robtarget, not wobjdata"),
         (POINTS, "MoveL *,v100,fine,tool0;", ""),

@@ -112,6 +112,7 @@ def command(
         "name": found.name,
         "written": output,
         "now": found.now.summary(),
+        "recommended": None if found.recommended is None else found.recommended.summary(),
         "best": [placed.summary() for placed in found.ranked[:SHOWN]],
         "placements": [placed.summary() for placed in found.all],
     }
@@ -136,13 +137,14 @@ def _csv(found: "taskcal.correction.PartPlacements") -> str:
 
 
 def _show(found: "taskcal.correction.PartPlacements", *, calibrated: bool) -> None:
-    from taskcal.report.placement import state_cost, state_placement, tabulate_placements
+    from taskcal.report.placement import state_placement, state_recommendation, state_trade, tabulate_placements
 
     show(tabulate_placements(found))
     facts = [("present placement", state_placement(found.now))]
     if found.ranked:
         facts.append(("best placement", state_placement(found.ranked[0])))
-        facts.append(("cost of the best", state_cost(found.now, found.ranked[0])))
+        facts.append(("to reach it", state_trade(found, found.ranked[0])))
+        facts.append(("recommended", state_recommendation(found)))
         if found.ranked[0].outside:
             facts.append(("measured range", f"at the best placement, {found.ranked[0].outside}"))
     else:
