@@ -3,8 +3,17 @@
 import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 from robot_programs.core.program import Unresolved
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Lost:
+    """In place of a value, or of a component of one, that the text does not give."""
+
+    reason: str
+
 
 COMPARISONS: Mapping[str, Callable[[float, float], bool]] = {
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "<>": operator.ne,

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from robot_programs.core import flow, se3
 from robot_programs.core.program import THROUGH_TARGET, Frame, MotionKind, Unresolved, Zone
+from robot_programs.core.values import Lost
 from robot_programs.krl.data import Data, NotInFiles, aggregate_of, pose
 from robot_programs.krl.syntax import (
     Aggregate,
@@ -27,7 +28,6 @@ from robot_programs.krl.values import (
     Adjustable,
     Known,
     Lookup,
-    Lost,
     Names,
     Variables,
     common,

@@ -13,6 +13,7 @@ from robot_programs.core.errors import FileError
 from robot_programs.core.flow import MIN_LINES, Body, Counts, Group, Loop, Node, lines_in
 from robot_programs.core.program import Diagnostic, Frame, Motion, MotionKind, Target, Unresolved
 from robot_programs.core.source import Source, uncollected
+from robot_programs.core.values import Lost
 from robot_programs.krl.data import (
     AXES,
     EXTERNAL,
@@ -77,7 +78,6 @@ from robot_programs.krl.values import (
     AbstractValue,
     Adjustable,
     Known,
-    Lost,
     Names,
     Value,
     Variables,

@@ -6,6 +6,7 @@ from functools import cached_property
 from itertools import pairwise
 
 from robot_programs.core.flow import Thing, with_called
+from robot_programs.core.values import Lost
 from robot_programs.krl.data import BUILT_IN, Data, File, Routine, Text, plain_value
 from robot_programs.krl.frames import EVERYTHING, FrameVariable, State
 from robot_programs.krl.syntax import (
@@ -20,7 +21,7 @@ from robot_programs.krl.syntax import (
     passed_by_reference,
     passed_in_motion,
 )
-from robot_programs.krl.values import Lost, Names, forgotten
+from robot_programs.krl.values import Names, forgotten
 
 
 def routines_of(files: tuple[File, ...]) -> dict[str, list[Routine]]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from robot_programs.core import se3
 from robot_programs.core.program import Frame, Unresolved
-from robot_programs.core.values import COMPARISONS, FUNCTIONS, applied
+from robot_programs.core.values import COMPARISONS, FUNCTIONS, Lost, applied
 from robot_programs.krl.data import AXES, EXTERNAL, POSE, Data, Routine, has_pose, pose, pose_values
 from robot_programs.krl.syntax import (
     Aggregate,
@@ -345,13 +345,6 @@ def _component(value: Value, component: str, name: str) -> float | str:
         return field.text.upper()
     position = isinstance(value, Aggregate) and any(all(map(value.field, names)) for names in (POSE[:3], AXES))
     return Real(field.value) if position and component in (*POSE, *AXES, *EXTERNAL) else field.value
-
-
-@dataclass(frozen=True, kw_only=True)
-class Lost:
-    """The value of a variable that code has assigned, and that the text does not give."""
-
-    reason: str
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -28,11 +28,14 @@ from robot_programs.rapid.syntax import (
     Argument,
     Assignment,
     Call,
+    Component,
     Control,
     Expression,
+    Index,
     Instruction,
     Label,
     Line,
+    Number,
     Parameter,
     Reference,
     Routine,
@@ -338,12 +341,16 @@ class Use:
         return self.path is None or all(a == b for a, b in zip(self.path, path, strict=False))
 
 
+MAX_COMPONENTS = 100
+"""Components and elements of one variable that are told apart by what is assigned to them."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Changes:
     """Changes of a program to its data."""
 
-    assigned: Mapping[Symbol, str]
-    """How each variable is assigned to first, as "is assigned to in part.mod:4"; those that keep their value are missing."""
+    assigned: Mapping[Symbol, Mapping[tuple[int, ...], str]]
+    """Components of each variable, how they are assigned to first, as "is assigned to in part.mod:4"; others keep their value."""
     parameters: frozenset[tuple[str, str]]
     """Keys of routines and of those of their parameters that they assign to."""
     lent: Mapping[Routine, Mapping[Symbol, str]] = field(default_factory=dict[Routine, Mapping[Symbol, str]])
@@ -353,7 +360,7 @@ class Changes:
 def changes(everywhere: Iterable[Context]) -> Changes:
     """Changes of a program to its data."""
     everywhere = tuple(everywhere)
-    assigned: dict[Symbol, str] = {}
+    assigned: dict[Symbol, dict[tuple[int, ...], str]] = {}
     lent: dict[Routine, dict[Symbol, str]] = {}
     parameters: frozenset[tuple[str, str]] = frozenset()
     while True:
@@ -365,8 +372,14 @@ def changes(everywhere: Iterable[Context]) -> Changes:
                     continue
                 if symbol.may_change:
                     routine = context.routine
-                    own = lent.setdefault(routine, {}) if mention.lent_to and routine is not None else assigned
-                    own.setdefault(symbol, _assignment(mention))
+                    if mention.lent_to and routine is not None:
+                        lent.setdefault(routine, {}).setdefault(symbol, _assignment(mention))
+                    else:
+                        _note(
+                            assigned.setdefault(symbol, {}),
+                            _stated_path(mention.reference, symbol, mention.scope),
+                            mention,
+                        )
                 elif symbol.parameter_of:
                     more.add((symbol.parameter_of, symbol.name.lower()))
         if more <= parameters:
@@ -388,6 +401,39 @@ def uses(everywhere: Iterable[Context], values: Values) -> Mapping[Symbol, tuple
         use = Use(file=mention.file, start=mention.reference.start, path=path, type=type_)
         uses_of.setdefault(symbol, []).append(use)
     return {key: tuple(value) for key, value in uses_of.items()}
+
+
+def _note(own: dict[tuple[int, ...], str], path: tuple[int, ...], mention: Mention) -> None:
+    """Note that a component is assigned to; one inside another, and one of very many, stands for the whole."""
+    if any(path[:k] in own for k in range(len(path) + 1)):
+        return
+    if len(own) >= MAX_COMPONENTS:
+        path = ()
+    inner = [other for other in own if other[: len(path)] == path]
+    how = own[inner[0]] if inner else _assignment(mention)
+    for other in inner:
+        del own[other]
+    own[path] = how
+
+
+def _stated_path(reference: Reference, symbol: Symbol, scope: Scope) -> tuple[int, ...]:
+    """Component or element that a reference names, as far as its indices are numbers."""
+    path: list[int] = []
+    type_ = symbol.type
+    for selector in reference.selectors:
+        match selector:
+            case Index():
+                indices = [item.value for item in selector.items if isinstance(item, Number)]
+                if len(indices) < len(selector.items) or not all(index >= 1.0 for index in indices):
+                    break
+                path += [int(index) - 1 for index in indices]
+            case Component():
+                names = [name for name, _ in scope.types.get(type_, ())]
+                if selector.key not in names:
+                    break
+                path.append(names.index(selector.key))
+                type_ = scope.types[type_][path[-1]][1]
+    return tuple(path)
 
 
 def _assignment(mention: Mention) -> str:
@@ -580,6 +626,13 @@ def effects_of(everywhere: Iterable[Context], changes: Changes) -> Effects:
 def _own(nodes: Sequence[Node], context: Context, changes: Changes) -> tuple[frozenset[Symbol], frozenset[Routine]]:
     changed = changed_by(nodes, context.scope, context.file, changes)
     return changed, may_call(lines_in(nodes), context.scope)
+
+
+def changed_in(expression: Expression, context: Context, scope: Scope, changes: Changes) -> frozenset[Symbol]:
+    """Data that the functions in an expression are given and may change."""
+    walker = _Walker(context.file, changes.parameters, changing=True)
+    symbols = (mention.symbol for mention in walker.read(expression, scope) if mention.changes)
+    return frozenset(symbol for symbol in symbols if symbol is not None)
 
 
 SOFT = Symbol(name="SoftAct", type="bool")

@@ -7,14 +7,15 @@ from functools import lru_cache
 
 from robot_programs.core.program import Unresolved
 from robot_programs.core.source import Source
+from robot_programs.core.values import Lost
 from robot_programs.rapid.syntax import Declaration, Line, Module, Routine, Token
 
 # What every RAPID program can use without declaring it: types, data, instructions and functions.
 #
 # Source: RAPID reference manuals, 3HAC050917 (instructions, functions and data types).
 
-Value = float | bool | str | tuple["Value", ...]
-"""Of data: a number, a truth, a string; of a record or an array the values in it."""
+Value = float | bool | str | Lost | tuple["Value", ...]
+"""Of data: a number, a truth, a string; of a record or an array the values in it, as far as they are known."""
 
 TYPES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "pos": (("x", "num"), ("y", "num"), ("z", "num")),

@@ -2,12 +2,11 @@
 
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 from robot_programs.core.flow import Arm, Block, Branches, Leave, Loop, Node, Step, Unknown
 from robot_programs.rapid.syntax import (
-    UNDECIDED,
     Aggregate,
     Argument,
     Assignment,
@@ -379,13 +378,19 @@ class StatementParser(ExpressionParser):
             return plain
         storage = self.take().key
         type_, name = self.name(), self.name()
-        array = self.next.key == "{"
-        if array:
-            self.selected(name)
+        selectors = self.selected(name).selectors if self.next.key == "{" else ()
+        dimensions = selectors[0].items if selectors and isinstance(selectors[0], Index) else ()
         value = self.expression() if self.skip(":=") else None
         self.expect(";")
         return Declaration(
-            start=start, end=self.end, storage=storage, local=local, type=type_, name=name, array=array, value=value
+            start=start,
+            end=self.end,
+            storage=storage,
+            local=local,
+            type=type_,
+            name=name,
+            dimensions=dimensions,
+            value=value,
         )
 
     def _plain_declaration(self, start: int, local: bool) -> Declaration | None:
@@ -403,7 +408,14 @@ class StatementParser(ExpressionParser):
         self.jump(closing.end())
         value = Aggregate(start=found.end(), end=at, content=text)
         return Declaration(
-            start=start, end=self.end, storage=storage.key, local=local, type=type_, name=name, array=False, value=value
+            start=start,
+            end=self.end,
+            storage=storage.key,
+            local=local,
+            type=type_,
+            name=name,
+            dimensions=(),
+            value=value,
         )
 
     def body(self, declarations: list[Declaration]) -> Block:
@@ -563,23 +575,23 @@ class StatementParser(ExpressionParser):
 
     def _if(self, declarations: list[Declaration]) -> Node:
         start = self.take().start
-        conditions: list[Expression] = [self.expression()]
+        condition = self.expression()
         if not self.skip("then"):
-            return self._compact_if(start, conditions[0], declarations)
+            return self._compact_if(start, condition, declarations)
         self.enter()
-        branches = [self._block(declarations)]
-        otherwise = False
+        read = [condition]
+        arms: list[tuple[Expression | None, Block]] = [(condition, self._block(declarations))]
         while True:
             if self.skip("elseif"):
-                conditions.append(self.expression())
+                read.append(self.expression())
                 self.expect("then")
+                arms.append((read[-1], self._block(declarations)))
             elif self.skip("else"):
-                otherwise = True
+                arms.append((None, self._block(declarations)))
             else:
                 break
-            branches.append(self._block(declarations))
         self._close("endif", start)
-        return self._branches(start, conditions, branches, otherwise)
+        return self._branches(start, read, arms)
 
     def _compact_if(self, start: int, condition: Expression, declarations: list[Declaration]) -> Node:
         self.enter()
@@ -588,45 +600,43 @@ class StatementParser(ExpressionParser):
         self.depth -= 1
         if isinstance(inner, Step) and isinstance(inner.line, Instruction):
             inner = Step(line=replace(inner.line, compact=True))
-        return self._branches(start, [condition], [(inner,)], False)
+        return self._branches(start, [condition], [(condition, (inner,))])
 
     def _branches(
-        self, start: int, conditions: Sequence[Expression], branches: Sequence[Block], otherwise: bool
+        self, start: int, read: Sequence[Expression], branches: Iterable[tuple[Expression | None, Block]]
     ) -> Branches:
-        """Branches with their conditions; of a TEST, whose values are among them, they are not decided.
+        """Branches with their conditions.
 
         Args:
             start: where they begin.
-            conditions: in the order of the text.
-            branches: the same.
-            otherwise: whether the last one is taken where none before it is.
+            read: what the text reads to decide them, in its order.
+            branches: each with its condition; None of one that is taken where none of the others is, wherever it stands.
         """
-        decided = len(branches) - otherwise
-        own = [*(conditions if len(conditions) == decided else [UNDECIDED] * decided), *[None] * otherwise]
-        arms = tuple(Arm(condition=one, body=body) for one, body in zip(own, branches, strict=True))
-        line = Control(start=start, end=self.end, conditions=tuple(conditions))
-        return Branches(line=line, name="IF", arms=arms)
+        arms = sorted((Arm(condition=one, body=body) for one, body in branches), key=lambda arm: arm.condition is None)
+        line = Control(start=start, end=self.end, conditions=tuple(read))
+        return Branches(line=line, name="IF", arms=tuple(arms))
 
     def _test(self, declarations: list[Declaration]) -> Node:
         start = self.take().start
-        conditions: list[Expression] = [self.expression()]
+        tested = self.expression()
         self.enter()
-        branches: list[Block] = []
-        otherwise = False
+        read = [tested]
+        arms: list[tuple[Expression | None, Block]] = []
         while True:
             if self.skip("case"):
-                conditions.append(self.expression())
+                cases = [self.expression()]
                 while self.skip(","):
-                    conditions.append(self.expression())
+                    cases.append(self.expression())
                 self.expect(":")
+                read += cases
+                arms.append((_is_one(tested, cases), self._block(declarations)))
             elif self.skip("default"):
                 self.expect(":")
-                otherwise = True
+                arms.append((None, self._block(declarations)))
             else:
                 break
-            branches.append(self._block(declarations))
         self._close("endtest", start)
-        return self._branches(start, conditions, branches, otherwise)
+        return self._branches(start, read, arms)
 
     def _for(self, declarations: list[Declaration]) -> Node:
         start = self.take().start
@@ -669,6 +679,16 @@ class StatementParser(ExpressionParser):
             self.note(start, f"{keyword.upper()} is missing for what begins here")
 
 
+def _is_one(tested: Expression, cases: Sequence[Expression]) -> Expression:
+    """The condition that a value is one of some."""
+    at = {"start": tested.start, "end": tested.end}
+    ways = [Operation(**at, operator="=", operands=(tested, case)) for case in cases]
+    while len(ways) > 1:  # in pairs, so that many are not nested deeply
+        pairs = (tuple(ways[i : i + 2]) for i in range(0, len(ways), 2))
+        ways = [pair[0] if len(pair) == 1 else Operation(**at, operator="or", operands=pair) for pair in pairs]
+    return ways[0]
+
+
 MAX_ROUTINES = 100_000
 """Modules and routines of a file; a whole cell has some thousands."""
 
@@ -700,7 +720,7 @@ class _Parser(StatementParser):
                 modules.append(self._module())
             else:
                 strays += 1
-                if strays == 1:
+                if strays == 1 and not modules:  # what stands behind a module is no part of it, and is kept as it is
                     self.note(self.next.start, f"'{self.next.text[:32]}' stands outside any MODULE and is not read")
                 self.take()
         return tuple(modules)

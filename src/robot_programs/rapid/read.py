@@ -1,7 +1,7 @@
 """From the files of a RAPID program to its motions: what holds where each begins, through calls, branches and loops."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -12,6 +12,7 @@ from robot_programs.core.errors import FileError
 from robot_programs.core.flow import MIN_LINES, with_called
 from robot_programs.core.program import Diagnostic, Frame, Unresolved
 from robot_programs.core.source import Source, uncollected
+from robot_programs.core.values import Lost
 from robot_programs.rapid.changes import (
     ANY_ROUTINE,
     SOFT,
@@ -19,6 +20,7 @@ from robot_programs.rapid.changes import (
     called,
     calls,
     changed_by,
+    changed_in,
     changes,
     effects_of,
     is_late,
@@ -32,6 +34,7 @@ from robot_programs.rapid.changes import (
 )
 from robot_programs.rapid.names import (
     BY_NAME,
+    FUNCTIONS,
     LATE,
     MOTIONLESS,
     MOVING,
@@ -60,12 +63,15 @@ from robot_programs.rapid.resolve import (
     motion_of,
     poses_of,
     resolve,
+    target_arguments,
 )
 from robot_programs.rapid.rewrite import RapidProgram
 from robot_programs.rapid.syntax import (
     Aggregate,
     Argument,
     Assignment,
+    Call,
+    Control,
     Expression,
     Instruction,
     Line,
@@ -80,9 +86,10 @@ from robot_programs.rapid.syntax import (
     TooMuch,
     Unparsed,
     expressions_of,
+    inside,
     parts,
 )
-from robot_programs.rapid.values import UNREACHED, AbstractValue, PassedArgument, State, Values, pose_numbers
+from robot_programs.rapid.values import UNREACHED, AbstractValue, PassedArgument, State, Values, pose_numbers, replaced
 
 # What assignments and calls make of data.
 
@@ -109,57 +116,64 @@ def counting(instruction: Instruction) -> Assignment | None:
 def _assigned(assignment: Assignment, symbol: Symbol, scope: Scope, values: Values) -> AbstractValue | None:
     """Abstract value of data after an assignment; None where the text does not tell."""
     target, node = assignment.target, assignment.value
+    value = values.partly(node, scope)
+    whole = Reference(start=target.start, end=target.end, name=target.name, selectors=())
     try:
-        value = values.of(node, scope)
         path, _ = values.path(target, symbol, scope)
-        if not path:
-            name = values.found(node, scope).name if isinstance(node, Reference) else ""
-            return AbstractValue(value=value, name=name, settable=values.settable(node, scope))
-        whole = Reference(start=target.start, end=target.end, name=target.name, selectors=())
-        settable = any(values.settable(part, scope) for part in (node, target, whole))
-        return AbstractValue(value=_replaced(values.of(whole, scope), path, value), settable=settable)
+        if path:
+            levels = values.levels(target, symbol, scope)
+            value = replaced(_before(whole, symbol, scope, values), path, value, levels, scope.types)
     except Unresolved:
         return None
+    if isinstance(value, Lost):
+        return None
+    read = (node, target, whole) if path else (node,)
+    name = values.found(node, scope).name if isinstance(node, Reference) and not path else ""
+    return AbstractValue(value=value, name=name, settable=any(values.settable(part, scope) for part in read))
 
 
-def _replaced(whole: Value, path: Sequence[int], value: Value) -> Value:
-    """A record or an array with another component or element."""
-    if not path:
-        return value
-    if not isinstance(whole, tuple) or path[0] >= len(whole):
-        raise Unresolved("there is no such component")
-    own = _replaced(whole[path[0]], path[1:], value)
-    return (*whole[: path[0]], own, *whole[path[0] + 1 :])
+def _before(whole: Reference, symbol: Symbol, scope: Scope, values: Values) -> Value:
+    """What data hold before one of their components is assigned to, as far as that is known."""
+    try:
+        return values.of(whole, scope)
+    except Unresolved as reason:
+        lost = Lost(reason=str(reason))
+    return lost if symbol.declaration is None else values.blank(symbol, lambda _: lost)
 
 
 INITIAL: dict[str, Value] = {"num": 0.0, "dnum": 0.0, "bool": False, "string": ""}
 """What variables hold that are declared without a value (RAPID overview, variable declarations)."""
 
 
-def given(instruction: Instruction, routine: Routine) -> Iterator[tuple[Parameter, Argument]]:
+def given(arguments: Iterable[Argument], routine: Routine) -> Iterator[tuple[Parameter, Argument]]:
     """Parameters of a routine with the arguments of a call; those that are not given are missing."""
     required = iter([p for p in routine.parameters if not p.optional])
-    for argument in instruction.arguments:
+    for argument in arguments:
         named = next((p for p in routine.parameters if p.name.key == argument.option), None)
         parameter = named if argument.option else next(required, None)
         if parameter is not None:
             yield parameter, argument
 
 
-def initial_values(context: Context, volatile: frozenset[Symbol]) -> dict[Symbol, AbstractValue]:
+def initial_values(context: Context, volatile: frozenset[Symbol], values: Values) -> dict[Symbol, AbstractValue]:
     """Initial values of the variables of a module or a routine, as far as that is known."""
-    values = {symbol: initial(symbol) for symbol in context.declared if symbol not in volatile}
-    return {symbol: value for symbol, value in values.items() if value is not None}
+    own = {symbol: initial(symbol, values) for symbol in context.declared if symbol not in volatile}
+    return {symbol: value for symbol, value in own.items() if value is not None}
 
 
-def initial(symbol: Symbol) -> AbstractValue | None:
+def initial(symbol: Symbol, values: Values) -> AbstractValue | None:
     """Initial value of a variable; None where it is not known, and of other data."""
     declaration = symbol.declaration
     if declaration is None or declaration.storage != "var":
         return None
     if declaration.value is not None:
         return AbstractValue(value=0.0, declared=True)
-    return None if declaration.array or symbol.type not in INITIAL else AbstractValue(value=INITIAL[symbol.type])
+    nothing = Lost(reason=symbol.obstacle)
+    try:
+        value = values.blank(symbol, lambda type_: INITIAL.get(type_, nothing))
+    except Unresolved:
+        return None
+    return None if isinstance(value, Lost) else AbstractValue(value=value)
 
 
 def own_symbols(context: Context) -> frozenset[Symbol]:
@@ -170,6 +184,14 @@ def own_symbols(context: Context) -> frozenset[Symbol]:
 
 
 # Going through the statements of a program.
+
+
+def _calls_in(node: Expression) -> Iterator[Call]:
+    """Functions in an expression, those in arguments before the one that is given them."""
+    for part in inside(node):
+        yield from _calls_in(part)
+    if isinstance(node, Call):
+        yield node
 
 
 LEAVING = ("exitcycle", "systemstopaction")
@@ -198,6 +220,8 @@ class Flow(form.Flow[State, Routine]):
     findings: "Findings | None"
     """None where nothing is to be noted."""
     bodies: dict[Routine, form.Body] = field(default_factory=dict[Routine, form.Body])
+    computing: dict[Routine, bool] = field(default_factory=dict[Routine, bool])
+    """Which functions only compute a value, as far as that was asked."""
     scopes: dict[form.Loop, Scope] = field(default_factory=dict[form.Loop, Scope])
     """What names mean in loops that declare their counters."""
 
@@ -243,7 +267,41 @@ class Flow(form.Flow[State, Routine]):
     def entered(self, routine: Routine, state: State) -> State:
         """State at the start of a routine: variables of its own get their declared values there."""
         context = self.contexts[routine]
-        return state.forgotten(own_symbols(context)).holding(initial_values(context, self.effects.volatile))
+        own = initial_values(context, self.effects.volatile, self.declared)
+        return state.forgotten(own_symbols(context)).holding(own)
+
+    def only_computes(self, routine: Routine) -> bool:
+        """Whether a function does nothing but give a value, so that its call can be left out once that is known."""
+        if routine not in self.computing:
+            self.computing[routine] = False  # of one that calls itself nothing is known
+            scope = self.contexts[routine].scope
+            self.computing[routine] = not routine.handlers and all(
+                self._computes(line, scope, routine) for line in routine.lines
+            )
+        return self.computing[routine]
+
+    def _computes(self, line: Line, scope: Scope, routine: Routine) -> bool:
+        match line:
+            case Assignment():
+                own = scope.own.get(line.target.name.key)
+                given = {p.name.key for p in routine.parameters if p.changed}
+                if own is None or line.target.name.key in given:
+                    return False
+            case Control():
+                pass
+            case _:
+                return False
+        return all(self.computed(expression, scope) for expression in expressions_of(line))
+
+    def computed(self, expression: Expression, scope: Scope) -> bool:
+        """Whether the functions in an expression only give values."""
+        return not returns_values(expression) and all(
+            part.name.key in FUNCTIONS
+            if part.name.key not in scope.routines
+            else all(map(self.only_computes, scope.routines[part.name.key]))
+            for part in parts(expression)
+            if isinstance(part, Call)
+        )
 
     def found_all(self, routine: Routine) -> bool:
         """Whether all motions of a routine were found."""
@@ -255,8 +313,9 @@ class Flow(form.Flow[State, Routine]):
         )
 
     def _begin(self, routine: Routine) -> None:
-        own = self.lent.get(routine)
-        self.values = Values(assigned={**own, **self.declared.assigned}) if own else self.declared
+        own, assigned = self.lent.get(routine), self.declared.assigned
+        lent = {symbol: {(): how} for symbol, how in (own or {}).items() if () not in assigned.get(symbol, {})}
+        self.values = Values(assigned={**assigned, **lent}) if own else self.declared
 
 
 @dataclass(eq=False, kw_only=True)
@@ -271,6 +330,8 @@ class _Walk(form.Walk[State, Routine]):
     """What names mean in the innermost loop that is gone through."""
     resumes: bool
     """An error handler may move the robot and then resume anywhere."""
+    values_returned: tuple[Mapping[Symbol, AbstractValue], dict[Call, AbstractValue]] | None = None
+    """What functions of the program returned that were called last, and in which state."""
 
     @property
     def unreached(self) -> State:
@@ -307,21 +368,72 @@ class _Walk(form.Walk[State, Routine]):
 
     def asked(self, line: Line, state: State, node: form.Node) -> State:
         """State after the functions in the expressions of a statement."""
-        return self._after_functions(expressions_of(line), state, node)
+        expressions = expressions_of(line)
+        if not isinstance(node, form.Branches):
+            # the bounds of a FOR are read once, while they are asked for in every turn
+            counts = isinstance(node, form.Loop) and node.kind == "counted"
+            return self._after_functions(expressions, state, follow=not counts)
+        for i, expression in enumerate(expressions):  # those behind the first are asked only where none before is taken
+            behind = self._after_functions((expression,), state, keep=i > 0)
+            if behind is state:
+                continue
+            state = self.merged([state, behind], "a condition may change it") if i else behind
+            if self.values_returned is not None:
+                self.values_returned = (state.variables, self.values_returned[1])
+        return state
 
-    def _after_functions(self, expressions: Sequence[Expression], state: State, node: form.Node) -> State:
-        moving = any(calls(expression, self.scope) for expression in expressions)
-        if not moving and not any(map(returns_values, expressions)):
+    def _after_functions(
+        self, expressions: Sequence[Expression], state: State, *, follow: bool = True, keep: bool = False
+    ) -> State:
+        """State after the functions in some expressions, whose values are noted.
+
+        Args:
+            expressions: they, in the order in which they are evaluated.
+            state: before them.
+            follow: whether they are evaluated once, and all of them.
+            keep: whether values that were noted before still count.
+        """
+        returned = dict(self.values_returned[1]) if keep and self.values_returned else dict[Call, AbstractValue]()
+        self.values_returned = None
+        called_here = [part for expression in expressions for part in _calls_in(expression)]
+        if not any(calls(call, self.scope) or returns_values(call) for call in called_here):
+            self.values_returned = (state.variables, returned) if returned else None
             return state
-        self.flow.anywhere.update(called(form.lines_in([node]), self.scope))
-        state = state.forgotten(self._changed_by(node))
-        return replace(state, last=None) if moving else state
+        for call in called_here:
+            changed = changed_in(call, self.context, self.scope, self.flow.effects.changes)
+            routines = self.scope.routines.get(call.name.key, ())
+            if routines:
+                self.values_returned = (state.variables, returned)
+                state, value = self._through(call.arguments, routines, changed, state, follow=follow)
+                if not state.reached:
+                    return UNREACHED
+                returned |= {} if value is None else {call: value}
+            else:
+                known = call.name.key in FUNCTIONS
+                state = replace(state.forgotten(changed), last=state.last if known else None)
+        self.values_returned = (state.variables, returned)
+        return state
 
-    def truth(self, condition: Expression | str, state: State) -> bool | None:
+    def _values(self, state: State) -> Values:
+        """Values in a state, which is that behind the functions that were called last."""
+        noted = self.values_returned
+        return self.flow.values.at(state.variables, noted[1] if noted and noted[0] is state.variables else {})
+
+    def returned(self, line: Line, state: State) -> AbstractValue | None:
+        """Value of a RETURN."""
+        for node in expressions_of(line):
+            values = self._values(state)
+            try:
+                return AbstractValue(value=values.of(node, self.scope), settable=values.settable(node, self.scope))
+            except Unresolved:
+                break
+        return None
+
+    def truth(self, condition: Expression, state: State) -> bool | None:
         """Whether a condition holds; None where the text does not tell."""
-        if self.flow.all_ways or isinstance(condition, str):
+        if self.flow.all_ways:
             return None
-        values = self.flow.values.at(state.variables)
+        values = self._values(state)
         try:
             value = None if values.settable(condition, self.scope) else values.of(condition, self.scope)
         except Unresolved:
@@ -346,7 +458,7 @@ class _Walk(form.Walk[State, Routine]):
     def counts(self, loop: form.Loop, state: State) -> form.Counts | None:
         """Bounds and step of a FOR; None where the text does not tell."""
         bounds = expressions_of(loop.line)
-        values = self.flow.values.at(state.variables)
+        values = self._values(state)
         try:
             if any(values.settable(bound, self.scope) for bound in bounds):
                 return None
@@ -370,6 +482,10 @@ class _Walk(form.Walk[State, Routine]):
 
     def step(self, line: Line, state: State) -> State:
         """State after an instruction or an assignment."""
+        if not (isinstance(line, Instruction) and line.plain):
+            state = self._after_functions(expressions_of(line), state)
+            if not state.reached:
+                return UNREACHED
         match line:
             case Instruction():
                 return self._instruction(line, state)
@@ -379,8 +495,7 @@ class _Walk(form.Walk[State, Routine]):
                 return state
 
     def _assignment(self, assignment: Assignment, state: State) -> State:
-        state = self._after_functions((assignment.value,), state, form.Step(line=assignment))
-        symbol, values = self.scope.known(assignment.target.name.text), self.flow.values.at(state.variables)
+        symbol, values = self.scope.known(assignment.target.name.text), self._values(state)
         if symbol is None:
             return state
         volatile = symbol in self.flow.effects.volatile
@@ -396,7 +511,7 @@ class _Walk(form.Walk[State, Routine]):
             last = number if MOTION_FORMS[key].ends_there else None
             return State(last=last, reached=state.reached, variables=state.variables)
         if key in scope.routines:
-            return self._call(instruction, node, state)
+            return self._call(instruction, state)
         if (counted := counting(instruction)) is not None:
             return self._assignment(counted, state)
         if key in LEAVING:
@@ -417,33 +532,51 @@ class _Walk(form.Walk[State, Routine]):
         findings = self.flow.findings
         if findings is None or (self.flow.all_ways and instruction in findings.seen):
             return None
-        return findings.resolve(instruction, scope, self.context, state, self.flow.values.at(state.variables))
+        return findings.resolve(instruction, scope, self.context, state, self._values(state), self.flow.computed)
 
-    def _call(self, instruction: Instruction, node: form.Node, state: State) -> State:
-        program, file, scope = self.flow, self.context.file, self.scope
-        routines = scope.routines[instruction.name.key]
-        asked = [a.value for a in instruction.arguments if a.value is not None]
-        if any(calls(node, scope) for node in asked):
-            program.anywhere.update(r for r in called([instruction], scope) if r is not routines[0])
-        changed = changed_by([node], scope, file, program.effects.changes)
+    def _call(self, instruction: Instruction, state: State) -> State:
+        changed = changed_by([form.Step(line=instruction)], self.scope, self.context.file, self.flow.effects.changes)
+        routines = self.scope.routines[instruction.name.key]
+        return self._through(instruction.arguments, routines, changed, state)[0]
+
+    def _through(
+        self,
+        arguments: Sequence[Argument],
+        routines: Sequence[Routine],
+        changed: frozenset[Symbol],
+        state: State,
+        *,
+        follow: bool = True,
+    ) -> tuple[State, AbstractValue | None]:
+        """State after a call, and what it returns; None where that is not known.
+
+        Args:
+            arguments: what it gives.
+            routines: those that may be meant.
+            changed: data that it hands over to be changed.
+            state: before it.
+            follow: whether it can be followed.
+        """
+        program, values = self.flow, self._values(state)
 
         def entry(routine: Routine) -> State:
-            own, values = program.contexts[routine].scope.own, program.values.at(state.variables)
+            own = program.contexts[routine].scope.own
             passed = {
                 own[parameter.name.key][0]: known
-                for parameter, argument in given(instruction, routine)
+                for parameter, argument in given(arguments, routine)
                 if (known := self._passed(argument, own[parameter.name.key][0], values)) is not None
             }
             return program.entered(routine, state.forgotten(changed)).holding(passed)
 
         context = program.contexts[routines[0]]
         hidden = context.routine is not None and context.routine.local and context.module is not self.context.module
-        followed = None if hidden else self.follow(routines, entry)
+        followed = self.follow(routines, entry) if follow and not hidden else None
         if followed is None:
             program.anywhere.update(routines)
-            return replace(state.forgotten(self._changed_by(node)), last=None)
-        behind, _ = followed
-        return behind.forgotten(changed | own_symbols(context))
+            lost = changed.union(*(program.effects.of_routine[routine] for routine in routines))
+            return replace(state.forgotten(lost), last=None), None
+        behind, value = followed
+        return behind.forgotten(changed | own_symbols(context)), value
 
     def _passed(self, argument: Argument, parameter: Symbol, values: Values) -> AbstractValue | None:
         """Abstract value of a parameter at a call; None where it is not given one, or the text does not tell."""
@@ -457,6 +590,7 @@ class _Walk(form.Walk[State, Routine]):
                 passed = PassedArgument(
                     argument=argument, file=file, origin=None, literal=literal, parameters=(parameter,)
                 )
+                passed = passed if self.flow.computed(node, self.scope) else None
                 return AbstractValue(value=values.of(node, self.scope), passed=passed, settable=settable)
             found = values.found(node, self.scope)
         except Unresolved:
@@ -491,12 +625,21 @@ class Findings(form.Findings[Instruction, Resolved]):
     """Motions in which a servo may give way."""
 
     def resolve(
-        self, instruction: Instruction, scope: Scope, context: Context, state: State, values: Values
+        self,
+        instruction: Instruction,
+        scope: Scope,
+        context: Context,
+        state: State,
+        values: Values,
+        computed: Callable[[Expression, Scope], bool],
     ) -> int | None:
         """Resolve a motion; says its number, or None where that could not be done."""
         try:
             if not is_read(instruction, scope):
                 raise Unresolved("this motion is not read")
+            for target in target_arguments(instruction) if values.returned else ():
+                if target is not None and target.value is not None and not computed(target.value, scope):
+                    raise Unresolved("its point comes from a function that does more than compute it")
             name = context.routine.name.text if context.routine else ""
             found = resolve(instruction, scope, context.file, self.settings, values, name)
         except Unresolved as reason:
@@ -601,14 +744,14 @@ def _lent(contexts: Mapping[Routine, Context], effects: Effects) -> dict[Routine
 
 
 def _roots(contexts: Mapping[Routine, Context]) -> frozenset[Routine]:
-    """Routines that nothing calls, and those that are called from elsewhere as well: traps and functions."""
+    """Routines that nothing calls, and those that are called from elsewhere as well: traps."""
     own = frozenset(
         other
         for routine, context in contexts.items()
         for other in called(routine.lines, context.scope)
         if other is not routine
     )
-    return frozenset(r for r in contexts if r not in own or r.kind != "proc" or r.name.key == MAIN)
+    return frozenset(r for r in contexts if r not in own or r.kind == "trap" or r.name.key == MAIN)
 
 
 def _start(flow: Flow, context: Context) -> State:
@@ -627,7 +770,7 @@ def _start(flow: Flow, context: Context) -> State:
         symbol: value
         for context in flow.everywhere
         if context.routine is None
-        for symbol, value in initial_values(context, effects.volatile).items()
+        for symbol, value in initial_values(context, effects.volatile, flow.declared).items()
     } | stiff
     start = State(variables=fresh)
     quiet = replace(flow, findings=None, anywhere=set[Routine]())
@@ -635,10 +778,12 @@ def _start(flow: Flow, context: Context) -> State:
         behind, _ = quiet.through(routine, quiet.entered(routine, start))
         if not behind.reached:
             return start
-        again = start.joined([behind], "")
-        if len(again.variables) >= len(start.variables):
+        again = start.joined(
+            [behind], f"{MAIN} begins again behind its end, where it may hold something else"
+        ).variables
+        if len(again) == len(start.variables) and all(value.agrees(again[s]) for s, value in start.variables.items()):
             return start
-        start = State(variables={s: value for s, value in start.variables.items() if s in again.variables})
+        start = State(variables=again)
     return start
 
 

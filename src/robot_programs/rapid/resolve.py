@@ -15,6 +15,7 @@ from robot_programs.core.errors import FileError
 from robot_programs.core.program import THROUGH_TARGET, Motion, MotionKind, Target, Unresolved, Zone
 from robot_programs.core.robot import Robot, arm_bends
 from robot_programs.core.source import Place, Source
+from robot_programs.core.values import Lost
 from robot_programs.rapid.names import DATA, File, Scope, Value
 from robot_programs.rapid.syntax import (
     Aggregate,
@@ -284,7 +285,11 @@ def _resolve(
         case Call() if node.name.key in ("offs", "reltool") and type_ == "robtarget":
             return _shifted(node, argument, scope, values, file)
         case Call():
-            raise Unresolved(f"the value of {node.name.text}() is known only at run time")
+            meant, external = _numbers(values.of(node, scope), type_, f"what {node.name.text}() returns")
+            return TargetArgument(
+                argument=argument, argument_file=file, type=type_, origin=None, literal=None, file=file,
+                shifted=True, meant=meant, external=external,
+            )  # fmt: skip
         case _:
             raise Unresolved(f"the target is not a {type_}")
 
@@ -668,7 +673,8 @@ def resolve(
     behind = instruction.tail or text[to.end : instruction.end]
     alike = scope, key if instruction.tail else text[instruction.start : (by or to).start], behind
     manner = settings.manners.get(alike)
-    where = layout(instruction) if manner is None or manner.variables is not values.variables else None
+    same = manner is not None and manner.variables is values.variables and not values.returned
+    where = None if same else layout(instruction)
     if kind != "axes" and settings.shift:
         raise Unresolved(settings.shift)
     type_ = "jointtarget" if kind == "axes" else "robtarget"
@@ -797,8 +803,6 @@ def _data(
                 raise Unresolved(f"'{node.name.text}' is {found.type}, not {type_}")
             declared = found.origin is not None and found.passed is None
             return file.source.text[node.start : node.end] if declared else found.name, found.value
-        case Call():
-            raise Unresolved(f"the value of {node.name.text}() is known only at run time")
         case None:
             raise Unresolved(f"the {what} is missing")
         case _:
@@ -838,7 +842,9 @@ def _zone(where: Layout, scope: Scope, file: File, settings: Settings, values: V
     try:
         data = values.of(where.zone.value, scope) if where.zone.value else None
     except Unresolved as reason:
-        note = f"the zone of a motion is not known, which is taken as a stop: {reason}"
+        data = (Lost(reason=str(reason)),)
+    if isinstance(data, tuple) and data and isinstance(data[0], Lost):
+        note = f"the zone of a motion is not known, which is taken as a stop: {data[0].reason}"
         settings.notes.setdefault(note, (file, where.zone.start))
         return True, THROUGH_TARGET
     if not isinstance(data, tuple) or not data or not isinstance(data[0], bool):

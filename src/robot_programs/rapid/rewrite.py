@@ -975,7 +975,7 @@ def _clone(want: Want, value: str, fresh: FreshNames, edits: _Edits) -> str:
     storage = text[declaration.start : declaration.type.start]
     type_ = declaration.type.text if declaration.type.key == want.target.type else want.target.type
     assigns = ":="
-    if declaration.value is not None and not declaration.array:
+    if declaration.value is not None and not declaration.dimensions:
         assigns = text[declaration.name.end : declaration.value.start]
     at, before = _behind(declaration, source)
     edits.add(source, at, at, f"{before}{storage}{type_} {name}{assigns}{value};")

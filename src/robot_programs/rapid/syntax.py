@@ -294,7 +294,8 @@ class Declaration(Node):
     local: bool
     type: Token
     name: Token
-    array: bool
+    dimensions: tuple[Expression, ...]
+    """Of an array; none of other data."""
     value: Expression | None
 
 
@@ -396,10 +397,6 @@ class Control(Node):
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Label(Node):
     """Label of a GOTO."""
-
-
-UNDECIDED = "undecided"
-"""In place of the condition of a branch: that of a TEST, which is not decided."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from robot_programs.core import flow, se3
 from robot_programs.core.program import Frame, Unresolved, rotation
-from robot_programs.core.values import COMPARISONS, FUNCTIONS, applied
+from robot_programs.core.values import COMPARISONS, FUNCTIONS, Lost, applied
 from robot_programs.rapid.names import File, Scope, Symbol, Value
 from robot_programs.rapid.syntax import (
     Aggregate,
@@ -33,6 +33,9 @@ from robot_programs.rapid.syntax import parts as parts_of
 #
 # Source: Technical reference manual, RAPID overview (expressions), and RAPID instructions, functions and data types
 # (Offs, RelTool).
+
+Types = Mapping[str, tuple[tuple[str, str], ...]]
+"""Components of records, each with its type."""
 
 MAX_SHIFT_MM = 1e6
 """No shift is farther."""
@@ -63,13 +66,50 @@ _OF_NUMBERS: Mapping[tuple[str, int], Callable[..., Any]] = {
 """Operators, with how many operands they have."""
 
 
+def whole(value: Value) -> Value:
+    """A value of which everything is known.
+
+    Raises:
+        Unresolved: it, or a component of it, is not.
+    """
+    if isinstance(value, Lost):
+        raise Unresolved(value.reason)
+    if isinstance(value, tuple):
+        for part in value:
+            whole(part)
+    return value
+
+
+def replaced(value: Value, path: Sequence[int], by: Value, levels: Sequence[str], types: Types) -> Value:
+    """A record or an array with another component or element.
+
+    Args:
+        value: it.
+        path: which one.
+        by: what it becomes.
+        levels: of each index in the path the type of the record that has it; empty where it is that of an array.
+        types: components of records.
+
+    Raises:
+        Unresolved: there is no such component, or it is not known how many elements there are.
+    """
+    if not path:
+        return by
+    if isinstance(value, Lost):
+        value = (value,) * len(types.get(levels[0], ()))
+    if not isinstance(value, tuple) or path[0] >= len(value):
+        raise Unresolved("there is no such component")
+    own = replaced(value[path[0]], path[1:], by, levels[1:], types)
+    return (*value[: path[0]], own, *value[path[0] + 1 :])
+
+
 def operated(sign: str, values: Sequence[Value]) -> Value:
     """Value of an operator applied to its operands.
 
     Raises:
         Unresolved: they are not of the types it needs, or it is not evaluated.
     """
-    key = sign, len(values)
+    key, values = (sign, len(values)), [whole(value) for value in values]
     if all(isinstance(v, bool) for v in values):
         if key not in _OF_TRUTHS:
             raise Unresolved("a number is expected where there is none")
@@ -172,6 +212,7 @@ def numbers(value: Value, count: int, what: str) -> tuple[float, ...]:
         or len(value) != count
         or not (set(map(type, value)) == {float} or all(isinstance(v, float) for v in value))
     ):
+        whole(value)
         raise Unresolved(f"{what} is not made of {count} numbers")
     return cast("tuple[float, ...]", value)
 
@@ -183,6 +224,7 @@ def parts(value: Value, count: int, what: str) -> tuple[Value, ...]:
         Unresolved: there are more or fewer.
     """
     if not isinstance(value, tuple) or len(value) != count:
+        whole(value)
         raise Unresolved(f"{what} is not made of {count} components")
     return value
 
@@ -244,6 +286,7 @@ def frames_of(tool: tuple[str, Value], work_object: tuple[str, Value]) -> Frames
     tool_name, wobj_name = tool[0], work_object[0]
     tool_held, tframe, _ = parts(tool[1], 3, f"the tool '{tool_name}'")
     wobj_held, fixed, unit, uframe, oframe = parts(work_object[1], 5, f"the work object '{wobj_name}'")
+    whole((tool_held, wobj_held, fixed, unit))
     if not isinstance(tool_held, bool) or not isinstance(wobj_held, bool) or not isinstance(fixed, bool):
         raise Unresolved(f"the tool '{tool_name}' or the work object '{wobj_name}' does not say what the robot holds")
     if not fixed and not (isinstance(unit, str) and unit):
@@ -474,6 +517,15 @@ def identical(a: Value, b: Value) -> bool:
     return type(a) is type(b) and a == b
 
 
+def common(a: Value, b: Value, why: str) -> Value:
+    """What two values agree in."""
+    if identical(a, b):
+        return a
+    if isinstance(a, tuple) and isinstance(b, tuple) and len(a) == len(b):
+        return tuple(common(*both, why) for both in zip(a, b, strict=True))
+    return Lost(reason=why)
+
+
 Variables = Mapping[Symbol, AbstractValue]
 """What is known of variables; those that are missing hold their declared value, or nobody knows what."""
 
@@ -500,7 +552,7 @@ class State(flow.State):
         last = self.last if all(other.last == self.last for other in others) else None
         if all(other.variables is self.variables for other in others):
             return replace(self, last=last)
-        return replace(self, last=last, variables=dict(_common(self, others)))
+        return replace(self, last=last, variables=dict(_common(self, others, why)))
 
     def agrees(self, other: Self) -> bool:
         """Whether the same holds."""
@@ -513,18 +565,29 @@ UNREACHED = State(reached=False)
 """Where control does not come."""
 
 
-def _common(first: State, others: Sequence[State]) -> Iterator[tuple[Symbol, AbstractValue]]:
+def _common(first: State, others: Sequence[State], why: str) -> Iterator[tuple[Symbol, AbstractValue]]:
     for symbol, value in first.variables.items():
-        there = [other.variables.get(symbol) for other in others]
-        if all(other is not None and value.agrees(other) for other in there):
+        there = [known for other in others if (known := other.variables.get(symbol)) is not None]
+        if len(there) < len(others):
+            continue
+        if all(map(value.agrees, there)):
             yield symbol, value
-        elif all(other is not None and identical(value.value, other.value) for other in there):
-            settable = value.settable or any(other.settable for other in there if other is not None)
-            yield symbol, AbstractValue(value=value.value, settable=settable)
+        elif not any(known.declared for known in (value, *there)):
+            own = value.value
+            for known in there:
+                own = common(own, known.value, why)
+            if not isinstance(own, Lost):
+                yield symbol, AbstractValue(value=own, settable=any(known.settable for known in (value, *there)))
 
 
 MAX_REFERENCES = 100
 """Values that lead to others through more steps than this probably lead to themselves."""
+
+MAX_RECORDS = 10
+"""Records in each other; a record that holds itself is an error."""
+
+MAX_BLANK = 10_000
+"""Elements of an array that is followed although it is declared without a value."""
 
 MAX_ELEMENTS = 1e7
 """No array has more."""
@@ -550,18 +613,22 @@ class Found:
 class Values:
     """Reads values, given what is assigned to somewhere in the program."""
 
-    assigned: Mapping[Symbol, str]
-    """How, for each symbol: "is assigned to in part.mod:4"."""
+    assigned: Mapping[Symbol, Mapping[tuple[int, ...], str]]
+    """Which components of each symbol, and how: "is assigned to in part.mod:4"; all of it by the empty path."""
     variables: Variables = field(default_factory=dict[Symbol, AbstractValue])
     """What the flow of the program tells of variables and parameters at the place where values are read."""
+    returned: Mapping[Call, AbstractValue] = field(default_factory=dict[Call, AbstractValue])
+    """What functions of the program return there."""
     _known: dict[Expression, Value] = field(default_factory=dict[Expression, Value])
     """Values of what is declared, so that each is computed once."""
     _named: dict[Symbol, Found] = field(default_factory=dict[Symbol, Found])
     """What names of declared data stand for where the flow says nothing of them, the same."""
 
-    def at(self, variables: Variables) -> "Values":
+    def at(self, variables: Variables, returned: Mapping[Call, AbstractValue]) -> "Values":
         """Values where the flow of the program tells these."""
-        return Values(assigned=self.assigned, variables=variables, _known=self._known, _named=self._named)
+        return Values(
+            assigned=self.assigned, variables=variables, returned=returned, _known=self._known, _named=self._named
+        )
 
     def of(self, expression: Expression, scope: Scope, depth: int = 0) -> Value:
         """The value of an expression.
@@ -595,13 +662,26 @@ class Values:
             Unresolved: the text does not give it, or it is none.
         """
         value = self.of(expression, scope, depth)
-        if not isinstance(value, float):
+        if not isinstance(whole(value), float):
             raise Unresolved("a number is expected where there is none")
-        return value
+        return cast("float", value)
+
+    def partly(self, expression: Expression, scope: Scope) -> Value:
+        """The value of an expression, as far as the text gives it."""
+        if isinstance(expression, Aggregate) and not expression.is_literal:
+            return tuple(self.partly(item, scope) for item in expression.items)
+        try:
+            return self.of(expression, scope)
+        except Unresolved as reason:
+            return Lost(reason=str(reason))
 
     def settable(self, expression: Expression, scope: Scope) -> bool:
         """Whether an operator may change what an expression gives by hand: it reads persistent data."""
-        return any(self._is_settable(part, scope) for part in parts_of(expression) if isinstance(part, Reference))
+        return any(
+            self._is_settable(part, scope) if isinstance(part, Reference) else self.returned[part].settable
+            for part in parts_of(expression)
+            if isinstance(part, Reference) or (isinstance(part, Call) and part in self.returned)
+        )
 
     def _is_settable(self, reference: Reference, scope: Scope) -> bool:
         symbol = scope.find(reference.name.text)
@@ -621,16 +701,22 @@ class Values:
         known = self.variables.get(symbol)
         if known is None and not reference.selectors and symbol in self._named:
             return self._named[symbol]
-        if known is None and symbol in self.assigned:
-            raise Unresolved(f"'{symbol.name}' {self.assigned[symbol]}, so its value is not known")
+        lost = self.assigned.get(symbol, {}) if known is None else {}
+        path, type_ = ((), symbol.type) if () in lost else self.path(reference, symbol, scope, depth)
+        for at, how in lost.items():
+            if path[: len(at)] == at or symbol.obstacle:
+                raise Unresolved(f"'{symbol.name}' {how}, so its value is not known")
         if known is None and symbol.obstacle:
             raise Unresolved(symbol.obstacle)
-        path, type_ = self.path(reference, symbol, scope, depth)
         if known is None or known.declared:
             origin = Origin(
                 symbol=symbol, path=path, type=type_, node=_written_at(symbol, path), selectors=reference.selectors
             )
             value = self._declared(origin, depth)
+            for at, how in lost.items():
+                if at[: len(path)] == path:
+                    because = Lost(reason=f"'{symbol.name}' {how}, so its value is not known")
+                    value = replaced(value, at[len(path) :], because, ("",) * len(at), {})
             found = Found(value=value, type=type_, origin=origin, passed=None, literal=origin.node, name=origin.name)
             if known is None and not reference.selectors and depth == 0 and symbol.declaration is not None:
                 self._named[symbol] = found
@@ -640,6 +726,41 @@ class Values:
             name = known.name if known.name and not path else symbol.name
             return Found(value=value, type=type_, origin=None, passed=None, literal=None, name=name)
         return _through(known.passed, value, path, type_, reference)
+
+    def levels(self, reference: Reference, symbol: Symbol, scope: Scope) -> tuple[str, ...]:
+        """Types of the records in which the steps of the path of a reference lead; empty of those in an array."""
+        levels: list[str] = []
+        type_ = symbol.type
+        for selector in reference.selectors:
+            if isinstance(selector, Index):
+                levels += [""] * len(selector.items)
+            else:
+                levels.append(type_)
+                type_ = dict(scope.types.get(type_, ())).get(selector.key, "")
+        return tuple(levels)
+
+    def blank(self, symbol: Symbol, leaf: Callable[[str], Value]) -> Value:
+        """A value of the type of data, without any that is declared.
+
+        Args:
+            symbol: the data.
+            leaf: what stands for a type that has no components.
+
+        Raises:
+            Unresolved: it is not known how many elements there are, or there are very many.
+        """
+        declaration, scope = symbol.declaration, symbol.scope
+        if declaration is None or scope is None:
+            raise Unresolved(symbol.obstacle)
+        value = _blank(symbol.type, scope.types, leaf)
+        count = 1.0
+        for expression in reversed(declaration.dimensions):
+            size = self.number(expression, scope)
+            count *= size
+            if not 1.0 <= count <= MAX_BLANK or size != int(size):
+                raise Unresolved(f"'{symbol.name}' has too many elements")
+            value = (value,) * int(size)
+        return value
 
     def path(self, reference: Reference, symbol: Symbol, scope: Scope, depth: int = 0) -> tuple[tuple[int, ...], str]:
         """Which component or element of its data a reference means, and the type of that.
@@ -691,6 +812,8 @@ class Values:
 
     def _of_call(self, call: Call, scope: Scope, depth: int) -> Value:
         key = call.name.key
+        if key in scope.routines and call in self.returned:
+            return self.returned[call].value
         if key in scope.routines or key not in COMPUTED:
             raise Unresolved(f"the value of {call.name.text}() is known only at run time")
         required = [a.value for a in call.arguments if not a.option and a.value is not None]
@@ -699,6 +822,12 @@ class Values:
             raise Unresolved(f"the value of {call.name.text}() is known only at run time")
         given = [self.of(node, scope, depth + 1) for node in required]
         return COMPUTED[key](given, {name: self.of(node, scope, depth + 1) for name, node in options.items()})
+
+
+def _blank(type_: str, types: Types, leaf: Callable[[str], Value], depth: int = 0) -> Value:
+    if type_ not in types or depth > MAX_RECORDS:
+        return leaf(type_)
+    return tuple(_blank(component, types, leaf, depth + 1) for _, component in types[type_])
 
 
 def _written_at(symbol: Symbol, path: tuple[int, ...]) -> Expression | None:
@@ -716,9 +845,13 @@ def _inside(node: Expression | None, path: tuple[int, ...]) -> Expression | None
 
 def _component(value: Value, path: tuple[int, ...], symbol: Symbol) -> Value:
     for item in path:
+        if isinstance(value, Lost):
+            break
         if not isinstance(value, tuple) or item >= len(value):
             raise Unresolved(f"'{symbol.name}' has no element {item + 1}")
         value = value[item]
+    if isinstance(value, Lost):
+        raise Unresolved(value.reason)
     return value
 
 

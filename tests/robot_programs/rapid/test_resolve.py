@@ -12,7 +12,7 @@ from tests.robot_programs.rapid.samples import POINTS, module, source
     ("declarations", "body", "reason"),
     [
         ("VAR" + POINTS.splitlines()[0][5:], "p1:=p1;MoveL p1,v100,fine,tool0;", "'p1' is assigned to in part.mod:4"),
-        ("VAR" + POINTS.splitlines()[0][5:], "p1.trans.x:=3;MoveL p1,v100,fine,tool0;", "'p1' is assigned to in part.mod:4"),
+        ("VAR" + POINTS.splitlines()[0][5:], "p1.trans:=CPos();MoveL p1,v100,fine,tool0;", "CPos() is known only at run time"),
         ("VAR" + POINTS.splitlines()[0][5:], "Elsewhere p1;MoveL p1,v100,fine,tool0;", "'p1' is assigned to in part.mod:4"),
         (POINTS, "MoveL p1,v100,fine,tool0\\Mine:=10;", "\\mine is not provided for"),
         (

@@ -1,0 +1,59 @@
+"""What is understood of a program is what it does, whichever values its sensors give."""
+
+from random import Random
+
+import numpy as np
+import pytest
+
+from robot_programs.core.program import Program
+from robot_programs.krl.read import read_krl
+from robot_programs.rapid.read import read_rapid
+from tests.robot_programs import small_language as small
+
+Went = set[tuple[int, tuple[int, ...]]]
+
+
+def rapid(program: small.Program) -> Program:
+    return read_rapid(small.Rapid().program(program))
+
+
+def krl(program: small.Program) -> Program:
+    return read_krl(small.Krl().program(program))
+
+
+def understood(program: Program) -> Went:
+    """Lines and places of all motions, outside of any frame."""
+    went = {
+        (move.place.line, tuple(np.round((move.part.T @ move.end.T)[:3, 3] * 1e3).astype(int)))
+        for move in program.motions
+    }
+    return {(line, tuple(map(int, place))) for line, place in went}
+
+
+def refused(program: Program) -> set[int]:
+    return {d.place.line for d in program.diagnostics if "stays as it is" in d.text}
+
+
+@pytest.mark.parametrize("read", [rapid, krl])
+def test_a_program_without_sensors_is_understood(read):
+    for seed in range(100):
+        program = small.random_program(Random(seed), sensors=False)
+        found = read(program)
+        machine = small.Machine(sensor=lambda: 0)
+        machine.run(program)
+        reached = {line for line, _ in machine.went}
+        assert not refused(found) & reached, (seed, found.diagnostics, found.sources[0].text)
+        assert {one for one in understood(found) if one[0] in reached} == machine.went, (seed, found.sources[0].text)
+
+
+@pytest.mark.parametrize("read", [rapid, krl])
+def test_nothing_is_understood_that_sensors_decide(read):
+    for seed in range(100):
+        program = small.random_program(Random(seed), sensors=True)
+        found = read(program)
+        known, unknown = understood(found), refused(found)
+        for k in range(6):
+            rng = Random(k)
+            machine = small.Machine(sensor=lambda rng=rng: rng.randint(0, 60))
+            machine.run(program)
+            assert {one for one in machine.went if one[0] not in unknown} <= known, (seed, found.sources[0].text)
