@@ -74,7 +74,7 @@ def test_a_program_that_was_read_can_be_composed_again():
 
 
 @pytest.mark.parametrize(
-    ("name", "moves", "message"),
+    ("name", "motions", "message"),
     [
         ("3d", [], "'3d' is not a name of a KRL program"),
         ("a_name_of_more_than_24_letters", [], "at most 24"),
