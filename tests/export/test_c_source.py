@@ -128,7 +128,7 @@ def test_effect_that_decides_by_comparisons_is_refused():
 
     try:
         model = ErrorModel(load_robot("ur5"), effects=(Stepped(),))
-        with pytest.raises(TaskcalError, match=r"steps cannot be written as C: .*comparisons"):
+        with pytest.raises(TaskcalError, match=r"steps cannot be written as code: .*comparisons"):
             _Function.of(model, np.zeros(len(model)))
     finally:
         _KINDS.pop("Stepped")

@@ -18,6 +18,8 @@ MANY_ALIKE = {"taskcal.cli.commands": "one file for each command", "taskcal.stud
 ONE_IMPORTER = {
     "a step of its own in the way of a file, or of a fit": {
         "robot_programs.apt.rewrite",
+        "robot_programs.rapid.computed",
+        "taskcal.correction.run_time",
         "taskcal.correction.subdivision",
         "taskcal.diagnosis.drift",
         "taskcal.identification.chunked_fit",

@@ -403,6 +403,24 @@ class Program(ABC):
         """
         return ()
 
+    def wrap(
+        self, function: str, added: Source | None, *, without: Container[str] = (), rejected: Container[int] = ()
+    ) -> "Wrapping":
+        """Put a function around the targets of motions that only the running program knows.
+
+        Args:
+            function: name of the function, which is given target, tool and frame as the language has them.
+            added: the file that declares it, read with the others from then on; None where the program has it.
+            without: names of tools and frames, in lower case, with which motions are left as they are.
+            rejected: numbers of motions whose targets get it as well, as far as all motions of their text are among these.
+
+        Raises:
+            InputError: the language has no place for it, or the program has something of that name already.
+        """
+        raise InputError(
+            f"{self.sources[0].path}: no function is put around targets of this language; correct it without a helper"
+        )
+
     def reread(self, sources: tuple[Source, ...]) -> "Program":
         """The program of other texts of the same files, such as `rewrite` gives.
 
@@ -489,6 +507,18 @@ def _close(a: float | np.ndarray | None, b: float | np.ndarray | None, tolerance
     if a is None or b is None:
         return a is b
     return bool(np.max(np.abs(np.asarray(a) - b)) <= tolerance)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Wrapping:
+    """A program in which a function stands around the targets of some motions."""
+
+    program: Program
+    """As read again; the program itself where no motion could be given the function."""
+    wrapped: tuple[Place, ...]
+    """Motions that have it."""
+    left: tuple[Diagnostic, ...]
+    """Motions that could not be given it, and why."""
 
 
 # What a language of robot programs can do.

@@ -16,6 +16,7 @@ from robot_programs.core.errors import InputError
 from robot_programs.core.flow import Loop, lines_in
 from robot_programs.core.program import (
     Composition,
+    Diagnostic,
     Frame,
     Motion,
     MotionKind,
@@ -23,12 +24,14 @@ from robot_programs.core.program import (
     Target,
     Visit,
     Waypoint,
+    Wrapping,
     reject_in_turn,
 )
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import FreshNames, Place, Source, TextEdit
 from robot_programs.core.written_out import Copy, Turns, WritingOut, loops_to_write, reaching, written_out
 from robot_programs.rapid.changes import Use
+from robot_programs.rapid.computed import calls_function, wrap
 from robot_programs.rapid.names import DATA, Context, File, Symbol
 from robot_programs.rapid.parse import RESERVED
 from robot_programs.rapid.resolve import (
@@ -693,6 +696,43 @@ class RapidProgram(Program):
             return None
         new = [written_out(source, plans.get(str(source.path), WritingOut())) for source in self.sources]
         return None if None in new else tuple(source for source in new if source is not None)
+
+    def wrap(
+        self, function: str, added: Source | None, *, without: Container[str] = (), rejected: Container[int] = ()
+    ) -> Wrapping:
+        """Put a function of robtarget, tooldata and wobjdata around targets; see `Program.wrap`."""
+        if added is not None and any(function.lower() in context.scope.routines for context in self.everywhere):
+            raise InputError(f"{self.sources[0].path}: has a function {function} already")
+        staying = {site.instruction for i, site in enumerate(self.sites) if i not in rejected}
+        motions = self.unresolved | {site.instruction for site in self.sites}.difference(staying)
+        edits, wrapped, left = _Edits(), list[Place](), list[Diagnostic]()
+        for one in wrap(self.everywhere, motions, function, without):
+            if one.obstacle:
+                text = f"{one.name} is not corrected at run time: {one.obstacle}"
+                left.append(Diagnostic(place=one.place, text=text))
+            else:
+                wrapped.append(one.place)
+                edits.by_path.setdefault(one.path, []).extend(one.edits)
+
+        def read(sources: tuple[Source, ...]) -> Program:
+            """The program without the motions that have the function, of which nothing is to be said any more."""
+            again = self.reread(sources)
+            assert isinstance(again, RapidProgram)
+            having = {
+                context.file.source.place(line.start)
+                for context in again.everywhere
+                for line in context.lines
+                if isinstance(line, Instruction) and calls_function(line, function)
+            }
+            return replace(
+                again, read=read, backup=self.backup, base_from=self.base_from,
+                unresolved=frozenset(one for one in again.unresolved if not calls_function(one, function)),
+                diagnostics=tuple(d for d in again.diagnostics if d.place not in having or "stays as it is" not in d.text),
+            )  # fmt: skip
+
+        sources = tuple(source.edited(edits.by_path.get(str(source.path), ())) for source in self.sources)
+        program = read((*sources, added) if added is not None else sources) if wrapped else self
+        return Wrapping(program=program, wrapped=tuple(wrapped), left=tuple(left))
 
     def visits(self) -> Iterator[Visit]:
         """Motions of one routine to one target in one tool and work object; see `Program.visits`.

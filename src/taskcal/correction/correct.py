@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from robot_programs.core.program import Diagnostic, Motion, Program, Waypoint, keep_together, missing_names
+from robot_programs.core.program import Diagnostic, Motion, Program, Waypoint, Wrapping, keep_together, missing_names
 from robot_programs.core.source import Place, Source, uncollected
 from robot_programs.languages import language_of
 from robot_programs.reading import compose_program, parse_program
@@ -35,6 +35,7 @@ from taskcal.correction.correction import (
 )
 from taskcal.correction.frames import Uncertainty, frames_on, place_motions, uncertainty_at
 from taskcal.correction.path import RoundedPath
+from taskcal.correction.run_time import helper_for
 from taskcal.correction.subdivision import CorrectionProblem, Subdivision, subdivide
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
@@ -587,6 +588,7 @@ def correct(
     into: str | Path | None = None,
     keep_joints: bool = False,
     accept_uncertain: bool = False,
+    helper: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Correction:
     """Correct a robot program by a calibration.
@@ -601,14 +603,22 @@ def correct(
             the program's own files are rewritten.
         keep_joints: leave motions to joint positions as they are, such as those to a home position that a cell checks.
         accept_uncertain: correct it even where the calibration knows less than the robot's tolerances do (`UNKNOWN_FROM`).
+        helper: add a module that corrects at run time the targets that the text does not tell, and put its function around them.
         progress: told what is being done.
 
     Raises:
         TaskcalError: the program has no motion that is known; no rotation about the tool's axis lets the robot follow it; what was
-            measured does not fit; or the calibration knows less at the targets than the robot's tolerances do.
+            measured does not fit; or the calibration knows less at the targets than the robot's tolerances do; or a helper cannot
+            be written for its language, or depends on what a controller does not know.
+        InputError: the program has a helper already.
     """
     cell, bounds = cell or Cell(), bounds or Bounds()
-    if not program.motions:
+    module, wrappings = None, list[Wrapping]()
+    if helper:
+        module = helper_for(calibration, program, cell, bounds, into)
+        wrappings.append(module.wrap(program))
+        program = wrappings[0].program
+    if not program.motions and not any(one.wrapped for one in wrappings):
         missing = tuple(missing_names(program.diagnostics))  # of a backup it is the first one already
         said = dict.fromkeys(str(diagnostic) for diagnostic in (*missing, *program.diagnostics))
         why = "".join(f"; {text}" for text in list(said)[:MAX_REASONS])
@@ -621,7 +631,7 @@ def correct(
         )  # fmt: skip
 
     first = best = corrected(program)
-    written_out, of_text = program, best[1]
+    written_out, of_text, written = program, best[1], program
     for _ in range(MAX_WRITING_OUT if of_text else 0):
         sources = written_out.written_out(of_text)
         if sources is None:
@@ -630,10 +640,17 @@ def correct(
         written_out = written_out.reread(sources)
         found, of_text = corrected(written_out)
         if len(found.rejected) < len(best[0].rejected):
-            best = found, of_text
+            best, written = (found, of_text), written_out
         if not of_text:
             break
-    return best[0] if best is first else _with_written_out(best[0], program)
+    found = best[0] if best is first else _with_written_out(best[0], program)
+    if module is None:
+        return found
+    if best[1]:
+        wrappings.append(module.wrap(written, best[1], declared=bool(wrappings[0].wrapped)))
+        if wrappings[1].wrapped:
+            found, _ = corrected(wrappings[1].program)
+    return module.told(found, wrappings)
 
 
 MAX_WRITING_OUT = 4

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from robot_programs.core.program import Diagnostic, Motion, Program
-from robot_programs.core.source import Source
+from robot_programs.core.source import Place, Source
 from robot_programs.reading import written_files
 from taskcal.arguments import checked
 from taskcal.correction.controller import ControllerTrajectory, JointMotion
@@ -268,6 +268,17 @@ class Bounds:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Helper:
+    """A module that corrects at run time."""
+
+    path: Path
+    operations: int
+    """Sums, products and functions of one evaluation of the calibrated robot."""
+    motions: tuple[Place, ...]
+    """That it corrects."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Correction:
     """A corrected program and its report."""
 
@@ -315,6 +326,8 @@ class Correction:
     """Relative to which frames, and with which tools, the program is accurate."""
     motion: JointMotion
     """How the corrected program moves the joints."""
+    helper: Helper | None = None
+    """Module among the sources that corrects at run time what the text does not tell."""
 
     def __repr__(self) -> str:
         rejected = f", {len(self.rejected)} rejected" if self.rejected else ""
@@ -357,7 +370,15 @@ class Correction:
         Raises:
             FileError: it would overwrite what was read.
         """
-        return written_files(self.program, self.sources, out)
+        if self.helper is None:
+            return written_files(self.program, self.sources, out)
+        out, own = Path(out), [source for source in self.sources if source.path != self.helper.path]
+        contents, lay = written_files(self.program, own, out)
+        beside = (out if out.is_dir() else out.parent) / self.helper.path.name
+        if beside in contents:
+            raise FileError(beside, "would be both the program and its helper; name another file")
+        (added,) = (source for source in self.sources if source not in own)
+        return contents | {beside: added.encode()}, lay
 
     def summary(self) -> dict[str, Any]:
         """The report in numbers, in millimetres and degrees."""
@@ -367,6 +388,7 @@ class Correction:
             "refused": len(self.rejected),
             "unresolved": len(self.program.diagnostics),
             "written_moves": len(self.motions),
+            "at_run_time": 0 if self.helper is None else len(self.helper.motions),
             "tolerance_mm": self.tolerance * 1e3,
             "expected": self.budget.summary(),
             "before": _errors(self.before),

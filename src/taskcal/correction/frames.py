@@ -664,12 +664,11 @@ def uncertainty_at(
         directions: the side from which each drive comes, where the model tells one from the other.
         weights: how much each target counts; all alike by default.
     """
-    calibration = frames[0].calibration
     ended = np.isfinite(q[:, 0])
     counts = ended * (np.ones(len(q)) if weights is None else weights)
     counts /= counts.sum() or 1.0
     variances = np.full((len(number), len(SOURCES)), np.nan)
-    estimated = len(calibration.z)
+    estimated = len(frames[0].calibration.z) if frames else 0
     common = np.zeros((estimated + CAUSES_OF_FRAMES * len(frames),) * 2)
     for k, frame in enumerate(frames):
         rows = np.flatnonzero(ended & (number == k))

@@ -90,8 +90,8 @@ def judge(
     """Judge a calibration over a task, and a program that was corrected by it.
 
     The measured target and the tool's point are judged over the task, in the branch in which the robot was measured, or where there
-    is none at the program's targets. The tool
-    is that of the program's first motion, or the robot file's.
+    is none at the program's targets, or where it was measured where none of these is known. The tool is that of the program's
+    first motion, or the robot file's.
 
     Args:
         calibration: the calibration.
@@ -109,7 +109,8 @@ def judge(
         poses = reach_task(calibration.model, task, seed=seed, known=calibration.q)
         q, weights = poses.q, poses.weights
     elif correction is not None:
-        q, weights = correction.after.q[correction.after.at_target], None
+        targets = correction.after.q[correction.after.at_target]
+        q, weights = targets if len(targets) else calibration.q, None
     else:
         raise TaskcalError("a verdict needs a task, or a corrected program")
     unstated = "" if tolerance is not None else "no tolerance is stated"
@@ -125,8 +126,9 @@ def judge(
         )
         uncertainty = uncertainty_at([frame], np.zeros(len(q), dtype=np.int64), q, weights=weights)
         judgements.append(_judgement(subject, budget_of(_NONE, _NONE, uncertainty), tolerance, unstated, seen))
-    program = None if correction is None else correction.budget
-    missing = "no program was corrected yet" if correction is None else unstated
+    program, missing = (None, "no program was corrected yet") if correction is None else (correction.budget, unstated)
+    if correction is not None and not len(correction.after.q):
+        program, missing = None, "no target of the program is known"
     judgements.append(_judgement("program on the part", program, tolerance, missing, seen))
     return Verdict(task="" if task is None else task.name, judgements=tuple(judgements))
 
@@ -159,7 +161,7 @@ def _judgement(
 
 def _tool(calibration: Calibration, correction: Correction | None, cell: Cell) -> GraspedFrame:
     """What the robot holds in the program, or its own tool."""
-    if correction is None:
+    if correction is None or not correction.program.motions:
         own = calibration.model.robot.T_flange_tool
         return grasped_frame(calibration, Measured(name="tool"), own)
     move = correction.program.motions[0]

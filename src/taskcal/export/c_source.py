@@ -13,13 +13,13 @@ from jaxtyping import Float
 
 from robot_programs.core.robot import WRIST_TOLERANCE_M, meeting_point
 from taskcal.arguments import checked
-from taskcal.errors import TaskcalError, WrongValue, shown
+from taskcal.errors import WrongValue, shown
 from taskcal.export.forms import Export, Loss, spread_poses
 from taskcal.geometry.expressions import Pool, Traced, statements, trace
 from taskcal.identification.calibration import Calibration
 from taskcal.kernels.chain import Fixed
 from taskcal.robot.conditions import Conditions
-from taskcal.robot.effects.base import Effect, LinearTerm, Quantity
+from taskcal.robot.effects.base import Quantity
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
@@ -125,23 +125,13 @@ class _Function:
             temperature=np.array([pool.input("c->temperature")], dtype=object),
             time=np.array([pool.input("c->time")], dtype=object),
         )
-        side, bar = model.robot.joint_side, model.robot.four_bar
-        loop = side.loop_numbers(model.loop_deviations(x))
+        bar, loop = model.robot.four_bar, model.robot.joint_side.loop_numbers(model.loop_deviations(x))
         lengths = {} if bar is None else {name: float(getattr(loop, name)) for name in ("L1", "L2", "L3")}
-        own, kept = side.traced(q, loop._replace(**{name: pool.input(name) for name in lengths}))
-        still = np.concatenate([own[0], np.zeros(model.chain.joints - own.shape[1])])
-        s, factors = still.copy(), list[Any]()
+        loop = loop._replace(**{name: pool.input(name) for name in lengths})
+        still, s, factors, kept = model.coordinates(q, x, loop, conditions)
         if bar is not None and not model.lengths_only:
-            by_length = [pool.derivatives(list(own[0]), pool.input(name)) for name in lengths]
-            factors = [by_length[k][c] for c, k in bar.pairs]
-        first = len(x) - len(model.effect_names)
-        for effect, term in zip(model.effects, model.effect_terms, strict=True):
-            own_factors = _factors(effect, term, q, conditions)
-            value = x[first : first + len(term.names)] + (0.0 if term.nominal is None else term.nominal)
-            for factor, (coordinate, parameter) in zip(own_factors, term.pairs, strict=True):
-                s[coordinate] = s[coordinate] + factor * value[parameter]
-            factors += own_factors
-            first += len(term.names)
+            by_length = [pool.derivatives(list(still), pool.input(name)) for name in lengths]
+            factors = [*(by_length[k][c] for c, k in bar.pairs), *factors]
         traced = trace(model.chain, s, model.error_frames(x))
         nearly, by_joint = (
             np.array([pool.derivatives(list(of), one) for one in q[0]], dtype=object).T for of in (still, s)
@@ -172,18 +162,6 @@ class _Function:
             R = T[:3, :3]
             out.append([*R.T, *(about @ R.T), R @ np.array(t) + T[:3, 3]])
         return out
-
-
-def _factors(effect: Effect, term: LinearTerm, q: Any, conditions: Any) -> list[Any]:
-    """Movement of a coordinate for a unit of each parameter of an effect.
-
-    Raises:
-        TaskcalError: it decides by comparisons, or uses what is not analytic.
-    """
-    try:
-        return list((term.basis(q) if term.given is None else term.given(q, conditions))[0])
-    except TypeError as error:
-        raise TaskcalError(f"{effect.name} cannot be written as C: {error}") from error
 
 
 # What stands in the templates for words between @ signs.

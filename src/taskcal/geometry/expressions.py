@@ -262,6 +262,129 @@ def statements(pool: Pool, results: Mapping[str, Any] | Sequence[tuple[str, Any]
     yield from (f"{place} = {names[value.number]};" for place, value in wanted)
 
 
+# The same in languages of robot controllers: short lines, few variables, angles in degrees.
+
+
+class Dialect(NamedTuple):
+    """How a language writes arithmetic."""
+
+    number: Callable[[float], str]
+    functions: Mapping[str, str]
+    """By name of the expression; a format of the arguments."""
+    variable: str
+    """A format of its number, from 1 on."""
+    assignment: str
+    """A format of variable and value."""
+    degrees: Mapping[str, str] | None = None
+    """Where functions take and give degrees: inputs that are angles in radians, and what they are called in degrees."""
+
+    def applied(self, name: str, pieces: "Sequence[_Piece]") -> str:
+        """A function of some arguments.
+
+        Raises:
+            TypeError: the language does not have it.
+        """
+        if name not in self.functions:
+            raise TypeError(f"it takes {name}, which the language does not have")
+        texts = [piece.text for piece in pieces]
+        if self.degrees is not None and name in ("sin", "cos"):
+            (piece,) = pieces
+            texts = [self.degrees.get(piece.text, f"{self.number(math.degrees(1.0))}*{piece.within(2)}")]
+        text = self.functions[name].format(*texts)
+        if self.degrees is not None and name == "atan2":
+            text = f"({self.number(math.radians(1.0))}*{text})"
+        return text
+
+
+MAX_TEXT = 96
+"""Characters of a value; controllers' editors show lines of some 120."""
+
+
+class StraightLine(NamedTuple):
+    """Assignments that compute some expressions."""
+
+    lines: list[str]
+    variables: int
+    """That are used again and again."""
+    operations: int
+    """Sums, products, quotients and functions."""
+
+
+def straight_line(pool: Pool, results: Mapping[str, Any], dialect: Dialect) -> StraightLine:
+    """Write expressions in a language of few variables: what is used once stands where it is used.
+
+    Args:
+        pool: whose expressions they are.
+        results: what each is assigned to, and the expression or number.
+        dialect: how the language writes them.
+
+    Raises:
+        TypeError: the language has no such function.
+    """
+    wanted = {place: pool.constant(value) for place, value in results.items()}
+    needed = _needed(wanted.values())
+    uses: dict[int, int] = dict.fromkeys((one.number for one in needed), 0)
+    for part in (part for one in needed for part in one.key[1:] if isinstance(part, Expression)):
+        uses[part.number] += 1
+    for value in wanted.values():
+        uses[value.number] += 1
+    texts: dict[int, _Piece] = {}
+    free, lines, variables = list[int](), list[str](), 0
+
+    def write(place: str, piece: _Piece) -> None:
+        lines.append(dialect.assignment.format(place, piece.text))
+
+    def released(piece: _Piece) -> None:
+        for number, variable in piece.reads:
+            uses[number] -= 1
+            if not uses[number]:
+                free.append(variable)
+
+    for one in needed:
+        piece = _piece(one, texts, dialect)
+        if one.key[0] not in ("constant", "input") and (uses[one.number] > 1 or len(piece.text) > MAX_TEXT // 3):
+            released(piece)
+            variables += not free
+            variable = free.pop() if free else variables
+            name = dialect.variable.format(variable)
+            write(name, piece)
+            piece = _Piece(name, 2, ((one.number, variable),))
+        texts[one.number] = piece
+    for place, value in wanted.items():
+        write(place, texts[value.number])
+    return StraightLine(lines, variables, sum(one.key[0] not in ("constant", "input") for one in needed))
+
+
+class _Piece(NamedTuple):
+    """Text of an expression."""
+
+    text: str
+    rank: int
+    """0 of a sum, 1 of a product or quotient, 2 of what needs no brackets."""
+    reads: tuple[tuple[int, int], ...]
+    """Numbers of expressions that it reads from variables, and those."""
+
+    def within(self, rank: int) -> str:
+        """In brackets where the operation around it binds as tightly or more."""
+        return self.text if self.rank >= rank else f"({self.text})"
+
+
+def _piece(one: Expression, texts: Mapping[int, _Piece], dialect: Dialect) -> _Piece:
+    name, *parts = one.key
+    if name == "constant":
+        text = dialect.number(parts[0])
+        return _Piece(f"({text})" if parts[0] < 0.0 else text, 2, ())
+    if name == "input":
+        return _Piece(parts[0], 2, ())
+    pieces = [texts[part.number] for part in parts]
+    reads = tuple(read for piece in pieces for read in piece.reads)
+    if name == "+":
+        return _Piece(f"{pieces[0].within(0)}+{pieces[1].within(1)}", 0, reads)
+    if name in "*/":
+        return _Piece(f"{pieces[0].within(1)}{name}{pieces[1].within(2)}", 1, reads)
+    return _Piece(dialect.applied(name, pieces), 2, reads)
+
+
 # A chain gone through in expressions; `walk` says what is computed, here it is noted.
 
 

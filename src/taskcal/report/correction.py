@@ -141,7 +141,7 @@ def state_expected(correction: Correction) -> list[tuple[str, str]]:
     """State the expected error before and after, with the uncertainty and its sources; label and text."""
     if not len(correction.before.error):
         return [
-            ("expected error", "not known: the robot reaches no target of the program; the reasons are listed below")
+            ("expected error", "not known: no target of the program is known and reached; the reasons are listed below")
         ]
     budget = correction.budget
     expected = f"{budget.before * 1e3:.3f} mm before, {budget.after * 1e3:.3f} mm after (3D rms at targets, uncertainty included)"
@@ -209,7 +209,8 @@ def tabulate_correction(correction: Correction) -> list[tuple[str, str]]:
         (
             "motions",
             f"{summary['moves']}: {summary['corrected']} corrected and written as {pieces}, {summary['refused']} rejected, "
-            f"{unchanged} unchanged; {summary['unresolved']} statements not interpreted",
+            f"{unchanged} unchanged; {summary['unresolved']} statements not interpreted"
+            + (f"; {summary['at_run_time']} more corrected at run time" if correction.helper is not None else ""),
         ),
         (
             "lines and arcs",

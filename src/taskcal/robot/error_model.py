@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -61,6 +62,18 @@ def error_steps(robot: Robot, *, lengths_only: bool) -> tuple[list[Step], list[l
 
 
 Prepared = tuple[Float[np.ndarray, "_ _"] | None, ...]
+
+
+class Coordinates(NamedTuple):
+    """Chain coordinates as expressions."""
+
+    still: Any
+    """Without what effects add."""
+    moved: Any
+    factors: list[Any]
+    """Movement of a coordinate for a unit of each parameter of an effect, by the pairs of its term."""
+    kept: list[Any]
+    """What is positive where the closed loop assembles as it was built."""
 
 
 class ErrorModel:
@@ -263,6 +276,34 @@ class ErrorModel:
         """Deviations of the four-bar's crank, rod and rocker from nominal at parameter values x; zero where they are none."""
         estimated = self.robot.four_bar is not None and not self._fixed_terms
         return x[self._frame_count :][:3] if estimated else np.zeros(3)
+
+    def coordinates(self, q: Any, x: Float[np.ndarray, " p"], loop: Any, conditions: Any = None) -> Coordinates:
+        """Chain coordinates at joint positions that are expressions.
+
+        Args:
+            q: joint positions, expressions (1, joints).
+            x: parameter values, metres and radians.
+            loop: the closed loop's lengths as of `JointSide.loop_numbers`, numbers or expressions.
+            conditions: how the pose is reached, in expressions; nothing is known of it by default.
+
+        Raises:
+            TaskcalError: an effect decides by comparisons, or uses what is not analytic.
+        """
+        own, kept = self.robot.joint_side.traced(q, loop)
+        still = np.concatenate([own[0], np.zeros(self.chain.joints - own.shape[1])])
+        moved, factors, first = still.copy(), list[Any](), len(x) - len(self.effect_names)
+        for effect, term in zip(self.effects, self.effect_terms, strict=True):
+            try:
+                given = term.given
+                rows = term.basis(q) if given is None or conditions is None else given(q, conditions)
+            except TypeError as error:
+                raise TaskcalError(f"{effect.name} cannot be written as code: {error}") from error
+            value = x[first : first + len(term.names)] + (0.0 if term.nominal is None else term.nominal)
+            for factor, (coordinate, parameter) in zip(rows[0], term.pairs, strict=True):
+                moved[coordinate] = moved[coordinate] + factor * value[parameter]
+            factors += list(rows[0])
+            first += len(term.names)
+        return Coordinates(still, moved, factors, kept)
 
     def walk(
         self,

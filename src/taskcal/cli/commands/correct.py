@@ -155,6 +155,10 @@ def command(
         None, "TASK.toml", "Judge the expected error against the tolerance of this task.", also="-t", callback=look_at
     ),
     keep_joints: bool = option(False, help="Leave motions to joint positions unchanged, such as to a home position."),
+    helper: bool = option(
+        False,
+        help="Add a module that corrects targets which the text does not tell, such as computed ones, at run time (RAPID).",
+    ),
     again: bool = option(False, help="Correct a program that taskcal correct wrote."),
     page: PageOptions,
 ) -> None:
@@ -189,6 +193,7 @@ def command(
             bounds=limits.bounds(),
             into=_new_program(programs[0], destination.output),
             keep_joints=keep_joints,
+            helper=helper,
             accept_uncertain=destination.accept_uncertain or destination.dry_run,
             progress=begin,
         )
@@ -202,7 +207,7 @@ def command(
     made = page.write(outputs, contents, lambda: correction_page(correction, calibrated, verdict), lay)
     written = tuple(contents) if lay is None or out is None else (out,)
     if written:
-        remember_corrected(correction)
+        remember_corrected(correction, program.sources)
     page.give(
         _result(correction, verdict, written, page), lambda: _show(correction, verdict, written, page.in_words(made))
     )
@@ -370,9 +375,9 @@ def check_not_corrected(sources: "Iterable[Source]") -> None:
             )
 
 
-def remember_corrected(correction: "taskcal.Correction") -> None:
+def remember_corrected(correction: "taskcal.Correction", read: "Iterable[Source]") -> None:
     """Note the files in which a correction changed something; where no note can be kept, they will not be known."""
-    given = {source.path: source.encode() for source in correction.program.sources}
+    given = {source.path: source.encode() for source in read}
     for source in correction.sources:
         content = source.encode()
         if content not in given.values():

@@ -1,0 +1,189 @@
+"""Targets that only the running program knows, put through a function: which may be, and the edits that do so."""
+
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from robot_programs.core.program import Unresolved
+from robot_programs.core.source import Place, TextEdit
+from robot_programs.rapid.changes import is_read
+from robot_programs.rapid.names import SHIFTING, Context, Scope, Symbol
+from robot_programs.rapid.resolve import CHANGED_BY, MOTION_FORMS, layout
+from robot_programs.rapid.syntax import (
+    Argument,
+    Assignment,
+    Call,
+    Control,
+    Expression,
+    Instruction,
+    Line,
+    Reference,
+    Routine,
+    Unparsed,
+    expressions_of,
+    parts,
+)
+
+MEASURING = frozenset({"crobt", "cpos", "cjointt"})
+"""Functions that say where the robot stands (RAPID functions CRobT, CPos, CJointT): numbers of the nominal robot for where the true
+one is, so that a motion there by other numbers would lead elsewhere."""
+
+Measured = frozenset[Symbol | str]
+"""Data that come from where the robot stood, and the keys of functions that do."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Wrapped:
+    """A motion that is given a function, or not."""
+
+    path: str
+    place: Place
+    name: str
+    edits: tuple[TextEdit, ...] = ()
+    obstacle: str = ""
+    """Why it is not."""
+
+
+def wrap(
+    everywhere: Sequence[Context], motions: Container[Instruction], function: str, without: Container[str]
+) -> Iterator[Wrapped]:
+    """The motions that are read among some instructions, each with the edits that put a function around its targets.
+
+    Args:
+        everywhere: modules and routines.
+        motions: instructions.
+        function: name of a function of a robtarget, a tool and a work object.
+        without: keys of tools and work objects with which motions do not get it.
+    """
+    measured, shift = _measured(everywhere), _shift(everywhere)
+    for context in everywhere:
+        if context.routine is None:
+            continue
+        source = context.file.source
+        for line in context.lines:
+            if isinstance(line, Instruction) and line in motions and is_read(line, context.scope):
+                place, path, name = source.place(line.start), str(source.path), line.name.text
+                try:
+                    edits = tuple(_edits(line, context, measured, function, shift, without))
+                except Unresolved as reason:
+                    yield Wrapped(path=path, place=place, name=name, obstacle=str(reason))
+                else:
+                    yield Wrapped(path=path, place=place, name=name, edits=edits)
+
+
+def calls_function(instruction: Instruction, function: str) -> bool:
+    """Whether a function stands around an argument of an instruction."""
+    key = function.lower()
+    return any(isinstance(a.value, Call) and a.value.name.key == key for a in instruction.arguments)
+
+
+def _edits(
+    instruction: Instruction, context: Context, measured: Measured, function: str, shift: str, without: Container[str]
+) -> Iterator[TextEdit]:
+    scope, text = context.scope, context.file.source.text
+    form, where = MOTION_FORMS[instruction.name.key], layout(instruction)
+    if form.kind == "axes":
+        raise Unresolved("it goes to joint positions, of which the function makes none")
+    if not form.ends_there:
+        raise Unresolved("it ends where it finds something")
+    if shift:
+        raise Unresolved(f"a program displacement may shift it ({shift})")
+    frames = [where.tool, *([where.options["wobj"]] if "wobj" in where.options else [])]
+    for frame in frames:
+        if not isinstance(frame.value, Reference):
+            raise Unresolved("its tool or work object is no data")
+        symbol = scope.known(frame.value.name.text)
+        if frame.value.name.key in without or (without and symbol is not None and symbol.parameter_of):
+            raise Unresolved(
+                f"{frame.value.name.text} was measured, or may be what was, which the function does not know"
+            )
+    targets = [target for target in (where.via, where.to) if target is not None]
+    for argument in (*targets, *frames):
+        if argument.value is None:
+            raise Unresolved("its target is not in the text (*)")
+        if _comes(argument.value, scope, measured):
+            raise Unresolved(
+                f"{text[argument.start : argument.end]} comes from where the robot stood (CRobT, CPos, CJointT or a search), which "
+                "is true already"
+            )
+    names = [text[frame.value.start : frame.value.end] for frame in frames if frame.value is not None]
+    given = ",".join([*names, "wobj0"][:2])
+    for target in targets:
+        own = text[target.start : target.end]
+        yield TextEdit(start=target.start, end=target.end, text=f"{function}({own},{given})")
+
+
+def _shift(everywhere: Iterable[Context]) -> str:
+    """Where a program displacement begins; empty where none does."""
+    words = (
+        (context, token)
+        for context in everywhere
+        for line in context.lines
+        for token in (
+            (line.name,) if isinstance(line, Instruction) else line.tokens if isinstance(line, Unparsed) else ()
+        )
+    )
+    found = next(((context, token) for context, token in words if token.key in SHIFTING), None)
+    return "" if found is None else f"{found[1].text} in {found[0].file.source.place(found[1].start)}"
+
+
+# Which data come from where the robot stood, whatever the order in which they are set.
+
+
+def _measured(everywhere: Sequence[Context]) -> Measured:
+    own = {context.routine: context.scope for context in everywhere if context.routine is not None}
+    found: set[Symbol | str] = set(MEASURING)
+    before = 0
+    while len(found) > before:
+        before = len(found)
+        for context in everywhere:
+            for line in context.lines:
+                found.update(symbol for symbol in _set_by(line, context, own, frozenset(found)) if symbol is not None)
+    return frozenset(found)
+
+
+def _set_by(
+    line: Line, context: Context, own: Mapping[Routine, Scope], measured: Measured
+) -> Iterator[Symbol | str | None]:
+    """What a statement gives values that come from where the robot stood."""
+    scope, routine = context.scope, context.routine
+    match line:
+        case Unparsed() if any(token.key in MEASURING for token in line.tokens):
+            yield from (scope.known(token.text) for token in line.tokens if token.kind == "name")
+        case Assignment() if _comes(line.value, scope, measured):
+            yield scope.known(line.target.name.text)
+        case Control() if routine is not None and any(_comes(one, scope, measured) for one in line.conditions):
+            yield routine.name.key  # it may return them
+        case Instruction() if not line.plain:
+            if line.name.key in CHANGED_BY:
+                yield from _symbols([a for a in line.arguments if not a.option][1:2], scope)
+            yield from _passed(line, scope, own, measured)
+        case _:
+            pass
+    for part in (part for expression in expressions_of(line) for part in parts(expression)):
+        if isinstance(part, Call):
+            yield from _passed(part, scope, own, measured)
+
+
+def _passed(
+    call: Instruction | Call, scope: Scope, own: Mapping[Routine, Scope], measured: Measured
+) -> Iterator[Symbol | None]:
+    """Parameters that are given such values by a call, whichever it is, and data that the routine gives them."""
+    given = [a.value for a in call.arguments if a.value is not None]
+    for routine in scope.routines.get(call.name.key, ()):
+        parameters = [(p, own[routine].own[p.name.key][0]) for p in routine.parameters]
+        if any(_comes(value, scope, measured) for value in given):
+            yield from (symbol for _, symbol in parameters)
+        if any(p.changed and symbol in measured for p, symbol in parameters):
+            yield from _symbols(call.arguments, scope)
+
+
+def _symbols(arguments: Iterable[Argument], scope: Scope) -> Iterator[Symbol | None]:
+    return (scope.known(a.value.name.text) for a in arguments if isinstance(a.value, Reference))
+
+
+def _comes(node: Expression, scope: Scope, measured: Measured) -> bool:
+    return any(
+        (isinstance(part, Call) and part.name.key in measured)
+        or (isinstance(part, Reference) and scope.known(part.name.text) in measured)
+        for part in parts(node)
+    )

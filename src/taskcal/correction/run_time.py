@@ -1,0 +1,335 @@
+"""Correction at run time: a module in the controller's language that moves a target by what the calibrated robot is off there.
+
+With the nominal poses f(q) and the calibrated ones C(q)·f(q), a target's pose F is met at joints q where C(q)·f(q) = F: the
+controller is to drive to f(q) = C(q)⁻¹·F, which it finds by itself. C is the product of the small displacements of all error
+frames and of what the joints turn further, each about where it is on the nominal robot. All that is computed is small, so that
+single precision is enough; q is found by repeating q ← f⁻¹(C(q)⁻¹·F).
+"""
+
+from collections.abc import Callable, Container, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import resources
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from robot_programs.core.program import Diagnostic, Program, Wrapping
+from robot_programs.core.source import Place, Source
+from robot_programs.languages import language_of
+from taskcal.correction.cell import Cell
+from taskcal.correction.correction import Bounds, Correction, Helper
+from taskcal.correction.frames import MAX_TOOL_DIFFERENCE
+from taskcal.errors import TaskcalError, shown
+from taskcal.geometry import se3
+from taskcal.geometry.expressions import Dialect, Pool, StraightLine, straight_line, trace
+from taskcal.identification.calibration import Calibration
+from taskcal.kernels.chain import ERROR_FRAME, FIXED, REVOLUTE
+from taskcal.robot.error_model import COMPONENTS
+
+FUNCTION = "TaskcalCorrected"
+"""Sixteen characters, as many as a name has on the oldest controllers."""
+
+MODULE = "TaskcalHelper"
+
+NO_ERROR = 1e-7
+"""Errors of the robot's own tool that are smaller, metres and radians, are none."""
+
+MAX_TITLE = 100
+"""Characters of a comment."""
+
+USUAL_ROUNDS = 3
+
+MAX_ROUNDS = 8
+"""Of the repetition: each leaves the share of the error by which a millimetre at the tool changes C, a hundredth as a rule and a
+quarter near singular postures."""
+
+SETTLED_MM, LEVER_MM = 2e-3, 2000.0
+"""Change of the shift, with that of the half turn on a lever, millimetres, at which the repetition ends: less is left."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Module:
+    """A module that corrects at run time."""
+
+    source: Source
+    operations: int
+    """Sums, products and functions of one evaluation of the model."""
+    without: frozenset[str]
+    """Keys of tools and parts that were measured, which it does not know."""
+
+    def wrap(self, program: Program, rejected: Container[int] = (), *, declared: bool = False) -> Wrapping:
+        """The program with the function around targets that only the running program knows.
+
+        Args:
+            program: to be corrected.
+            rejected: numbers of motions that its text does not let correct.
+            declared: whether it has the module already.
+        """
+        added = None if declared else self.source
+        return program.wrap(FUNCTION, added, without=self.without, rejected=rejected)
+
+    def told(self, found: Correction, wrappings: Sequence[Wrapping]) -> Correction:
+        """A correction with what the module does in it."""
+        motions = tuple(place for one in wrappings for place in one.wrapped)
+        start, file = Place(path=found.program.sources[0].path, line=1), self.source.path.name
+        said = [Diagnostic(place=start, text="no motion needs a helper, or can have one; none is added")]
+        if motions:
+            count = f"{len(motions)} motions are" if len(motions) > 1 else "1 motion is"
+            text = (
+                f"{count} corrected at run time by {FUNCTION} of {file}: load it with the program; a call takes {self.operations} "
+                f"operations and the controller's inverse {USUAL_ROUNDS} times as a rule, {MAX_ROUNDS} at most"
+            )
+            said = [Diagnostic(place=start, text=text)]
+            said += [Diagnostic(place=one, text="is corrected at run time, and not assessed here") for one in motions]
+        said += [one for wrapping in wrappings for one in wrapping.left]
+        helper = Helper(path=self.source.path, operations=self.operations, motions=motions) if motions else None
+        return replace(found, helper=helper, diagnostics=(*said, *found.diagnostics))
+
+
+# The displacement of the calibrated robot against the nominal one, in expressions.
+
+
+class Displacement(NamedTuple):
+    """A small rigid displacement x ↦ t + x + 2·(w·v×x + v×(v×x)): half a turn in w and v, a quaternion."""
+
+    w: Any
+    v: Any
+    t: Any
+
+    def turned(self, x: Any) -> Any:
+        """By how much a point is moved by the rotation alone."""
+        across = np.cross(self.v, x)
+        return 2.0 * (self.w * across + np.cross(self.v, across))
+
+    def then(self, other: "Displacement") -> "Displacement":
+        """The product of two; the other one acts first."""
+        w = self.w * other.w - self.v @ other.v
+        v = self.w * other.v + other.w * self.v + np.cross(self.v, other.v)
+        return Displacement(w, v, self.t + other.t + self.turned(other.t))
+
+
+def displacement(calibration: Calibration, q: Any, T_world_base: Float[np.ndarray, "4 4"]) -> Displacement:
+    """C(q) of the flange in the world.
+
+    Args:
+        calibration: of a robot whose effects depend on nothing but joint positions.
+        q: joint positions, expressions (1, joints).
+        T_world_base: where the robot stands.
+
+    Raises:
+        TaskcalError: an effect decides by comparisons.
+    """
+    model, x = calibration.model, calibration.estimate
+    side, errors = model.robot.joint_side, model.error_frames(x)
+    nominal = model.coordinates(q, np.zeros(len(x)), side.loop_numbers(np.zeros(3))).still
+    moved = model.coordinates(q, x, side.loop_numbers(model.loop_deviations(x))).moved
+    traced = trace(model.chain, nominal, np.zeros_like(errors))
+    R, place = T_world_base[:3, :3], T_world_base[:3, 3]
+    out = Displacement(1.0, np.zeros(3), np.zeros(3))
+    last = model.chain.frames - (not model.lengths_only)  # the tool's own errors are not the flange's
+    for kind, number in zip(model.chain.kind, model.chain.index, strict=True):
+        if kind == ERROR_FRAME and number < last and errors[number].any():
+            frame = traced.frames[number]
+            E = se3.error_transform(errors[number])
+            axes, origin, (w, *v) = R @ frame[:3, :3], R @ frame[:3, 3] + place, _quaternion(E[:3, :3])
+            own = Displacement(w, axes @ np.array(v), axes @ E[:3, 3])
+        elif kind not in (ERROR_FRAME, FIXED) and (further := moved[number] - nominal[number]) != 0.0:
+            axis, origin = R @ traced.axes[number], R @ traced.origins[number] + place
+            half = 0.5 * further
+            turns = kind == REVOLUTE
+            own = Displacement(
+                np.cos(half) if turns else 1.0,
+                np.sin(half) * axis if turns else np.zeros(3),
+                np.zeros(3) if turns else further * axis,
+            )
+        else:
+            continue
+        out = out.then(own._replace(t=own.t - own.turned(origin)))
+    return out
+
+
+def _quaternion(R: Float[np.ndarray, "3 3"]) -> tuple[float, ...]:
+    """Of a small rotation: scalar part first."""
+    w = 0.5 * np.sqrt(1.0 + np.trace(R))
+    x, y, z = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / (4.0 * w)
+    return float(w), float(x), float(y), float(z)
+
+
+# What the controller cannot know where the function is called.
+
+
+def check_known_there(calibration: Calibration, program: Program, cell: Cell) -> None:
+    """See that joint positions are all that the correction depends on.
+
+    Raises:
+        TaskcalError: an effect depends on more, or the robot does not stand still, or its own tool was calibrated.
+    """
+    model, robot = calibration.model, calibration.model.robot
+    unknown = [
+        f"{effect.name} ({', '.join((*effect.needs, *effect.uses))})"
+        for effect, term in zip(model.effects, model.effect_terms, strict=True)
+        if term.given is not None
+    ]
+    if unknown:
+        raise TaskcalError(
+            f"--helper: the calibration has {', '.join(unknown)}, which a controller does not know where it computes a target; "
+            "identify without it, or correct without --helper"
+        )
+    if any(axis.carries == "robot" for axis in cell.axes):
+        raise TaskcalError(
+            "--helper: an external axis carries the robot; its helper is written for one that stands still"
+        )
+    tool = [
+        abs(value) for name, value in zip(model.names, calibration.estimate, strict=False) if name.startswith("tool.")
+    ]
+    own = next(
+        (m.tool.name for m in program.motions if np.abs(m.tool.T - robot.T_flange_tool).max() < MAX_TOOL_DIFFERENCE), ""
+    )
+    if own and max(tool, default=0.0) > NO_ERROR:
+        raise TaskcalError(
+            f"--helper: tool '{own}' is the robot file's own, whose errors were identified; the helper corrects the flange alone: "
+            f"identify without {COMPONENTS[0]} … {COMPONENTS[-1]} of the tool, or correct without --helper"
+        )
+
+
+def measured_frames(cell: Cell) -> frozenset[str]:
+    """Tools and parts of the cell that are known to be elsewhere than the controller has them."""
+    return frozenset(
+        key
+        for frames in (cell.tools, cell.parts)
+        for key, m in frames.items()
+        if m.reflectors
+        or any(given is not None for given in (m.in_tracker, m.touched, m.tip, m.in_flange, m.in_target))
+    )
+
+
+# RAPID: robtargets in millimetres and quaternions, functions in degrees, numbers in single precision (Technical reference
+# manual, RAPID Instructions, Functions and Data types, 3HAC050917: num, robtarget, orient, CalcJointT, PoseMult, PoseVect,
+# PoseInv, ErrWrite, EXIT).
+
+
+def _single(value: float) -> str:
+    """In the digits that single precision has."""
+    text = f"{value:.9g}".upper()
+    return text if any(mark in text for mark in ".E") else f"{text}.0"
+
+
+RAPID = Dialect(
+    number=_single,
+    functions={"sin": "Sin({0})", "cos": "Cos({0})", "sqrt": "Sqrt({0})", "exp": "Exp({0})", "atan2": "ATan2({0},{1})"},
+    variable="t{{{0}}}",
+    assignment="{0}:={1};",
+    degrees={f"q{{{k}}}": f"j.rax_{k}" for k in range(1, 7)},
+)
+
+
+def rapid_helper(calibration: Calibration, program: Program, cell: Cell, bounds: Bounds) -> Module:
+    """A RAPID module with a function of a robtarget, a tooldata and a wobjdata."""
+    line = _shift(calibration, program, cell, RAPID, list(RAPID.degrees or ()), ["at.x", "at.y", "at.z"])
+    idle = {axis.number for axis in cell.axes if axis.carries == "nothing"}
+    axes = [
+        f'IF Abs(p.extax.eax_{a})<1E+08 AND p.extax.eax_{a}<>0 TaskcalStop "axis {a} is away from zero";'
+        for k, a in enumerate("abcdef", start=1)
+        if k not in idle
+    ]
+    joints = [
+        f'IF Abs(now.robax.rax_{k}-first.robax.rax_{k})>{_single(np.degrees(bounds.joint))} TaskcalStop "axis {k} would swing";'
+        for k in range(1, 7)
+    ]
+    words = {"AXES": _indented(axes, 4), "JOINTS": _indented(joints, 6), "BODY": _indented(line.lines, 4)}
+    return _helper("rapid.mod", ".mod", calibration, program, cell, bounds, line, words, _single)
+
+
+def _indented(lines: Sequence[str], by: int) -> str:
+    return "\n".join(" " * by + line for line in lines)
+
+
+def _shift(
+    calibration: Calibration, program: Program, cell: Cell, dialect: Dialect, joints: Sequence[str], at: Sequence[str]
+) -> StraightLine:
+    """Lines that compute ``shift`` of a place, and ``turn``, half of the rotation.
+
+    Args:
+        calibration: of the robot.
+        program: that is corrected.
+        cell: of the robot.
+        dialect: of the language; with degrees, lengths are millimetres.
+        joints: what joint positions are called, radians.
+        at: what the coordinates of the place are called.
+    """
+    bases = (cell.T_world_base, program.T_world_base, np.eye(4))
+    scale = 1.0 if dialect.degrees is None else 1e-3
+    pool = Pool()
+    q = np.array([[pool.input(name) for name in joints]], dtype=object)
+    place = np.array([pool.input(name) for name in at], dtype=object) * scale
+    w, v, t = displacement(calibration, q, next(T for T in bases if T is not None))
+    back = Displacement(w, -1.0 * v, t)
+    named = {"shift": (back.turned(place - t) - t) * (1.0 / scale), "turn": back.v}
+    results = {f"{name}.{letter}": v for name, values in named.items() for letter, v in zip("xyz", values, strict=True)}
+    line = straight_line(pool, results, dialect)
+    angles = [
+        dialect.assignment.format(name, f"{dialect.number(np.radians(1.0))}*{angle}")
+        for name, angle in (dialect.degrees or {}).items()
+        if any(name in text for text in line.lines)
+    ]
+    return line._replace(lines=angles + line.lines, operations=line.operations + len(angles))
+
+
+def _helper(
+    template: str,
+    suffix: str,
+    calibration: Calibration,
+    program: Program,
+    cell: Cell,
+    bounds: Bounds,
+    line: StraightLine,
+    words: Mapping[str, str],
+    number: Callable[[float], str],
+) -> Module:
+    robot = calibration.model.robot.name
+    campaign = shown(calibration.provenance.campaign)
+    title = f"Taskcal: targets of {shown(robot)} corrected at run time, by a calibration from {campaign}"
+    known = {
+        "MODULE": MODULE, "FUNCTION": FUNCTION, "TITLE": title[:MAX_TITLE], "OPERATIONS": str(line.operations),
+        "USUAL": str(USUAL_ROUNDS), "ROUNDS": str(MAX_ROUNDS), "SHIFT": number(bounds.shift * 1e3),
+        "COSINE": number(np.cos(0.5 * bounds.turn) ** 2), "SETTLED_MM": number(SETTLED_MM), "LEVER_MM": number(LEVER_MM),
+        "VARIABLES": str(max(line.variables, 1)), **words,
+    }  # fmt: skip
+    text = (resources.files("taskcal.correction") / "helpers" / template).read_text(encoding="utf-8")
+    for name, value in known.items():
+        text = text.replace(f"@{name}@", value)
+    newline = program.sources[0].newline
+    source = Source(
+        path=program.sources[0].path.with_name(f"{MODULE}{suffix}"), text=text.replace("\n", newline), encoding="utf-8"
+    )
+    return Module(source=source, operations=line.operations, without=measured_frames(cell))
+
+
+HELPERS: Mapping[str, Callable[[Calibration, Program, Cell, Bounds], Module]] = {"RAPID": rapid_helper}
+"""By language."""
+
+
+def helper_for(
+    calibration: Calibration, program: Program, cell: Cell, bounds: Bounds, into: str | Path | None
+) -> Module:
+    """The module for a program.
+
+    Raises:
+        TaskcalError: there is none for its language, robot or calibration, or no place for it.
+    """
+    language, robot = language_of(program.sources[0].path).name, calibration.model.robot
+    if language not in HELPERS or into is not None:
+        raise TaskcalError(
+            f"--helper: a helper is written for {' and '.join(HELPERS)}, in the program's own language; "
+            f"{program.sources[0].path} is {language}{' and becomes a new program' if into is not None else ''}"
+        )
+    if program.backup is not None:
+        raise TaskcalError(
+            f"--helper: {program.backup.path} is a backup, in which a new module has no place; pass the files of the program"
+        )
+    if len(robot.joint_names) != 6 or any(robot.prismatic):
+        raise TaskcalError(f"--helper: {robot.name} is not a robot of six turning axes")
+    check_known_there(calibration, program, cell)
+    return HELPERS[language](calibration, program, cell, bounds)

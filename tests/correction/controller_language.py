@@ -1,0 +1,175 @@
+"""Helpers of a corrected program, run from their text: a translator of their few statements, with numbers in single precision."""
+
+import copy
+import re
+from types import SimpleNamespace
+
+import numpy as np
+
+from taskcal.geometry import se3
+from taskcal.kinematics.inverse import solve_near
+from taskcal.robot.error_model import ErrorModel
+
+F = np.float32
+
+
+class Stopped(Exception):
+    """The helper stopped the program."""
+
+
+class Record(SimpleNamespace):
+    """A record of a controller; those of numbers are added."""
+
+    def __add__(self, other):
+        return Record(**{k: v + getattr(other, k) for k, v in vars(self).items()})
+
+    def __sub__(self, other):
+        return Record(**{k: v - getattr(other, k) for k, v in vars(self).items()})
+
+
+def pos(x, y, z):
+    return Record(x=F(x), y=F(y), z=F(z))
+
+
+def orient(q):
+    return Record(q1=F(q[0]), q2=F(q[1]), q3=F(q[2]), q4=F(q[3]))
+
+
+def numbers(record):
+    return np.array([float(v) for v in vars(record).values()])
+
+
+def quaternion(R):
+    w = 0.5 * np.sqrt(max(1.0 + np.trace(R), 0.0))
+    if w > 0.1:
+        return np.array([w, *(np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / (4.0 * w))])
+    vector = np.linalg.eigh(0.5 * (R + R.T))[1][:, -1]  # half a turn and nearly so
+    turned = R @ np.diag([1.0, 1.0, 1.0])
+    angle = np.arccos(np.clip(0.5 * (np.trace(turned) - 1.0), -1.0, 1.0))
+    sine = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) @ vector
+    return np.array([np.cos(0.5 * angle), *(np.copysign(np.sin(0.5 * angle), sine or 1.0) * vector)])
+
+
+def matrix(place, rot):
+    w, x, y, z = numbers(rot) / np.linalg.norm(numbers(rot))
+    v = np.array([x, y, z])
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return se3.pose(np.eye(3) + 2.0 * (w * cross + np.outer(v, v) - v @ v * np.eye(3)), numbers(place) * 1e-3)
+
+
+# RAPID.
+
+
+def _turned(q, v):
+    """A vector turned by a quaternion, rounding as a controller of single precision would."""
+    x, y, z = (F(2) * one for one in (q.q3 * v.z - q.q4 * v.y, q.q4 * v.x - q.q2 * v.z, q.q2 * v.y - q.q3 * v.x))
+    return Record(
+        x=v.x + (q.q1 * x + (q.q3 * z - q.q4 * y)),
+        y=v.y + (q.q1 * y + (q.q4 * x - q.q2 * z)),
+        z=v.z + (q.q1 * z + (q.q2 * y - q.q3 * x)),
+    )
+
+
+def _pose_vect(pose, v):
+    return pose.trans + _turned(pose.rot, v)
+
+
+def _pose_mult(a, b):
+    p, r = a.rot, b.rot
+    rot = Record(
+        q1=p.q1 * r.q1 - p.q2 * r.q2 - p.q3 * r.q3 - p.q4 * r.q4,
+        q2=p.q1 * r.q2 + p.q2 * r.q1 + p.q3 * r.q4 - p.q4 * r.q3,
+        q3=p.q1 * r.q3 - p.q2 * r.q4 + p.q3 * r.q1 + p.q4 * r.q2,
+        q4=p.q1 * r.q4 + p.q2 * r.q3 - p.q3 * r.q2 + p.q4 * r.q1,
+    )
+    return Record(trans=_pose_vect(a, b.trans), rot=rot)
+
+
+def _pose_inv(a):
+    rot = Record(q1=a.rot.q1, q2=-a.rot.q2, q3=-a.rot.q3, q4=-a.rot.q4)
+    back = _turned(rot, a.trans)
+    return Record(trans=Record(x=-back.x, y=-back.y, z=-back.z), rot=rot)
+
+
+_RAPID = (
+    (r"\\WObj:=", ", "), (r"\b([tq])\{(\d+)\}", r"\1[\2]"), (r"\[0,0,0\]", "pos(0,0,0)"), (r"<>", "!="), (r"\bAND\b", "and"),
+    (r"\bOR\b", "or"), (r"\bNOT\b", "not"), (r"(?<![\w.\[{])(\d+\.?\d*(?:E[+-]?\d+)?)(?![\w\]}])", r"F(\1)"),
+)  # fmt: skip
+
+
+def _rapid_line(line):
+    """A statement of RAPID in Python."""
+    if match := re.fullmatch(r"IF (.*?) (TaskcalStop \".*\"|RETURN \w+);", line):
+        return f"if {_rapid_text(match[1])}: {_rapid_line(match[2] + ';')}"
+    if match := re.fullmatch(r"FOR (\w+) FROM (\d+) TO (\d+) DO", line):
+        return f"for {match[1]} in range({match[2]}, {match[3]} + 1):"
+    if match := re.fullmatch(r"VAR (\w+) (\w+)(\{\d+\})?(?::=(.*))?;", line):
+        made = {"num": "[F(0)] * 1000" if match[3] else "F(0)", "pos": "pos(0,0,0)"}.get(match[1], "None")
+        return f"{match[2]} = {made}"
+    if match := re.fullmatch(r"TaskcalStop (\".*\");", line):
+        return f"stop({match[1]})"
+    if match := re.fullmatch(r"(\w+) ([\w.,]+);", line):
+        return f"return take({match[2]})" if match[1] == "RETURN" else f"{match[1]}({match[2]})"
+    match = re.fullmatch(r"([\w.{}]+):=(.*);", line)
+    return f"{_rapid_text(match[1])} = take({_rapid_text(match[2])})"
+
+
+def _rapid_text(text):
+    for pattern, by in _RAPID:
+        text = re.sub(pattern, by, text)
+    return text
+
+
+def rapid_functions(text, calc_joint_t):
+    """The routines of a RAPID module as functions of Python."""
+    out, depth = [], 0
+    for raw in text.splitlines():
+        line = raw.strip()
+        if match := re.fullmatch(r"(?:LOCAL )?(?:FUNC \w+|PROC) (\w+)\((.*)\)", line):
+            names = [parameter.split()[-1] for parameter in match[2].split(",")]
+            out.append(f"def {match[1]}({', '.join(names)}):")
+            depth = 1
+        elif line.startswith(("END", "MODULE", "!", "EXIT", "ErrWrite")) or not line:
+            depth -= line == "ENDFOR"
+        else:
+            out.append("    " * depth + _rapid_line(line))
+            depth += line.startswith("FOR ")
+
+    def stop(why):
+        raise Stopped(why)
+
+    known = {
+        "F": F, "pos": pos, "take": copy.deepcopy, "stop": stop, "CalcJointT": calc_joint_t, "Abs": abs, "Sqrt": np.sqrt,
+        "PoseVect": _pose_vect, "PoseMult": _pose_mult, "PoseInv": _pose_inv,
+        "Sin": lambda a: F(np.sin(np.radians(float(a)))), "Cos": lambda a: F(np.cos(np.radians(float(a)))),
+        "ATan2": lambda y, x: F(np.degrees(np.arctan2(float(y), float(x)))),
+    }  # fmt: skip
+    exec("\n".join(line for line in out if not line.startswith("def TaskcalStop")), known)
+    return known
+
+
+class RapidCell:
+    """A nominal controller with a tool and a work object, as RAPID has them."""
+
+    def __init__(self, robot, T_world_base, T_part, T_tool):
+        self.robot, self.base, self.part, self.tool = robot, T_world_base, T_part, T_tool
+        still = Record(trans=pos(0, 0, 0), rot=orient([1, 0, 0, 0]))
+        frame = Record(trans=pos(*T_part[:3, 3] * 1e3), rot=orient(quaternion(T_part[:3, :3])))
+        self.wobj = Record(robhold=False, ufprog=True, uframe=frame, oframe=still)
+        self.tooldata = Record(robhold=True)
+
+    def target(self, T):
+        axes = Record(**{f"eax_{a}": F(9e9) for a in "abcdef"})
+        return Record(trans=pos(*T[:3, 3] * 1e3), rot=orient(quaternion(T[:3, :3])), extax=axes)
+
+    def joints(self, seed):
+        """CalcJointT, near some joint positions."""
+
+        def calc_joint_t(p, tool, wobj):
+            end = self.part @ matrix(p.trans, p.rot) @ se3.inverse(self.tool) @ self.robot.T_flange_tool
+            found = solve_near(ErrorModel(self.robot), (se3.inverse(self.base) @ end)[None], seed[None])
+            assert found.reached.all()
+            angles = {f"rax_{k}": F(v) for k, v in enumerate(np.degrees(found.q[0]), start=1)}
+            return Record(robax=Record(**angles))
+
+        return calc_joint_t

@@ -1,0 +1,106 @@
+"""Programs with a helper that corrects at run time."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robot_programs.core.errors import InputError
+from robot_programs.core.program import Composition, Frame
+from robot_programs.core.source import Source
+from robot_programs.rapid.read import read_rapid
+from robot_programs.rapid.rewrite import compose_rapid
+from taskcal.correction.cell import Cell, ExternalAxis, Measured
+from taskcal.correction.correct import correct
+from taskcal.correction.correction import Bounds
+from taskcal.correction.run_time import FUNCTION, MODULE
+from taskcal.errors import TaskcalError
+from taskcal.geometry import se3
+from taskcal.kinematics.inverse import find_posture
+from taskcal.robot.error_model import ErrorModel
+
+COMPUTED = """
+  PROC main()
+    VAR robtarget p;
+    VAR robtarget here;
+    MoveJ p10,v100,fine,tSpindle\\WObj:=wTable;
+    Ask p;
+    MoveL p,v100,z10,tSpindle\\WObj:=wTable;
+    MoveL Offs(p10,0,0,height()),v100,fine,tSpindle\\WObj:=wTable;
+    MoveC p,Offs(p,1,1,0),v100,fine,tSpindle\\WObj:=wTable;
+    here:=CRobT(\\Tool:=tSpindle\\WObj:=wTable);
+    MoveL Offs(here,0,0,50),v100,fine,tSpindle\\WObj:=wTable;
+    MoveAbsJ CalcJointT(p,tSpindle\\WObj:=wTable),v100,fine,tSpindle;
+    SearchL\\Stop,di1,here,p,v100,tSpindle\\WObj:=wTable;
+    MoveL p\\T:=10,v100,fine,tSpindle\\WObj:=wTable;
+    MoveL p,v100,fine,tOther\\WObj:=wTable;
+  ENDPROC
+ENDMODULE
+"""
+"""Lines 7 to 9 are to be wrapped."""
+
+
+@pytest.fixture
+def program(robot, shifted, make_moves):
+    part, tool = (
+        Frame(name="wTable", T=shifted(-300, 20, -40)),
+        Frame(name="tSpindle", T=robot.T_flange_tool @ se3.translation(z=0.01)),
+    )
+    poses = [se3.inverse(part.T) @ shifted(0, 0, 0) @ se3.translation(z=0.01)]
+    motions = make_moves(poses, tool=tool, part=part)
+    posture = find_posture(ErrorModel(robot), motions[0].flange(poses[0]) @ robot.T_flange_tool)
+    source = compose_rapid(Composition(name="Cell", robot=robot, motions=motions, q=posture[None]))
+    head = source.text[: source.text.index("  PROC")].rstrip()
+    other = head[head.index("  PERS tooldata") :].split("\n")[0].replace("tSpindle", "tOther")
+    return read_rapid([Source.of(Path("cell.mod"), f"{head}\n{other}{COMPUTED}".encode())])
+
+
+def test_computed_targets_alone_are_wrapped(program, calibration):
+    measured = Cell(tools={"tother": Measured(name="tOther", in_flange=np.eye(4))})
+    found = correct(calibration, program, cell=measured, bounds=Bounds(tolerance=1.0), helper=True)
+    assert [source.path.name for source in found.sources] == ["cell.mod", f"{MODULE}.mod"]
+    before, after = (found.sources[0].text.splitlines() for found in (program, found))
+    new = [line.strip() for line in after if line not in before]
+    wrapped = [line for line in new if FUNCTION in line]
+    plain = [line.replace(f"{FUNCTION}(", "").replace(",tSpindle,wTable)", "") for line in wrapped]
+    assert set(plain) <= {line.strip() for line in before}
+    assert [line.split(",")[0] for line in plain] == ["MoveL p", "MoveL Offs(p10", "MoveC p"]
+    assert [line.count(FUNCTION) for line in wrapped] == [1, 1, 2]
+    # the declaration stays for Offs
+    assert [re.split("[:,]", line)[0] for line in new if FUNCTION not in line] == [
+        "CONST robtarget p10_2",
+        "MoveJ p10_2",
+    ]
+    assert len(found.helper.motions) == found.summary()["at_run_time"] == 3
+    assert not [one for one in found.diagnostics if one.place.path.name.startswith(MODULE)]
+
+
+def test_all_else_is_what_it_is_without_a_helper(program, calibration):
+    text = program.sources[0].text.split("\n    Ask p")[0] + "\n  ENDPROC\nENDMODULE\n"
+    plain = read_rapid([Source.of(Path("cell.mod"), text.encode())])
+    found = correct(calibration, plain, bounds=Bounds(tolerance=1.0), helper=True)
+    assert [source.text for source in found.sources] == [
+        source.text for source in correct(calibration, plain, bounds=Bounds(tolerance=1.0)).sources
+    ]
+    assert found.helper is None
+
+
+def test_a_program_of_computed_targets_alone_is_written(calibration, tmp_path):
+    text = "MODULE a\nPROC main()\nVAR robtarget p;\nAsk p;\nMoveL p,v100,fine,tool0;\nENDPROC\nENDMODULE\n"
+    program = read_rapid([Source.of(Path("a.mod"), text.encode())])
+    found = correct(calibration, program, helper=True)
+    paths = found.write(tmp_path / "b.mod")
+    assert [path.name for path in paths] == ["b.mod", f"{MODULE}.mod"]
+    assert paths[0].read_text() == text.replace("MoveL p", f"MoveL {FUNCTION}(p,tool0,wobj0)")
+
+
+def test_a_helper_is_refused_where_the_controller_does_not_know_enough(program, lost_motion, calibration):
+    with pytest.raises(TaskcalError, match=r"backlash .*approach"):
+        correct(lost_motion, program, helper=True)
+    again = correct(calibration, program, bounds=Bounds(tolerance=1.0), helper=True)
+    with pytest.raises(InputError, match=f"has a function {FUNCTION} already"):
+        correct(calibration, read_rapid(again.sources), helper=True)
+    carried = Cell(axes=(ExternalAxis(number=1, carries="robot", direction=np.array([1.0, 0.0, 0.0])),))
+    with pytest.raises(TaskcalError, match="carries the robot"):
+        correct(calibration, program, cell=carried, helper=True)

@@ -1,0 +1,76 @@
+"""Helpers that correct at run time, computed from their text, against the correction in Python."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from robot_programs.core.source import Source
+from robot_programs.rapid.read import read_rapid
+from taskcal.correction.cell import Cell
+from taskcal.correction.correction import Bounds
+from taskcal.correction.frames import _flange_in_tool
+from taskcal.correction.run_time import FUNCTION, rapid_helper
+from taskcal.geometry import se3
+from taskcal.kinematics.inverse import conditioning, solve_near
+from taskcal.robot.error_model import ErrorModel
+from tests.correction.controller_language import RapidCell, matrix, rapid_functions
+
+BASE = se3.pose(se3.exp(np.array([0.0, 0.0, 0.7])), np.array([0.4, -0.3, 0.6]))
+TABLE = se3.pose(se3.exp(np.array([0.1, -0.2, 1.2])), np.array([1.1, 0.5, 0.3]))
+SPINDLE = se3.pose(se3.exp(np.array([0.3, 1.1, -0.4])), np.array([0.05, -0.03, 0.25]))
+
+
+def wanted_targets(calibration, q):
+    """Targets that the nominal robot meets at q, and what the calibrated one needs instead: both in the table's frame."""
+    robot, own = calibration.model.robot, se3.inverse(calibration.model.robot.T_flange_tool)
+    nominal = ErrorModel(robot)
+    target = nominal.poses(q) @ own @ SPINDLE
+    needed = solve_near(
+        calibration.model, target @ se3.inverse(_flange_in_tool(calibration) @ SPINDLE), q, calibration.estimate
+    )
+    assert needed.reached.all()
+    corrected = nominal.poses(needed.q) @ own @ SPINDLE
+    in_table = se3.inverse(TABLE) @ BASE
+    return in_table @ target, in_table @ corrected
+
+
+def postures(calibration, count):
+    robot = calibration.model.robot
+    rng = np.random.default_rng(1)
+    q = rng.uniform(*(0.5 * np.clip(robot.limits, -3.0, 3.0)).T, size=(6 * count, 6))
+    model = ErrorModel(robot)
+    good = robot.inside_limits(q)
+    return q[good][conditioning(model, q[good]) > 0.03][:count]
+
+
+def program(text="MODULE a\nPROC main()\nENDPROC\nENDMODULE\n"):
+    return read_rapid([Source.of(Path("a.mod"), text.encode())])
+
+
+def errors_of_rapid(calibration, q):
+    """Distance at the tool between what the module's text gives and what is needed, metres and radians."""
+    robot = calibration.model.robot
+    text = rapid_helper(
+        calibration, program(), Cell(T_world_base=BASE), Bounds(shift=0.05, turn=0.2, joint=1.0)
+    ).source.text
+    cell = RapidCell(robot, BASE, TABLE, SPINDLE)
+    off = []
+    for seed, target, wanted in zip(q, *wanted_targets(calibration, q), strict=True):
+        moved = rapid_functions(text, cell.joints(seed))[FUNCTION](cell.target(target), cell.tooldata, cell.wobj)
+        off.append(se3.inverse(wanted) @ matrix(moved.trans, moved.rot))
+    off = np.array(off)
+    return np.linalg.norm(off[:, :3, 3], axis=1), np.linalg.norm(se3.log(off[:, :3, :3]), axis=1)
+
+
+def test_rapid_computes_the_correction_in_single_precision(calibration):
+    """Of a robot with a closed loop and drives that yield."""
+    distance, turn = errors_of_rapid(calibration, postures(calibration, 60))
+    assert distance.max() < 1e-5
+    assert turn.max() < 1e-5
+
+
+def test_rapid_keeps_to_lengths_of_names_and_lines(calibration):
+    text = rapid_helper(calibration, program(), Cell(), Bounds()).source.text
+    assert max(map(len, text.splitlines())) <= 120
+    assert max(map(len, re.findall(r"\w+", text))) <= 32
