@@ -5,6 +5,7 @@ import math
 import re
 import shutil
 import subprocess
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -138,6 +139,12 @@ def test_effect_that_decides_by_comparisons_is_refused():
 def test_prefix_that_is_no_name_in_c_is_refused(prefix):
     with pytest.raises(WrongValue, match="begin with a letter"):
         export_c(calibrated("ur5", poses=12), prefix=prefix)
+
+
+@pytest.mark.parametrize(("prefix", "python"), [("math", False), ("test", True), ("import", True), ("cffi", True)])
+def test_prefix_that_c_or_python_has_already_is_refused(prefix, python):
+    with pytest.raises(WrongValue, match=f"{prefix}_robot"):
+        export_c(calibrated("ur5", poses=12), prefix=prefix, python=python)
 
 
 def test_names_of_files_end_no_comment_and_are_no_word_of_a_template():
@@ -287,7 +294,10 @@ def test_compiled_uncertainty_is_pythons(robot):
 def test_self_test_passes_as_c_and_as_cpp(robot):
     robot.cc(*STRICT, "-O1", "r.c", "r_test.c", "-o", "as_c", "-lm")
     assert "off by" in subprocess.run(["./as_c"], cwd=robot.folder, check=True, capture_output=True, text=True).stdout
-    robot.cc("-x", "c++", "-std=c++17", "-Wall", "-Wextra", "-pedantic", "-Werror", "-fsyntax-only", "r.c", "r_test.c")
+    checked = ("-Wall", "-Wextra", "-pedantic", "-Werror", "-fsyntax-only", "r.c", "r_test.c")
+    for other in filter(shutil.which, ("gcc", "clang")):
+        subprocess.run([other, "-std=c99", *checked], cwd=robot.folder, check=True)
+        subprocess.run([other, "-x", "c++", "-std=c++17", *checked], cwd=robot.folder, check=True)
 
 
 HOSTILE = """
@@ -330,3 +340,29 @@ def test_hostile_numbers_do_nothing_undefined(robot):
     checks = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-DCOUNT=20000")
     robot.cc("-std=c99", "-O1", *checks, "r.c", "hostile.c", "-o", "hostile", "-lm")
     subprocess.run(["./hostile"], cwd=robot.folder, check=True)
+
+
+@pytest.mark.long
+@pytest.mark.skipif(CC is None, reason="there is no C compiler")
+def test_a_stream_of_poses_is_corrected_at_a_kilohertz(tmp_path):
+    """The example of the guide: poses of the calibrated robot come back to its joints, one a millisecond."""
+    calibration, count = calibrated("ur5", Harmonics(), Backlash()), 200
+    for name, text in export_c(calibration, prefix="ur5_cell").files.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    example = Path(__file__).parents[2] / "examples" / "stream_1khz.c"
+    command = [CC, *STRICT, "-O2", "-I", ".", str(example), "ur5_cell.c", "-lm", "-o", "stream"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    q = np.linspace([0.2, -1.2, 1.3, 0.3, 0.8, 0.1], [0.5, -1.0, 1.1, 0.2, 0.9, -0.3], count)
+    lines = [q[0] + 0.01, *calibration.tool_in_base(q)[:, :3].reshape(-1, 12)]
+    began = time.monotonic()
+    run = subprocess.run(
+        ["./stream"],
+        cwd=tmp_path,
+        input="\n".join(" ".join(map(repr, line.tolist())) for line in lines),
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    assert time.monotonic() - began > 0.9e-3 * count
+    assert f"{count} poses" in run.stderr
+    np.testing.assert_allclose(np.loadtxt(run.stdout.splitlines()), q, atol=1e-9)

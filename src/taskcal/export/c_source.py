@@ -1,6 +1,8 @@
 """A calibrated robot as C: one source and one header without dependencies, written from the model's own expressions."""
 
+import keyword
 import re
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from hashlib import sha256
@@ -35,6 +37,15 @@ PACKED_SHARE = 1e-3
 PARALLEL = 1e-9
 """Sine of the angle between axes that the robot file has as parallel."""
 
+_HEADERS = re.compile(
+    "assert|complex|ctype|errno|fenv|float|inttypes|iso646|limits|locale|math|setjmp|signal|std(arg|bool|def|int|io|lib)|string|"
+    "tgmath|time|wchar|wctype"
+)
+"""Of C99: a file of the name beside the source would stand for them."""
+
+_MODULES = sys.stdlib_module_names | {"test", "cffi", "setuptools"}
+"""Which Python imports in place of one of the name."""
+
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 
 
@@ -51,11 +62,15 @@ def export_c(calibration: Calibration, *, prefix: str = "robot", python: bool = 
         `Export.files`: source, header, a self-test of a hundred poses, and what CMake and pkg-config need.
 
     Raises:
-        WrongValue: the prefix is no name in C.
+        WrongValue: the prefix is no name in C, or one that C or Python has already.
         TaskcalError: an effect of another package that decides by comparisons.
     """
     if not _NAME.fullmatch(prefix):
         raise WrongValue(f"prefix is '{shown(prefix)}'; begin with a letter, and use at most 31 letters, digits and _")
+    if _HEADERS.fullmatch(prefix) or (python and (prefix in _MODULES or keyword.iskeyword(prefix))):
+        raise WrongValue(
+            f"prefix is '{prefix}', a name of {'Python' if python else 'C'}'s own; take another, such as {prefix}_robot"
+        )
     q = spread_poses(calibration)
     function = _Function.of(calibration.model, calibration.estimate)
     words = {"P": prefix, "GUARD": prefix.upper(), **_described(calibration)}
