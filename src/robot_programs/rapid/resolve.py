@@ -374,6 +374,16 @@ def leaves(literal: Aggregate) -> Iterator[tuple[int, int, float]]:
             yield item.start, item.end, item.value
 
 
+def renumbered_target(target: TargetArgument, literal: Aggregate) -> TargetArgument:
+    """A target whose numbers are written out, with others.
+
+    Raises:
+        Unresolved: they are no target.
+    """
+    meant, external = _numbers(literal.values, target.type, "the target")
+    return replace(target, meant=meant, external=external)
+
+
 def _literal(node: Aggregate, type_: TargetType) -> Aggregate | None:
     """What holds the numbers of a target, which its value was found to have, if all are written out there."""
     if node.is_literal:
@@ -747,7 +757,7 @@ def motion_of(
         turn_speed=manner.turn_speed, divisible=manner.divisible and texts_motions == 1, stops=manner.stops,
         zone=manner.zone, follows=follows, texts_motions=texts_motions, routine=found.routine,
         place=place, carrier=frames.carrier,
-        external=_axes(found.end.external),
+        external=axes_of(found.end.external),
         external_offset=manner.external_offset,
     )  # fmt: skip
     return Site(
@@ -756,7 +766,7 @@ def motion_of(
 
 
 @lru_cache(maxsize=1024)
-def _axes(external: tuple[float, ...]) -> tuple[float, ...]:
+def axes_of(external: tuple[float, ...]) -> tuple[float, ...]:
     """Positions of external axes; NaN for those that are not there."""
     return tuple([axis if abs(axis) < MAX_AXIS_POSITION else math.nan for axis in external])
 

@@ -22,6 +22,7 @@ from robot_programs.core.program import (
     MotionKind,
     Program,
     Target,
+    Unresolved,
     Visit,
     Waypoint,
     Wrapping,
@@ -41,12 +42,17 @@ from robot_programs.rapid.resolve import (
     Site,
     TargetArgument,
     TargetType,
+    axes_of,
     configuration,
     leaves,
     pose_numbers,
+    poses_of,
+    renumbered_target,
     target_arguments,
 )
 from robot_programs.rapid.syntax import (
+    LISTED,
+    Aggregate,
     Argument,
     Assignment,
     Control,
@@ -57,6 +63,7 @@ from robot_programs.rapid.syntax import (
     Node,
     Routine,
     Unparsed,
+    list_end,
     tokenize,
     words_from,
 )
@@ -140,7 +147,9 @@ def _quaternion_texts(target: TargetArgument, texts: Texts) -> Texts:
     """Texts of a quaternion, but for those that say what is written."""
     if target.literal is None or target.shifted:
         return texts
-    raw = (value for _, _, value in islice(leaves(target.literal), 3, 7))
+    literal = target.literal
+    own = literal.values[1] if literal.is_literal else None
+    raw = own if isinstance(own, tuple) else (value for _, _, value in islice(leaves(literal), 3, 7))
     return tuple(
         None if text is None or abs(float(text) - value) <= TEXT_TOLERANCE_QUATERNION else text
         for text, value in zip(texts, raw, strict=True)
@@ -672,6 +681,11 @@ class RapidProgram(Program):
         """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
         return Sharing(sites=self.sites, uses=self.uses, robot=robot, tolerance=tolerance).unwritable(waypoints)
 
+    def motions_in(self, sources: tuple[Source, ...]) -> tuple[Motion, ...]:
+        """The motions of other texts of the same files; see `Program.motions_in`."""
+        found = _renumbered(self.sites, self.uses, self.sources, sources)
+        return super().motions_in(sources) if found is None else found
+
     def written_out(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
         """The program's files with shared text written out; see `Program.written_out`."""
         shared = {self.sites[i].instruction for i in numbers}
@@ -857,6 +871,90 @@ def _copies(
     }
 
 
+# The motions of texts that differ in numbers alone, as those do that were corrected without a further target.
+
+
+def _renumbered(
+    sites: Sequence[Site], uses: Mapping[Symbol, tuple[Use, ...]], before: Sequence[Source], after: Sequence[Source]
+) -> tuple[Motion, ...] | None:
+    """Motions of texts in which targets have other numbers; None where anything else differs, or may depend on these numbers."""
+    if [source.path for source in before] != [source.path for source in after]:
+        return None
+    written: dict[str, list[Aggregate]] = defaultdict(list)
+    for literal, file in _read_by_motions_alone(sites, uses).items():
+        written[str(file.source.path)].append(literal)
+    changed: dict[Aggregate, Aggregate] = {}
+    for old, new in zip(before, after, strict=True):
+        pairs = _new_numbers(old.text, new.text, sorted(written[str(old.path)], key=lambda literal: literal.start))
+        if pairs is None:
+            return None
+        changed |= pairs
+    targets = [
+        t for site in sites for t in _targets(site) if t.literal in changed and t.passed is None and not t.shifted
+    ]
+    try:
+        again = {target: renumbered_target(target, changed[target.literal]) for target in targets if target.literal}
+    except Unresolved:
+        return None
+    poses = dict(zip(again, poses_of([*again.values()]), strict=True))
+    return tuple(
+        _with_targets(site, again, poses) if site.end in again or site.via in again else site.move for site in sites
+    )
+
+
+def _with_targets(
+    site: Site,
+    again: Mapping[TargetArgument, TargetArgument],
+    poses: Mapping[TargetArgument, Float[np.ndarray, "4 4"] | None],
+) -> Motion:
+    """A motion to other targets."""
+
+    def target(old: TargetArgument, said: Target) -> Target:
+        if old not in again:
+            return said
+        return again[old].target(poses[old], site.move.place, said.posture is not None, said.posture_binds)
+
+    end, via = target(site.end, site.move.end), site.move.via
+    if via is not None and site.via is not None:
+        via = target(site.via, via)
+    return replace(site.move, end=end, via=via, external=axes_of(again.get(site.end, site.end).external))
+
+
+def _read_by_motions_alone(sites: Sequence[Site], uses: Mapping[Symbol, tuple[Use, ...]]) -> dict[Aggregate, File]:
+    """Lists of numbers that say where motions lead, and nothing else."""
+    found: dict[Aggregate, File] = {}
+    declared: dict[Symbol, list[TargetArgument]] = defaultdict(list)
+    for target in (target for site in sites for target in _targets(site)):
+        if target.literal is None or not target.literal.is_literal or target.shifted or target.passed is not None:
+            continue
+        if target.origin is None:
+            found[target.literal] = target.file
+        elif not target.origin.path:
+            declared[target.origin.symbol].append(target)
+    for symbol, own in declared.items():
+        named = {(target.argument_file, target.argument.start) for target in own}
+        if all((use.file, use.start) in named for use in uses[symbol]):
+            found |= {target.literal: target.file for target in own if target.literal is not None}
+    return found
+
+
+def _new_numbers(before: str, after: str, literals: Iterable[Aggregate]) -> dict[Aggregate, Aggregate] | None:
+    """Those of some lists in a text that have other numbers in another text; None where more differs than these."""
+    changed: dict[Aggregate, Aggregate] = {}
+    old = new = 0
+    for literal in literals:
+        start = new + literal.start - old
+        end = list_end(after, start)
+        if not end or before[old : literal.start] != after[new:start]:
+            return None
+        if before[literal.start : literal.end] != after[start:end]:
+            changed[literal] = Aggregate(start=start, end=end, content=after)
+            if before.count("\n", literal.start, literal.end) != after.count("\n", start, end):
+                return None
+        old, new = literal.end, end
+    return changed if before[old:] == after[new:] else None
+
+
 def _type(kind: MotionKind) -> TargetType:
     return "jointtarget" if kind == "axes" else "robtarget"
 
@@ -996,12 +1094,19 @@ def _clone_text(want: Want) -> str:
     target = want.target
     if target.literal is None or target.shifted:
         return meant_text(target, want.texts)
-    text, parts, at = target.file.source.text, [], target.literal.start
-    for new, (start, end, _) in zip(want.texts, leaves(target.literal), strict=False):
+    start, text = target.literal.start, target.file.source.text
+    if target.literal.is_literal:
+        pieces = text[start : target.literal.end].split(",")
+        own = [
+            piece if new is None else LISTED.sub(new, piece, 1) for piece, new in zip(pieces, want.texts, strict=False)
+        ]
+        return ",".join([*own, *pieces[len(own) :]])
+    parts: list[str] = []
+    for new, (first, end, _) in zip(want.texts, leaves(target.literal), strict=False):
         if new is not None:
-            parts += [text[at:start], new]
-            at = end
-    return "".join([*parts, text[at : target.literal.end]])
+            parts += [text[start:first], new]
+            start = end
+    return "".join([*parts, text[start : target.literal.end]])
 
 
 def _clone(want: Want, value: str, fresh: FreshNames, edits: _Edits) -> str:

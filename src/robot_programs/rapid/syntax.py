@@ -31,6 +31,8 @@ _SIGNED = rf"(?: [+-] \s* )? {_NUMBER}"
 _LIST = re.compile(rf"\[ \s* {_SIGNED} \s* (?: , \s* {_SIGNED} \s* ){{0,99}} \]", re.VERBOSE)
 # a target that is written out: lists of numbers in one, each tried in one way only
 _NESTED = re.compile(rf"\[ \s* (?>{_LIST.pattern}) \s* (?: , \s* (?>{_LIST.pattern}) \s* ){{0,9}} \]", re.VERBOSE)
+LISTED = re.compile(r"[^\s\[\],]+(?: \s+ [^\s\[\],]+)?", re.VERBOSE)
+"""A number in such a list, whose sign may stand apart."""
 _BEGINS_NESTED = re.compile(r"\[\s*\[")
 
 HEADER = "%%%"
@@ -93,13 +95,8 @@ def list_end(text: str, start: int) -> int:
 
 def listed(text: str, start: int, end: int) -> Iterator[tuple[int, int, float]]:
     """First character, end and value of each number of such a list."""
-    for piece in text[start:end].split(","):
-        opened = piece.rfind("[") + 1
-        own = piece[opened:].partition("]")[0]
-        word = own.strip()
-        first = start + opened + len(own) - len(own.lstrip())
-        yield first, first + len(word), float("".join(word.split()))  # a sign may stand apart
-        start += len(piece) + 1
+    for found in LISTED.finditer(text, start, end):
+        yield found.start(), found.end(), float("".join(found[0].split()))  # a sign may stand apart
 
 
 def number(token: Token) -> float:

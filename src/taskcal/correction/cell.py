@@ -474,6 +474,8 @@ def _check_frames(program: Program, cell: Cell) -> None:
 def _positions(motions: Sequence[Motion]) -> Float[np.ndarray, "m axes"]:
     """Positions of the external axes at the end of each motion; unstated ones stay as the motion before left them."""
     positions = np.full((len(motions), AXES), np.nan)
+    if all(np.isnan(external).all() for external in {move.external for move in motions}):
+        return positions
     for i, move in enumerate(motions):
         if move.follows is not None and move.follows < i:
             positions[i] = positions[move.follows]

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -158,6 +159,20 @@ def simulate_controller(
     return _Simulation(robot, motions, dict(refused or {}), nowhere if near is None else near).run()
 
 
+MIN_STRETCH = 32
+"""Motions that are traced at a time at least. Behind one that is not reached twice as many as were before it: were it all that
+is left each time, a long program with many such would take time by its square."""
+
+MAX_IN_VAIN = 200
+"""Poses that are looked for in all postures, 10 ms each, and not reached. Behind so many, those that few of Newton's steps do not
+reach from where the robot was last are taken to be out of reach, too."""
+
+FEW_STEPS = 10
+"""Of Newton's; from a seed near by four are enough."""
+
+UNREACHABLE = "is out of reach, or reached outside the joint limits only"
+
+
 class _Simulation:
     """One run through a program; motions that follow each other along lines and arcs are traced together."""
 
@@ -174,6 +189,10 @@ class _Simulation:
         self.warnings: dict[int, str] = {}
         self.samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         self.last: np.ndarray | None = None
+        self.in_vain = 0
+        """Poses so far that were looked for in all postures, and not reached."""
+        self.stretch = len(motions)
+        """How many motions are traced at a time, at most."""
         self._take_joint_targets()
         self.segments = self._segments()
 
@@ -314,6 +333,7 @@ class _Simulation:
             and self.motions[stop].kind in ("linear", "circular")
             and self.motions[stop].follows == stop - 1
             and stop not in self.rejected
+            and stop < first + self.stretch
         ):
             stop += 1
         rows = np.arange(first, stop)
@@ -342,12 +362,17 @@ class _Simulation:
             self.rejected[first + whole] = f"{reason}, {share[end]:.0%} of the way there"
             if traced.outcome[end] == Outcome.OUT_OF_REACH:
                 self.out_of_reach.append(first + whole)
+            self.stretch = max(2 * whole, MIN_STRETCH)
             return first + whole + 1
+        self.stretch *= 2
         return stop
 
     def _solve_pose(self, i: int) -> None:
         """Find the joint positions of a pose that is not reached along a known path."""
         move = self.motions[i]
+        if self.in_vain >= MAX_IN_VAIN and not self._within_reach[i]:
+            self._reject_as_lost(i)
+            return
         T = self.nominal.robot_tool(np.array([i]), self.segments.end[[i]])[0]
         if move.end.posture is None and np.isfinite(self.near[i, 0]):
             seed = self.near[i]
@@ -363,8 +388,8 @@ class _Simulation:
         try:
             postures = np.concatenate([turned(self.robot, q) for q in find_postures(self.model, T)])
         except ReachError:
-            self.rejected[i] = "is out of reach, or reached outside the joint limits only"
-            self.out_of_reach.append(i)
+            self.in_vain += 1
+            self._reject_as_lost(i)
             return
         agreeing = postures[_agrees(self.robot, move.end, postures)]
         if not len(agreeing):
@@ -374,6 +399,20 @@ class _Simulation:
             self.end[i] = agreeing[0]
         else:
             self.end[i] = agreeing[np.argmin(np.abs(agreeing - seed).max(axis=1))]
+
+    def _reject_as_lost(self, i: int) -> None:
+        self.rejected[i] = UNREACHABLE
+        self.out_of_reach.append(i)
+
+    @cached_property
+    def _within_reach(self) -> Bool[np.ndarray, " m"]:
+        """Whether few of Newton's steps lead from the last posture to the ends of motions; all at once."""
+        rows = np.flatnonzero(np.isfinite(self.segments.end[:, 0, 0]))
+        T = self.nominal.robot_tool(rows, self.segments.end[rows])
+        seed = np.clip(self.robot.limits, -np.pi, np.pi).mean(axis=1) if self.last is None else self.last
+        reached = np.zeros(len(self.motions), dtype=bool)
+        reached[rows] = solve_near(self.model, T, np.tile(seed, (len(rows), 1)), iterations=FEW_STEPS).reached
+        return reached
 
     def _take_nearest(self, i: int, postures: Float[np.ndarray, "n joints"]) -> None:
         """Take the posture nearest to a stated one that is not reached, where the controller does so."""

@@ -16,6 +16,7 @@ from taskcal.arguments import checked
 from taskcal.correction.cell import Cell, ask_for_base, base_statement, mount
 from taskcal.correction.controller import (
     TURN_SPEED_RAD_S,
+    UNREACHABLE,
     ControllerTrajectory,
     JointMotion,
     drive_directions,
@@ -522,7 +523,7 @@ def rewrite_program(
     if into is None:
         sources = program.rewrite(robot, waypoints)
         progress("reading the corrected program")
-        again = program.reread(sources)
+        again = replace(given, motions=given.motions_in(sources))
     else:
         first = given.motions[0]
         # the new program counts its targets in the frames as they were read
@@ -727,7 +728,9 @@ def _correct(
     progress("the joints of the corrected program")
     written_moves, written = rewritten.motions, np.isin(np.arange(len(motions)), list(waypoints))
     near = trajectory.end[[number for number, _, _ in rewritten.origin]]
-    new_trajectory = simulate_controller(robot, written_moves, rewritten.refused, near)
+    # what no posture reached before is not looked for again: its target is as it was
+    lost = {k: UNREACHABLE for k, (i, _, _) in enumerate(rewritten.origin) if trajectory.rejected.get(i) == UNREACHABLE}
+    new_trajectory = simulate_controller(robot, written_moves, lost | rewritten.refused, near)
     motion = joint_motion(robot, written_moves, new_trajectory)
     before, after = assess(placed, path, trajectory), assess(placed, path, new_trajectory, rewritten.origin)
     farthest = after.farthest(calibration.measured_range, len(motions))
