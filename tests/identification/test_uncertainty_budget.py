@@ -1,5 +1,6 @@
 """The lines of a budget add, as squares, to what the calibration states of its predictions."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -37,7 +38,7 @@ def test_a_calibration_is_unknown_that_is_three_times_as_open_as_tolerances(scal
     calibration = identify(model, campaign, keep=[])
     open_frame = 0.1 * np.ones(len(calibration.z) - len(model))
     spread = np.diag(np.concatenate([scale * model.tolerances, open_frame]))
-    q = rng.uniform(-1.0, 1.0, (9, 6))
+    q = campaign.q[:9]
     why = why_unknown(replace(calibration, z_spread=spread), q)
     assert bool(why) == (scale > 3.0)
     if why:
@@ -45,3 +46,14 @@ def test_a_calibration_is_unknown_that_is_three_times_as_open_as_tolerances(scal
         with pytest.raises(TaskcalError, match="the program is not written: the calibration is uncertain there"):
             check_known(replace(calibration, z_spread=spread), q, "the program is not written")
     assert why_unknown(replace(calibration, z_spread=spread), q[:0]) == ""
+
+
+@pytest.mark.parametrize(("moved", "known"), [(range(6), True), ((4, 5), False)])
+def test_a_sound_calibration_is_known_far_from_its_rows(moved: Sequence[int], known: bool) -> None:
+    """How far the target is from the tool stays as unknown there as it was; of joints that never moved nothing is known."""
+    rng, model = np.random.default_rng(2), ErrorModel(load_robot("ur5"))
+    q = np.tile([0.2, -1.0, 1.1, -0.5, 1.0, 0.2], (60, 1))
+    q[:, moved] += rng.uniform(-0.8, 0.8, (60, len(moved)))
+    calibration = identify(model, simulate(model, q, rng=rng)[0])
+    assert calibration.range_growth > 0.0
+    assert bool(why_unknown(calibration, rng.uniform(-np.pi, np.pi, (100, 6)))) != known
