@@ -25,10 +25,8 @@ from robot_programs.core.robot import JOINTS, Robot
 from robot_programs.core.source import Source, uncollected
 from robot_programs.urscript.rewrite import Point, Site, UrscriptProgram, slot_of
 from robot_programs.urscript.syntax import (
-    Call,
     Expression,
     File,
-    Name,
     Routine,
     Statement,
     inside,
@@ -226,7 +224,7 @@ class Findings(flow.Findings[tuple[int, int], tuple[Motion, Site]]):
 
     strange: dict[str, list[tuple[int, int]]] = field(default_factory=dict[str, list[tuple[int, int]]])
     """Functions that no file has, and where they are called."""
-    failing: dict[tuple[int, int], Call] = field(default_factory=dict[tuple[int, int], Call])
+    failing: dict[tuple[int, int], Expression] = field(default_factory=dict[tuple[int, int], Expression])
     """Calls that are not understood as motions."""
 
 
@@ -336,13 +334,13 @@ class _Walk(flow.Walk[State, Routine]):
         value = self._evaluator(lambda: state, self._unasked)(condition)
         return value if isinstance(value, bool) else None
 
-    def _unasked(self, call: Call) -> Value | None:
+    def _unasked(self, call: Expression) -> Value | None:
         known = self.flow.names.called(call.name, self.routine.file)
         return Lost(reason=f"what {call.name} returns is not followed") if known else None
 
     def reads_data(self, condition: Expression) -> bool:
         """Whether a condition names anything."""
-        return any(isinstance(e, Call) or (isinstance(e, Name) and e.name not in CONSTANTS) for e in inside(condition))
+        return any(e.kind == "call" or (e.kind == "name" and e.name not in CONSTANTS) for e in inside(condition))
 
     def widened(self, state: State, nodes: Sequence[Node], why: str) -> State:
         """State after lines that may have changed all that they change."""
@@ -371,7 +369,7 @@ class _Walk(flow.Walk[State, Routine]):
 
     # Expressions.
 
-    def _evaluator(self, state: Callable[[], State], called: Callable[[Call], Value | None]) -> Evaluator:
+    def _evaluator(self, state: Callable[[], State], called: Callable[[Expression], Value | None]) -> Evaluator:
         def variable(name: str) -> Value:
             key = self.flow.names.key(name, self.routine)
             if key in self.flow.beside:
@@ -398,7 +396,7 @@ class _Walk(flow.Walk[State, Routine]):
     def evaluated(self, expression: Expression, state: State) -> tuple[Value, State]:
         """Value of an expression, and the state behind all functions in it."""
 
-        def called(call: Call) -> Value | None:
+        def called(call: Expression) -> Value | None:
             nonlocal state
             routines = self.flow.names.called(call.name, self.routine.file)
             if not routines:
@@ -412,7 +410,7 @@ class _Walk(flow.Walk[State, Routine]):
         return evaluator(expression), state
 
     def _followed(
-        self, call: Call, routines: Sequence[Routine], given: Sequence[tuple[str, Value]], state: State
+        self, call: Expression, routines: Sequence[Routine], given: Sequence[tuple[str, Value]], state: State
     ) -> tuple[State, Value]:
         """State after a call of a function of the program, and what it returns."""
         unknown = Lost(reason=f"what {call.name} returns is known only at run time")
@@ -456,7 +454,7 @@ class _Walk(flow.Walk[State, Routine]):
                 return state
             case "evaluate":
                 assert line.value is not None
-                if isinstance(line.value, Call) and line.value.name in MOTIONS:
+                if line.value.kind == "call" and line.value.name in MOTIONS:
                     return self._motion(line.value, state)
                 return self.evaluated(line.value, state)[1]
             case _:
@@ -475,7 +473,7 @@ class _Walk(flow.Walk[State, Routine]):
             value = _with_element(state.variables.get(key), index, value)
         return replace(state, variables={**state.variables, key: value})
 
-    def _own(self, call: Call, state: State) -> State:
+    def _own(self, call: Expression, state: State) -> State:
         """State after one of the language's own functions, or one that no file has."""
         name = call.name
         if name == "set_tcp":
@@ -496,7 +494,7 @@ class _Walk(flow.Walk[State, Routine]):
                 places.append(place)
         return replace(state, last=None)
 
-    def _set_tool(self, call: Call, state: State) -> State:
+    def _set_tool(self, call: Expression, state: State) -> State:
         given = signature(call, ("pose", "tcp_name")) or {}
         if "pose" not in given:
             return replace(state, tool=None, why_no_tool="set_tcp before it is not given a pose")
@@ -506,10 +504,10 @@ class _Walk(flow.Walk[State, Routine]):
             why = value.reason if isinstance(value, Lost) else "it is given no pose"
             return replace(state, tool=None, why_no_tool=f"set_tcp before it sets a TCP that is not known: {why}")
         named = self._evaluator(lambda: state, self._unasked)(given["tcp_name"]) if "tcp_name" in given else None
-        stated = given["pose"].name if isinstance(given["pose"], Name) else DEFAULT_TCP
+        stated = given["pose"].name if given["pose"].kind == "name" else DEFAULT_TCP
         return replace(state, tool=self.flow.frame(named if isinstance(named, str) else stated, values))
 
-    def _fail(self, start: int, reason: str, call: Call | None) -> None:
+    def _fail(self, start: int, reason: str, call: Expression | None) -> None:
         if self.flow.scouting:
             return
         text = (self.routine.file.number, start)
@@ -517,10 +515,10 @@ class _Walk(flow.Walk[State, Routine]):
         if call is not None:
             self.flow.findings.failing[text] = call
 
-    def _motion(self, call: Call, state: State) -> State:
+    def _motion(self, call: Expression, state: State) -> State:
         findings, text = self.flow.findings, (self.routine.file.number, call.start)
         values: dict[int, Value] = {}
-        for _, argument in call.arguments:
+        for argument in call.parts:
             values[argument.start], state = self.evaluated(argument, state)
         if not state.reached:
             return state
@@ -538,7 +536,7 @@ class _Walk(flow.Walk[State, Routine]):
         )  # fmt: skip
         return replace(state, last=findings.number(text, (move, site), meaning, state.last))
 
-    def _resolved(self, call: Call, values: Mapping[int, Value], state: State) -> tuple[Motion, Site]:
+    def _resolved(self, call: Expression, values: Mapping[int, Value], state: State) -> tuple[Motion, Site]:
         kind, names = MOTIONS[call.name]
         given = signature(call, names)
         needed = names[: 2 if kind == "circular" else 1]
@@ -594,7 +592,7 @@ class _Walk(flow.Walk[State, Routine]):
             posture = NearPosture(q=np.array(value.near)) if value.near is not None and kind == "joint" else None
             value = value.pose
         slot, framed = slot_of(expression)
-        if isinstance(slot, Name):
+        if slot.kind == "name":
             name = slot.name
         q = numbers(value, 6) if isinstance(value, Array) else None
         if q is not None and isinstance(value, Array):

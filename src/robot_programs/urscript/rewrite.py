@@ -24,7 +24,7 @@ from robot_programs.core.program import (
 )
 from robot_programs.core.robot import JOINTS, Robot
 from robot_programs.core.source import Source, TextEdit, numeral, renumbered
-from robot_programs.urscript.syntax import Call, Expression, File, Index, Listed, Name, Operation, inside, plain_name
+from robot_programs.urscript.syntax import Expression, File, inside, plain_name
 from robot_programs.urscript.values import Literal, Six, six_of
 
 METRES, RADIANS = 7, 8
@@ -70,16 +70,16 @@ class Point:
 
 def slot_of(argument: Expression) -> tuple[Expression, bool]:
     """What stands for a target in a motion's argument, and whether it is moved by a feature that is named there."""
-    while True:
-        match argument:
-            case Call(name="get_inverse_kin", arguments=[(_, first), *_]):
-                argument = first
-            case Operation(operator="()", operands=(first,)):
-                argument = first
-            case Call(name="pose_trans", arguments=((_, Name()), (_, point))):
-                return point, True
-            case _:
-                return argument, False
+    while argument.kind == "call" and argument.name == "get_inverse_kin" and argument.parts:
+        argument = argument.parts[0]
+    if (
+        argument.kind == "call"
+        and argument.name == "pose_trans"
+        and [one.kind for one in argument.parts[:1]] == ["name"]
+        and len(argument.parts) == 2
+    ):
+        return argument.parts[1], True
+    return argument, False
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -87,7 +87,7 @@ class Site:
     """A motion's place in the text."""
 
     file: File
-    call: Call
+    call: Expression
     points: tuple[Point, ...]
 
     @property
@@ -103,107 +103,98 @@ class Site:
 class Holders:
     """Which variables may hold which numbers, by the names of the variables, whatever function they are of."""
 
-    sources: dict[str, set[str]] = field(default_factory=lambda: defaultdict[str, set[str]](set))
-    """By variable: others whose value it is given as it is."""
+    files: Sequence[File]
+    given: dict[str, set[str]] = field(default_factory=lambda: defaultdict[str, set[str]](set))
+    """By variable, or function: variables whose value it is given as it is."""
+    made: dict[str, set[str]] = field(default_factory=lambda: defaultdict[str, set[str]](set))
+    """The same, and variables of which its value is computed."""
     read: set[str] = field(default_factory=set[str])
     """Variables that are read for something else than a motion's target."""
     of_literal: dict[tuple[int, int], str] = field(default_factory=dict[tuple[int, int], str])
     """By file and first character of numbers in brackets: the variable that they are given to."""
 
-    @classmethod
-    def of(cls, files: Sequence[File]) -> "Holders":
-        """The variables of some files."""
-        holders = cls()
-        functions = {r.name: [name for name, _ in r.parameters] for file in files for r in file.routines if r.kind}
-        for file in files:
-            flows = _Flows(holders=holders, file=file.number, functions=functions)
-            for routine in file.routines:
-                for name, default in routine.parameters:
-                    if default is not None:
-                        flows.to(default, name)
-                for line in routine.lines:
-                    if line.index is not None:
-                        flows.to(line.index, None)
-                        holders.read.add(plain_name(line.name))
-                    if line.value is not None:
-                        target = {"assign": plain_name(line.name), "return": f"{routine.name}()", "evaluate": ""}
-                        flows.to(line.value, target.get(line.kind))
-        return holders
-
-    def behind(self, names: Iterable[str]) -> set[str]:
-        """Variables whose value some variables may hold, these included."""
-        waiting, seen = list(names), set[str]()
-        while waiting:
-            name = waiting.pop()
-            if name not in seen:
-                seen.add(name)
-                waiting += self.sources.get(name, ())
-        return seen
+    def __post_init__(self) -> None:
+        for routine in (routine for file in self.files for routine in file.routines):
+            file = routine.file.number
+            for name, default in routine.parameters:
+                if default is not None:
+                    self._to(file, default, name)
+            for line in routine.lines:
+                if line.index is not None:
+                    self._to(file, line.index, "", kept=False)
+                    self.read.add(plain_name(line.name))
+                if line.value is not None:
+                    target = {"assign": plain_name(line.name), "return": f"{routine.name}()"}.get(line.kind, "")
+                    self._to(file, line.value, target, kept=line.kind in ("assign", "return", "evaluate"))
 
     @cached_property
     def read_at_last(self) -> set[str]:
         """Variables whose value is read for something else, there or where it is given to."""
-        return self.behind(self.read)
+        return _reached(self.read, self.given)
 
     @cached_property
-    def literals(self) -> Mapping[str, Sequence[tuple[int, int]]]:
-        """Numbers in brackets by the variable that they are given to."""
-        out: dict[str, list[tuple[int, int]]] = defaultdict(list)
-        for literal, name in self.of_literal.items():
-            out[name].append(literal)
-        return out
+    def _parameters(self) -> Mapping[str, Sequence[str]]:
+        routines = (routine for file in self.files for routine in file.routines if routine.kind)
+        return {routine.name: [name for name, _ in routine.parameters] for routine in routines}
 
+    def numbers_of(self, names: Iterable[str]) -> set[tuple[int, int]]:
+        """Numbers in brackets, by file and first character, of which some variables may be made."""
+        seen = _reached(names, self.made)
+        return {literal for literal, name in self.of_literal.items() if name in seen}
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Flows:
-    """Where the values of expressions of a file go."""
-
-    holders: Holders
-    file: int
-    functions: Mapping[str, Sequence[str]]
-
-    def to(self, expression: Expression, target: str | None) -> None:
-        """Follow an expression: to a variable, to a motion (empty), or to something else (None)."""
-        match expression:
-            case Name():
-                self._named(plain_name(expression.name), None if "." in expression.name else target)
-            case Listed():
-                if target:
-                    self.holders.of_literal[self.file, expression.start] = target
-                for item in expression.items:
-                    kept = isinstance(item, Listed | Name | Index) and not expression.pose
-                    self.to(item, target if kept else None)
-            case Index():
-                self.to(expression.of, target)
-                self.to(expression.at, None)
-            case Operation():
-                for operand in expression.operands:
-                    self.to(operand, target if expression.operator == "()" else None)
-            case Call():
-                self._call(expression, target)
+    def _to(self, file: int, expression: Expression, target: str, *, kept: bool = True) -> None:
+        """Follow an expression to a variable, or to a motion or nothing (empty); it may not be kept as it is."""
+        match expression.kind:
+            case "name":
+                name = plain_name(expression.name)
+                self._named(name, target, kept=kept and "." not in expression.name)
+            case "list" | "pose":
+                if target and kept:
+                    self.of_literal[file, expression.start] = target
+                for item in expression.parts:
+                    whole = item.kind in ("list", "pose", "name", "index") and expression.kind == "list"
+                    self._to(file, item, target, kept=kept and whole)
+            case "index":
+                self._to(file, expression.parts[0], target, kept=kept)
+                self._to(file, expression.parts[1], target, kept=False)
+            case "call":
+                self._call(file, expression, target, kept=kept)
             case _:
-                pass
+                for operand in expression.parts:
+                    self._to(file, operand, target, kept=False)
 
-    def _named(self, name: str, target: str | None) -> None:
-        if target is None:
-            self.holders.read.add(name)
-        elif target:
-            self.holders.sources[target].add(name)
+    def _named(self, name: str, target: str, *, kept: bool) -> None:
+        if not kept:
+            self.read.add(name)
+        if target:
+            self.made[target].add(name)
+            if kept:
+                self.given[target].add(name)
 
-    def _call(self, call: Call, target: str | None) -> None:
-        parameters = self.functions.get(call.name)
-        points = POINTS.get(call.name, ())
-        kept = {"get_inverse_kin": (0,), "pose_trans": (1,)}.get(call.name, ()) if target is not None else ()
+    def _call(self, file: int, call: Expression, target: str, *, kept: bool) -> None:
+        parameters = self._parameters.get(call.name)
         if parameters is not None:
-            self._named(f"{call.name}()", target)
+            self._named(f"{call.name}()", target, kept=kept)
+        points = POINTS.get(call.name, ())
+        own = {"get_inverse_kin": 0, "pose_trans": 1}.get(call.name)
         for position, (name, value) in enumerate(call.arguments):
             if parameters is not None:
                 name = name or (parameters[position] if position < len(parameters) else "")
-                self.to(value, name or None)
+                self._to(file, value, name, kept=bool(name))
             elif name in points or (not name and position < len(points)):
-                self.to(value, "")
+                self._to(file, value, "")
             elif call.name != "length":
-                self.to(value, target if position in kept else None)
+                self._to(file, value, target, kept=kept and position == own)
+
+
+def _reached(names: Iterable[str], graph: Mapping[str, Iterable[str]]) -> set[str]:
+    waiting, seen = list(names), set[str]()
+    while waiting:
+        name = waiting.pop()
+        if name not in seen:
+            seen.add(name)
+            waiting += graph.get(name, ())
+    return seen
 
 
 # The program.
@@ -216,12 +207,12 @@ class UrscriptProgram(Program):
     sites: tuple[Site, ...]
     """Of the moves, in their order."""
     files: tuple[File, ...]
-    failing: tuple[tuple[int, Call], ...] = ()
+    failing: tuple[tuple[int, Expression], ...] = ()
     """Motions that were not understood, with the numbers of their files."""
 
     @cached_property
     def _holders(self) -> Holders:
-        return Holders.of(self.files)
+        return Holders(files=self.files)
 
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The program's files with some motions rewritten; see `Program.rewrite`.
@@ -281,7 +272,7 @@ class UrscriptProgram(Program):
 
     def visits(self) -> Iterable[Visit]:
         """Motions whose targets are, or are computed of, numbers that variables hold; see `Program.visits`."""
-        sources = self._made_of
+        numbers = self._holders.numbers_of
         named = {name for site in self.sites for point in site.points for name in _names(point.slot)}
         for number, (site, move) in enumerate(zip(self.sites, self.motions, strict=True)):
             for point in site.points:
@@ -292,43 +283,18 @@ class UrscriptProgram(Program):
                     yield Visit(number=number, target=point.literal[:2], place=move.place)
                 if point.feature is not None and point.feature[0] in named:  # a point, too, to which this one is beside
                     names.add(point.feature[0])
-                for target in self._numbers_of(names, sources):
+                for target in numbers(names):
                     yield Visit(number=number, target=target, place=move.place)
         for file, call in self.failing:
-            names = {name for _, argument in call.arguments[:2] for name in _names(slot_of(argument)[0])}
-            for target in self._numbers_of(names, sources):
+            names = {name for argument in call.parts[:2] for name in _names(slot_of(argument)[0])}
+            for target in numbers(names):
                 yield Visit(number=None, target=target, place=self.sources[file].place(call.start))
-
-    @property
-    def _made_of(self) -> Mapping[str, frozenset[str]]:
-        """Variables in what is assigned to each variable, and given to each parameter."""
-        made: dict[str, set[str]] = defaultdict(set)
-        routines = [routine for file in self.files for routine in file.routines]
-        parameters = {routine.name: [name for name, _ in routine.parameters] for routine in routines if routine.kind}
-        for line in (line for routine in routines for line in routine.lines):
-            if line.kind == "assign" and line.value is not None:
-                made[plain_name(line.name)].update(_names(line.value))
-            for call in line.calls:
-                for (name, value), parameter in zip(call.arguments, parameters.get(call.name, ()), strict=False):
-                    made[name or parameter].update(_names(value))
-        return {name: frozenset(others) for name, others in made.items()}
-
-    def _numbers_of(self, names: Iterable[str], made_of: Mapping[str, frozenset[str]]) -> set[tuple[int, int]]:
-        """Numbers in brackets, by file and first character, of which some variables may be made."""
-        waiting, seen = list(names), set[str]()
-        while waiting:
-            name = waiting.pop()
-            if name not in seen:
-                seen.add(name)
-                waiting += made_of.get(name, ())
-        holders = self._holders
-        return {literal for name in holders.behind(seen) for literal in holders.literals.get(name, ())}
 
 
 _WORD = re.compile(r"[A-Za-z_]\w*")
 
 
-def _given(call: Call) -> dict[str, Expression]:
+def _given(call: Expression) -> dict[str, Expression]:
     """Arguments of a motion by their names."""
     order = [*POINTS[call.name], "a", "v", *(("t",) if call.name in ("movej", "movel") else ()), "r"]
     given = dict(zip(order, [value for name, value in call.arguments if not name], strict=False))
@@ -351,7 +317,7 @@ def _blend(ways: Iterable[float]) -> float:
 
 def _names(expression: Expression) -> Iterator[str]:
     """Variables in an expression."""
-    return (plain_name(one.name) for one in inside(expression) if isinstance(one, Name))
+    return (plain_name(one.name) for one in inside(expression) if one.kind == "name")
 
 
 def _wanted(site: Site, waypoint: Waypoint) -> Iterator[tuple[Point, Six]]:

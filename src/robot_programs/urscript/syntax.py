@@ -1,82 +1,43 @@
 """The text of a URScript program: its statements, the expressions in them, and its functions as the nodes of `core.flow`.
 
-Universal Robots, *Script manual, e-Series*: "The URScript programming language".
+Universal Robots, *Script manual, e-Series*: "The URScript programming language". Expressions are written as Python's are, which
+reads them; what Python has beyond URScript is not understood.
 """
 
+import ast
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import accumulate, pairwise
 from typing import Literal, NamedTuple
 
 from robot_programs.core.errors import FileError, shown
 from robot_programs.core.flow import Arm, Block, Body, Branches, Label, Leave, Loop, Node, Step, Unknown, lines_in
 from robot_programs.core.source import Source
 
-# Expressions, each with its place in the text: its first character, and behind its last one.
+# Expressions.
 
 
-class Number(NamedTuple):
-    """A number; whole ones are kept apart, because their quotients may be whole, too."""
+class Expression(NamedTuple):
+    """An expression with its place in the text: its first character, and behind its last one."""
 
+    kind: Literal["value", "name", "list", "pose", "index", "call", "operation"]
     start: int
     end: int
-    value: int | float
+    name: str = ""
+    """Of a variable, a constant, a field of a structure, or what is called; the operator."""
+    value: int | float | bool | str = 0
+    """A number, whole ones apart, because their quotients may be whole, too; a flag, or a text."""
+    parts: "tuple[Expression, ...]" = ()
+    """Elements, arguments or operands; what is indexed, and by what."""
+    keys: tuple[str, ...] = ()
+    """Names by which arguments are given, empty where they stand in their order."""
 
-
-class Text(NamedTuple):
-    """A string, without its quotation marks."""
-
-    start: int
-    end: int
-    value: str
-
-
-class Name(NamedTuple):
-    """A variable, a constant, or a field of a structure."""
-
-    start: int
-    end: int
-    name: str
-
-
-class Listed(NamedTuple):
-    """A list, or a pose."""
-
-    start: int
-    end: int
-    items: "tuple[Expression, ...]"
-    pose: bool
-
-
-class Index(NamedTuple):
-    """An element of a list or a pose."""
-
-    start: int
-    end: int
-    of: "Expression"
-    at: "Expression"
-
-
-class Call(NamedTuple):
-    """A call; arguments with the names that they are given by, empty where they stand in their order."""
-
-    start: int
-    end: int
-    name: str
-    arguments: "tuple[tuple[str, Expression], ...]"
-
-
-class Operation(NamedTuple):
-    """One or two operands and what is done with them."""
-
-    start: int
-    end: int
-    operator: str
-    operands: "tuple[Expression, ...]"
-
-
-Expression = Number | Text | Name | Listed | Index | Call | Operation
+    @property
+    def arguments(self) -> "Iterator[tuple[str, Expression]]":
+        """Of a call: names and values."""
+        return zip(self.keys, self.parts, strict=True)
 
 
 def inside(expression: Expression) -> Iterator[Expression]:
@@ -85,29 +46,147 @@ def inside(expression: Expression) -> Iterator[Expression]:
     while waiting:
         one = waiting.pop()
         yield one
-        match one:
-            case Listed():
-                waiting += reversed(one.items)
-            case Index():
-                waiting += (one.at, one.of)
-            case Call():
-                waiting += (value for _, value in reversed(one.arguments))
-            case Operation():
-                waiting += reversed(one.operands)
+        waiting += reversed(one.parts)
+
+
+MAX_DEPTH = 80
+"""Operators and brackets in each other."""
+
+_OPERATORS: Mapping[type[ast.AST], str] = {
+    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Mod: "%", ast.Eq: "==", ast.NotEq: "!=", ast.Lt: "<",
+    ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.USub: "-", ast.UAdd: "+", ast.Not: "not",
+}  # fmt: skip
+
+_MASKED = re.compile(
+    r"""[#$][^\n]*|"[^"\n]*"|'[^'\n]*'|\bxor\b|[\r\f\\]|[^\x00-\x7f]|(?<![\w.])0+(?=\d)
+    |\b(?:None|as|assert|async|await|break|class|continue|def|del|elif|else|except|finally|for|from|global|if|import|in|is|lambda
+    |nonlocal|pass|raise|return|try|while|with|yield)\b""",
+    re.VERBOSE,
+)
+_GLUED = re.compile(r"(?<![\w.])[\d.][\w.]*(?:and|or|not)\b")
+"""A number that ends in a word, which Python takes with a warning."""
+_NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*")
+_NUMBER = r"0[xX][0-9a-fA-F]+|(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_DIGITS = re.compile(_NUMBER)
+
+
+def _masked(match: re.Match[str]) -> str:
+    """What Python would read otherwise, in as many characters; ``xor`` binds as ``or`` does."""
+    text = match[0]
+    match text[0]:
+        case "#" | "$" | "\r" | "\f":
+            return " " * len(text)
+        case '"' | "'" as mark:
+            return mark + "_" * (len(text) - 2) + mark
+        case "0":
+            return "1" * len(text)
+        case _ if text == "xor":
+            return "or "
+        case first if first.isascii() and first.isalpha():
+            return text.swapcase()
+        case first:
+            return "_" if first.isalnum() else "?"
+
+
+class _NotUnderstood(Exception):
+    """Text that is no statement."""
+
+
+class _Reader:
+    """Reading the expression that a piece of a text is."""
+
+    def __init__(self, text: str, start: int, end: int):
+        self.text = text
+        piece = _MASKED.sub(_masked, text[start:end])
+        if _GLUED.search(piece):
+            raise _NotUnderstood
+        lines = piece.split("\n")
+        self.starts = list(accumulate((len(line) + 1 for line in lines), initial=start))
+        try:
+            self.tree = ast.parse(piece, mode="eval").body
+        except (SyntaxError, ValueError, RecursionError, MemoryError):
+            raise _NotUnderstood from None
+
+    def of(self, node: ast.expr | None, depth: int = 0) -> Expression:
+        if node is None or depth > MAX_DEPTH:
+            raise _NotUnderstood
+        start = self.starts[node.lineno - 1] + node.col_offset
+        end = self.starts[(node.end_lineno or 1) - 1] + (node.end_col_offset or 0)
+        text = self.text[start:end]
+
+        def each(*nodes: ast.expr) -> tuple[Expression, ...]:
+            return tuple(self.of(one, depth + 1) for one in nodes)
+
+        match node:
+            case ast.Constant():
+                return Expression("value", start, end, value=_constant(text))
+            case ast.Name() | ast.Attribute() if _NAME.fullmatch(text) and text not in _WORDS:
+                return Expression("name", start, end, text)
+            case ast.List():
+                return Expression("list", start, end, parts=each(*node.elts))
+            case ast.Subscript(value=ast.Name(id="p"), slice=place) if self.text.startswith("p[", start):
+                return Expression("pose", start, end, parts=each(*getattr(place, "elts", [place])))
+            case ast.Subscript():
+                return Expression("index", start, end, parts=each(node.value, node.slice))
+            case ast.Call(func=ast.Name() | ast.Attribute() as called):
+                keys = (*("" for _ in node.args), *(key.arg or "" for key in node.keywords))
+                parts = each(*node.args, *(key.value for key in node.keywords))
+                return Expression("call", start, end, self.of(called).name, parts=parts, keys=keys)
+            case ast.BoolOp():
+                return self.folded(node, each(*node.values))
             case _:
-                pass
+                sign, operands = _operation(node)
+                return Expression("operation", start, end, sign, parts=each(*operands))
+
+    def folded(self, node: ast.BoolOp, values: Sequence[Expression]) -> Expression:
+        """Conditions one after another: ``or`` and ``xor`` bind alike."""
+        whole = values[0]
+        for before, value in pairwise(values):
+            between = re.sub(r"#[^\n]*", "", self.text[before.end : value.start])
+            sign = "and" if isinstance(node.op, ast.And) else "xor" if re.search(r"\bxor\b", between) else "or"
+            whole = Expression("operation", whole.start, value.end, sign, parts=(whole, value))
+        return whole
 
 
-# Tokens.
+def _operation(node: ast.expr) -> tuple[str, list[ast.expr]]:
+    match node:
+        case ast.Compare(ops=[sign], comparators=[right]):
+            operands = [node.left, right]
+        case ast.BinOp(op=sign):
+            operands = [node.left, node.right]
+        case ast.UnaryOp(op=sign):
+            operands = [node.operand]
+        case _:
+            raise _NotUnderstood
+    if type(sign) not in _OPERATORS:
+        raise _NotUnderstood
+    return _OPERATORS[type(sign)], operands
+
+
+def _constant(text: str) -> int | float | bool | str:
+    if text in ("True", "False"):
+        return text == "True"
+    if text[0] in "\"'" and not set("\"'") & set(text[1:-1]):
+        return text[1:-1]
+    if not _DIGITS.fullmatch(text):
+        raise _NotUnderstood
+    if text[:2] in ("0x", "0X"):
+        return int(text, 16)
+    return int(text) if text.isdecimal() and len(text) < 16 else float(text)
+
+
+# Statements.
+
+MAX_BLOCKS = 40
+"""In each other; no program has as many."""
 
 _TOKEN = re.compile(
-    r"""(?P<space>[ \t\r\f]+|\#[^\n]*|\$[^\n]*)
+    rf"""(?P<space>[ \t\r\f]+|\#[^\n]*|\$[^\n]*)
     |(?P<newline>\n)
-    |(?P<number>0[xX][0-9a-fA-F]+|(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)
-    |(?P<name>[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)
+    |(?P<number>{_NUMBER})
+    |(?P<name>{_NAME.pattern})
     |(?P<text>"[^"\n]*"|'[^'\n]*')
-    |(?P<mark>[=!<>]=|[-+*/%<>=()\[\],:{}?@])
-    |(?P<other>.)""",
+    |(?P<mark>[=!<>]=|.)""",
     re.VERBOSE,
 )
 """Behind ``$`` stands the label of a line for PolyScope."""
@@ -126,11 +205,10 @@ class Token(NamedTuple):
         return self.start + len(self.text)
 
 
-_OPENS = {"def", "thread", "sec", "if", "while"}
-_HEADS = {*_OPENS, "elif", "else"}
+_HEADS = {"def", "thread", "sec", "if", "while", "elif", "else"}
 _ALONE = {"end", "break", "continue", "halt"}
 _WORDS = {*_HEADS, *_ALONE, "return", "global", "local", "run", "pass"}
-"""With which a statement begins, whatever stood open before."""
+"""With which a statement begins."""
 
 
 def _lines(text: str) -> Iterator[list[Token]]:
@@ -161,143 +239,6 @@ def _lines(text: str) -> Iterator[list[Token]]:
         yield line
 
 
-class _NotUnderstood(Exception):
-    """Tokens that are no statement."""
-
-
-MAX_DEPTH = 40
-"""Brackets in each other, and blocks; no program has as many."""
-MAX_TERMS = 200
-"""Operators in one statement."""
-
-_LEVELS = (("or", "xor"), ("and",), ("==", "!=", "<", ">", "<=", ">="), ("+", "-"), ("*", "/", "%"))
-"""Operators from those that bind least."""
-_BINDS = {operator: level for level, same in enumerate(_LEVELS) for operator in same}
-COMPARED = 2
-"""Level of comparisons, of which ``not`` takes one."""
-
-FLAGS = {"True": True, "False": False}
-
-
-class _Parser:
-    """Reading the tokens of one statement."""
-
-    def __init__(self, tokens: Sequence[Token]):
-        self.tokens, self.at, self.depth, self.terms = tokens, 0, 0, 0
-
-    @property
-    def next(self) -> str:
-        return self.tokens[self.at].text if self.at < len(self.tokens) else ""
-
-    def take(self, text: str = "") -> Token:
-        if self.at >= len(self.tokens) or (text and self.next != text):
-            raise _NotUnderstood
-        self.at += 1
-        return self.tokens[self.at - 1]
-
-    def begins(self, text: str) -> bool:
-        """Whether a word comes next, which is taken then."""
-        found = self.next == text
-        self.at += found
-        return found
-
-    def another(self) -> Token:
-        """What goes on with an expression."""
-        self.terms += 1
-        if self.terms > MAX_TERMS:
-            raise _NotUnderstood
-        return self.take()
-
-    def name(self) -> str:
-        token = self.take()
-        if token.kind != "name" or token.text in _WORDS:
-            raise _NotUnderstood
-        return token.text
-
-    def whole(self) -> Expression:
-        """The expression that all that is left is."""
-        found = self.expression()
-        if self.at < len(self.tokens):
-            raise _NotUnderstood
-        return found
-
-    def expression(self, least: int = 0) -> Expression:
-        """An expression of operators that bind at least so much."""
-        left = self.operand()
-        while (bound := _BINDS.get(self.next, -1)) >= least:
-            operator = self.another().text
-            right = self.expression(bound + 1)
-            left = Operation(left.start, right.end, operator, (left, right))
-        return left
-
-    def operand(self) -> Expression:
-        self.depth += 1
-        if self.depth > MAX_DEPTH:
-            raise _NotUnderstood
-        found = self.indexed()
-        self.depth -= 1
-        return found
-
-    def indexed(self) -> Expression:
-        token = self.take()
-        found: Expression
-        match token:
-            case Token(text="-" | "+" | "not"):
-                of = self.operand() if token.text != "not" else self.expression(COMPARED)
-                return Operation(token.start, of.end, token.text, (of,))
-            case Token(kind="number"):
-                found = Number(token.start, token.end, _number(token.text))
-            case Token(kind="text"):
-                found = Text(token.start, token.end, token.text[1:-1])
-            case Token(text="("):
-                within = self.expression()
-                found = Operation(token.start, self.take(")").end, "()", (within,))
-            case Token(text="["):
-                found = self.listed(token.start, pose=False)
-            case Token(text="p") if self.next == "[" and self.tokens[self.at].start == token.end:
-                self.take()
-                found = self.listed(token.start, pose=True)
-            case Token(kind="name") if token.text not in _WORDS:
-                called = self.next == "("
-                found = self.call(token) if called else Name(token.start, token.end, token.text)
-            case _:
-                raise _NotUnderstood
-        while self.next == "[":
-            self.another()
-            index = self.expression()
-            found = Index(found.start, self.take("]").end, found, index)
-        return found
-
-    def listed(self, start: int, *, pose: bool) -> Listed:
-        items: list[Expression] = []
-        while self.next != "]":
-            items.append(self.expression())
-            if self.next != "]":
-                self.take(",")
-        return Listed(start, self.take("]").end, tuple(items), pose)
-
-    def call(self, name: Token) -> Call:
-        self.take("(")
-        arguments: list[tuple[str, Expression]] = []
-        while self.next != ")":
-            given = ""
-            if self.at + 1 < len(self.tokens) and self.tokens[self.at + 1].text == "=":
-                given = self.name()
-                self.take("=")
-            arguments.append((given, self.expression()))
-            if self.next != ")":
-                self.take(",")
-        return Call(name.start, self.take(")").end, name.text, tuple(arguments))
-
-
-def _number(text: str) -> int | float:
-    if text[:2] in ("0x", "0X"):
-        return int(text, 16)
-    return int(text) if text.isdecimal() and len(text) < 16 else float(text)
-
-
-# Statements.
-
 Kind = Literal[
     "def", "thread", "sec", "if", "elif", "else", "while", "end", "break", "continue", "return", "halt",
     "assign", "evaluate", "run", "declare", "unknown",
@@ -325,99 +266,86 @@ class Statement:
     """Of a statement that was not understood."""
 
     @cached_property
-    def expressions(self) -> tuple[Expression, ...]:
-        """All of it."""
-        return tuple(e for e in (self.index, self.value) if e is not None)
-
-    @cached_property
-    def calls(self) -> tuple[Call, ...]:
+    def calls(self) -> tuple[Expression, ...]:
         """Calls in it, in the order of the text."""
-        return tuple(e for whole in self.expressions for e in inside(whole) if isinstance(e, Call))
+        whole = (e for e in (self.index, self.value) if e is not None)
+        return tuple(e for one in whole for e in inside(one) if e.kind == "call")
 
 
-def _statement(tokens: Sequence[Token]) -> Statement:
+def _statement(text: str, tokens: Sequence[Token]) -> Statement:
     start, end = tokens[0].start, tokens[-1].end
     try:
-        return _understood(tokens, start, end)
+        return _understood(text, tokens, start, end)
     except _NotUnderstood:
         words = frozenset(token.text for token in tokens if token.kind == "name")
         return Statement(kind="unknown", start=start, end=end, words=words)
 
 
-def _understood(tokens: Sequence[Token], start: int, end: int) -> Statement:
-    first = tokens[0].text
-    parser = _Parser(tokens[1:] if first in _WORDS else tokens)
-    if first in ("def", "thread", "sec"):
-        return _header(parser, first, start, end)
-    if first in _HEADS:
-        condition = None if first == "else" else parser.expression()
-        parser.take(":")
-        if parser.next:
+def _understood(text: str, tokens: Sequence[Token], start: int, end: int) -> Statement:
+    def expression(first: int, behind: int | None = None) -> Expression:
+        piece = tokens[first:behind]
+        if not piece:
             raise _NotUnderstood
-        return Statement(kind=first, start=start, end=end, value=condition)  # pyright: ignore[reportArgumentType]
-    if first in _ALONE:
-        if len(tokens) > 1 and (first != "halt" or [t.text for t in tokens[1:]] != ["(", ")"]):
+        reader = _Reader(text, piece[0].start, piece[-1].end)
+        return reader.of(reader.tree)
+
+    def statement(kind: Kind, **other: object) -> Statement:
+        return Statement(kind=kind, start=start, end=end, **other)  # pyright: ignore[reportArgumentType]
+
+    words = [token.text for token in tokens]
+    match words:
+        case ["def" | "thread" | "sec" as kind, *_, ":"]:
+            call = expression(1, -1)
+            return statement(kind, name=_called(call), parameters=tuple(_parameters(call)))
+        case ["if" | "elif" | "while" as kind, *_, ":"]:
+            return statement(kind, value=expression(1, -1))
+        case ["else", ":"] | ["end" | "break" | "continue" | "halt"] | ["halt", "(", ")"]:
+            return statement(words[0])  # pyright: ignore[reportArgumentType]
+        case ["pass"] | ["kill" | "join" | "enter_critical" | "exit_critical", _, *_] if words[1:2] != ["="]:
+            return statement("declare")
+        case ["return"]:
+            return statement("return")
+        case ["return", *_]:
+            return statement("return", value=expression(1))
+        case _:
+            pass
+    if "run" in words and (at := words.index("run")) in (0, _first_outside(words) + 1):
+        call = expression(at + 1)  # the handle of a thread is no value
+        return statement("run", name=_called(call), value=call)
+    scope = words[0] if words[0] in ("global", "local") else ""
+    if "=" in words and (equals := _first_outside(words)):
+        target, value = expression(bool(scope), equals), expression(equals + 1)
+        of, *index = target.parts if target.kind == "index" else (target,)
+        if of.kind != "name":
             raise _NotUnderstood
-        return Statement(kind=first, start=start, end=end)  # pyright: ignore[reportArgumentType]
-    if first == "pass":
-        return Statement(kind="declare", start=start, end=end)
-    if first == "return":
-        return Statement(kind="return", start=start, end=end, value=parser.whole() if parser.next else None)
-    if first == "run":
-        return _started(parser, start, end)
-    if len(tokens) > 1 and first in ("kill", "join", "enter_critical", "exit_critical") and tokens[1].text != "=":
-        return Statement(kind="declare", start=start, end=end)
-    return _assignment(parser, first if first in ("global", "local") else "", start, end)
-
-
-def _header(parser: _Parser, kind: str, start: int, end: int) -> Statement:
-    name = parser.name()
-    parser.take("(")
-    parameters: list[tuple[str, Expression | None]] = []
-    while parser.next != ")":
-        parameter, default = parser.name(), None
-        if parser.next == "=":
-            parser.take()
-            default = parser.expression()
-        parameters.append((parameter, default))
-        if parser.next != ")":
-            parser.take(",")
-    parser.take(")")
-    parser.take(":")
-    return Statement(kind=kind, start=start, end=end, name=name, parameters=tuple(parameters))  # pyright: ignore[reportArgumentType]
-
-
-def _started(parser: _Parser, start: int, end: int) -> Statement:
-    call = parser.whole()
-    if not isinstance(call, Call):
+        return statement("assign", name=of.name, scope=scope, index=index[0] if index else None, value=value)
+    value = expression(bool(scope))
+    if scope and value.kind != "name":
         raise _NotUnderstood
-    return Statement(kind="run", start=start, end=end, name=call.name, value=call)
+    return statement("declare", name=value.name, scope=scope) if scope else statement("evaluate", value=value)
 
 
-def _assignment(parser: _Parser, scope: str, start: int, end: int) -> Statement:
-    """An assignment, the declaration of a variable, or an expression that is evaluated for what it does."""
-    target = parser.expression()
-    if parser.next == "=":
-        parser.take()
-        if parser.begins("run"):  # the handle of a thread is no value
-            return _started(parser, start, end)
-        value = parser.whole()
-        index = None
-        match target:
-            case Name():
-                name = target.name
-            case Index(of=Name() as of, at=at):
-                name, index = of.name, at
-            case _:
-                raise _NotUnderstood
-        return Statement(kind="assign", start=start, end=end, name=name, scope=scope, index=index, value=value)
-    if parser.next:
+def _first_outside(words: Sequence[str]) -> int:
+    """Place of the first equals sign in no brackets; 0 where there is none."""
+    depth = 0
+    for place, word in enumerate(words):
+        depth += (word in "([{") - (word in ")]}")
+        if word == "=" and not depth:
+            return place
+    return 0
+
+
+def _called(call: Expression) -> str:
+    if call.kind != "call":
         raise _NotUnderstood
-    if scope:
-        if not isinstance(target, Name):
+    return call.name
+
+
+def _parameters(call: Expression) -> Iterator[tuple[str, Expression | None]]:
+    for name, value in call.arguments:
+        if not name and value.kind != "name":
             raise _NotUnderstood
-        return Statement(kind="declare", start=start, end=end, name=target.name, scope=scope)
-    return Statement(kind="evaluate", start=start, end=end, value=target)
+        yield (name, value) if name else (value.name, None)
 
 
 # Functions, threads and secondary programs, with the statements outside of them as one more.
@@ -481,89 +409,95 @@ def parse(source: Source, number: int) -> File:
         FileError: blocks and their ends do not match.
     """
     file = File(number=number, source=source)
-    _Blocks(file).read(_statement(tokens) for tokens in _lines(source.text))
+    outside = Routine(file=file, kind="", name=source.path.stem, start=0, parent=None)
+    file.routines.append(outside)
+    blocks = _Blocks(file, (_statement(source.text, tokens) for tokens in _lines(source.text)))
+    nodes, line = blocks.block(outside, ())
+    if line is not None:
+        raise blocks.refuse(
+            line, f"{'closes nothing' if line.kind == 'end' else NO_IF}; an 'end' before it closes too much"
+        )
+    outside.nodes.extend(nodes)
     return file
 
 
-@dataclass(eq=False, kw_only=True)
-class _Open:
-    """A block whose end has not come yet."""
-
-    line: Statement
-    nodes: list[Node]
-    """To which statements are added."""
-    routine: Routine
-    arms: list[tuple[Statement, list[Node]]] = field(default_factory=list[tuple[Statement, list[Node]]])
-    continues: str = ""
-    """Label to which its ``continue`` leads."""
+NO_IF = "belongs to no 'if'"
 
 
 class _Blocks:
     """Statements as nested nodes."""
 
-    def __init__(self, file: File):
-        self.file = file
-        self.outside = Routine(file=file, kind="", name=file.source.path.stem, start=0, parent=None)
-        file.routines.append(self.outside)
-        self.open: list[_Open] = []
-
-    @property
-    def routine(self) -> Routine:
-        return self.open[-1].routine if self.open else self.outside
-
-    @property
-    def nodes(self) -> list[Node]:
-        return self.open[-1].nodes if self.open else self.outside.nodes
+    def __init__(self, file: File, statements: Iterator[Statement]):
+        self.file, self.statements = file, statements
+        self.continued = set[int]()
+        """First characters of the loops that have a ``continue``."""
 
     def refuse(self, line: Statement, why: str) -> FileError:
         source = self.file.source
-        return FileError(
-            source.path, f"'{shown(source.text[line.start : line.end])}' {why}", line=source.line(line.start)
+        text = shown(source.text[line.start : line.end])
+        return FileError(source.path, f"'{text}' {why}", line=source.line(line.start))
+
+    def block(self, routine: Routine, around: tuple[Statement, ...]) -> tuple[Block, Statement | None]:
+        """Nodes of a block, and what ends it or goes on with another branch; None at the end of the file."""
+        nodes: list[Node] = []
+        for line in self.statements:
+            if len(around) > MAX_BLOCKS:
+                raise self.refuse(line, f"lies in more than {MAX_BLOCKS} blocks; write some of them as functions")
+            match line.kind:
+                case "end" | "elif" | "else":
+                    return tuple(nodes), line
+                case "def" | "thread" | "sec":
+                    self.routine(line, routine, around)
+                case "if":
+                    nodes.append(self.branches(line, routine, around))
+                case "while":
+                    nodes.append(self.loop(line, routine, around))
+                case _:
+                    nodes.append(self.node(line, around))
+        return tuple(nodes), None
+
+    def closed(self, routine: Routine, around: tuple[Statement, ...], *, arms: bool = False) -> tuple[Block, Statement]:
+        """Nodes of a block that something ends: its end, or another branch."""
+        nodes, line = self.block(routine, around)
+        if line is None:
+            raise self.refuse(around[-1], "is not closed by 'end'; the file is cut off, or an 'end' is missing")
+        if line.kind != "end" and not arms:
+            raise self.refuse(line, f"{NO_IF}; an 'end' before it closes too much")
+        return nodes, line
+
+    def routine(self, line: Statement, parent: Routine, around: tuple[Statement, ...]) -> None:
+        own = Routine(
+            file=self.file, kind=line.kind, name=line.name, start=line.start, parent=parent, parameters=line.parameters
         )
+        self.file.routines.append(own)
+        own.nodes.extend(self.closed(own, (*around, line))[0])
 
-    def read(self, statements: Iterator[Statement]) -> None:
-        for line in statements:
-            self.add(line)
-        if self.open:
-            raise self.refuse(self.open[-1].line, "is not closed by 'end'; the file is cut off, or an 'end' is missing")
+    def branches(self, line: Statement, routine: Routine, around: tuple[Statement, ...]) -> Node:
+        arms: list[Arm] = []
+        head = line
+        while head.kind != "end":
+            nodes, behind = self.closed(routine, (*around, line), arms=head.kind != "else")
+            arms.append(Arm(line=head if arms else None, condition=head.value, body=nodes))
+            head = behind
+        return Branches(line=line, name="if", arms=tuple(arms))
 
-    def add(self, line: Statement) -> None:
-        if len(self.open) > MAX_DEPTH:
-            raise self.refuse(line, f"lies in more than {MAX_DEPTH} blocks; write some of them as functions")
-        match line.kind:
-            case "def" | "thread" | "sec":
-                routine = Routine(
-                    file=self.file, kind=line.kind, name=line.name, start=line.start, parent=self.routine,
-                    parameters=line.parameters,
-                )  # fmt: skip
-                self.file.routines.append(routine)
-                self.open.append(_Open(line=line, nodes=routine.nodes, routine=routine))
-            case "if" | "while":
-                opened = _Open(line=line, nodes=[], routine=self.routine)
-                opened.arms.append((line, opened.nodes))
-                self.open.append(opened)
-            case "elif" | "else":
-                if not self.open or self.open[-1].line.kind != "if" or self.open[-1].arms[-1][0].kind == "else":
-                    raise self.refuse(line, "belongs to no 'if'; an 'end' before it closes too much")
-                self.open[-1].nodes = []
-                self.open[-1].arms.append((line, self.open[-1].nodes))
-            case "end":
-                if not self.open:
-                    raise self.refuse(line, "closes nothing; an 'end' before it closes too much")
-                self.close(self.open.pop())
-            case _:
-                self.nodes.append(self.node(line))
+    def loop(self, line: Statement, routine: Routine, around: tuple[Statement, ...]) -> Node:
+        body, _ = self.closed(routine, (*around, line))
+        if line.start in self.continued:
+            body = (*body, Label(line=line, name=str(line.start)))
+        kind = "endless" if line.value is not None and line.value.value is True else "while"
+        return Loop(line=line, name="while", kind=kind, condition=line.value, body=body)
 
-    def node(self, line: Statement) -> Node:
+    def node(self, line: Statement, around: tuple[Statement, ...]) -> Node:
         match line.kind:
             case "break" | "continue":
-                loop = next((one for one in reversed(self.open) if one.line.kind not in ("if",)), None)
-                if loop is None or loop.line.kind != "while":
+                loop = next((one for one in reversed(around) if one.kind != "if"), None)
+                if loop is None or loop.kind != "while":
                     raise self.refuse(line, "is in no loop")
                 if line.kind == "break":
                     return Leave(line=line, way="exit")
-                loop.continues = f"{loop.line.start}"
-                return Leave(line=line, way="jump", label=loop.continues)
+                self.continued.add(loop.start)
+                return Leave(line=line, way="jump", label=str(loop.start))
             case "return":
                 return Leave(line=line, way="return")
             case "halt":
@@ -572,24 +506,3 @@ class _Blocks:
                 return Unknown(line=line)
             case _:
                 return Step(line=line)
-
-    def close(self, block: _Open) -> None:
-        line = block.line
-        if line.kind == "if":
-            first, *others = block.arms
-            arms = [Arm(condition=first[0].value, body=tuple(first[1]))]
-            arms += [Arm(line=head, condition=head.value, body=tuple(nodes)) for head, nodes in others]
-            self.nodes.append(Branches(line=line, name="if", arms=tuple(arms)))
-        elif line.kind == "while":
-            body: Block = tuple(block.nodes)
-            if block.continues:
-                body = (*body, Label(line=line, name=block.continues))
-            kind = "endless" if is_true(line.value) else "while"
-            self.nodes.append(Loop(line=line, name="while", kind=kind, condition=line.value, body=body))
-
-
-def is_true(condition: Expression | None) -> bool:
-    """Whether a condition is the word True."""
-    while isinstance(condition, Operation) and condition.operator == "()":
-        condition = condition.operands[0]
-    return isinstance(condition, Name) and condition.name == "True"

@@ -15,18 +15,7 @@ from jaxtyping import Float
 from robot_programs.core import se3
 from robot_programs.core.program import angled_pose
 from robot_programs.core.values import COMPARISONS
-from robot_programs.urscript.syntax import (
-    FLAGS,
-    Call,
-    Expression,
-    Index,
-    Listed,
-    Name,
-    Number,
-    Operation,
-    Text,
-    plain_name,
-)
+from robot_programs.urscript.syntax import Expression, plain_name
 
 Six = tuple[float, ...]
 """Position, metres, and rotation vector, radians; or joint positions, radians."""
@@ -135,7 +124,7 @@ def numbers(value: Value, count: int) -> Six | None:
     return tuple(found) if len(found) == count else None
 
 
-def signature(call: Call, names: Sequence[str]) -> dict[str, Expression] | None:
+def signature(call: Expression, names: Sequence[str]) -> dict[str, Expression] | None:
     """Arguments of a call by their names; None where there are others."""
     given: dict[str, Expression] = {}
     for position, (name, value) in enumerate(call.arguments):
@@ -197,7 +186,7 @@ FUNCTIONS: Mapping[str, tuple[tuple[str, ...], tuple[object, ...], Callable[...,
 }  # fmt: skip
 """Names of the arguments, what they are, and the function; positions of arguments are as in the manual."""
 
-CONSTANTS: Mapping[str, Value] = {**FLAGS, "PI": math.pi}
+CONSTANTS: Mapping[str, Value] = {"PI": math.pi}
 
 
 def _rotation_vector(rpy: Six | None) -> Value:
@@ -207,7 +196,7 @@ def _rotation_vector(rpy: Six | None) -> Value:
     return Array.of([float(v) for v in se3.log(R[:3, :3])])
 
 
-def applied(call: Call, given: Sequence[Value]) -> Value:
+def applied(call: Expression, given: Sequence[Value]) -> Value:
     """Value of a call of one of the language's own functions.
 
     Args:
@@ -220,10 +209,12 @@ def applied(call: Call, given: Sequence[Value]) -> Value:
     if lost is not None:
         return lost
     names, kinds, function = FUNCTIONS[call.name]
-    order = signature(call, names)
-    values = dict(zip([id(value) for _, value in call.arguments], given, strict=True))
-    arguments = [values[id(order[name])] for name in names if name in order] if order is not None else []
-    fitting = len(arguments) == len(kinds) and all(
+    by_name = {
+        key or (names[k] if k < len(names) else ""): value
+        for k, (key, value) in enumerate(zip(call.keys, given, strict=True))
+    }
+    arguments = [by_name.get(name) for name in names]
+    fitting = len(given) == len(kinds) and all(
         isinstance(value, kind) and not isinstance(value, bool)  # pyright: ignore[reportArgumentType]
         for value, kind in zip(arguments, kinds, strict=True)
     )
@@ -316,40 +307,38 @@ class Evaluator:
 
     file: int
     variable: Callable[[str], Value]
-    called: Callable[[Call], Value | None]
+    called: Callable[[Expression], Value | None]
     """Value of a call of a function of the program; None of one of the language's own."""
     forward: Callable[[Six, Expression | None], Value] | None = None
     """Value of ``get_forward_kin`` of joint positions."""
 
     def __call__(self, expression: Expression) -> Value:
         """Value of an expression."""
-        match expression:
-            case Number() | Text():
+        match expression.kind:
+            case "value":
                 return expression.value
-            case Name():
+            case "name":
                 if expression.name in CONSTANTS:
                     return CONSTANTS[expression.name]
                 value = self.variable(plain_name(expression.name))
                 if "." not in expression.name or isinstance(value, Lost):
                     return value
                 return Lost(reason=f"fields of structures, such as {expression.name}, are not followed")
-            case Listed():
+            case "list" | "pose":
                 return self._listed(expression)
-            case Index():
-                return self._element(self(expression.of), self(expression.at))
-            case Call():
+            case "index":
+                return self._element(*(self(part) for part in expression.parts))
+            case "call":
                 return self._call(expression)
-            case Operation():
-                return self._operation(expression)
+            case "operation":
+                return self._operation(expression.name, [self(part) for part in expression.parts])
 
-    def _listed(self, listed: Listed) -> Value:
-        items = tuple(self(item) for item in listed.items)
-        literal = None
-        if len(items) == 6:
-            places = tuple((item.start, item.end) for item in listed.items)
-            literal = Literal(self.file, listed.start, places)
+    def _listed(self, listed: Expression) -> Value:
+        items = tuple(self(item) for item in listed.parts)
+        places = tuple((item.start, item.end) for item in listed.parts)
+        literal = Literal(self.file, listed.start, places) if len(items) == 6 else None
         array = Array.of(items, literal)
-        if not listed.pose:
+        if listed.kind == "list":
             return array
         values = numbers(array, 6)
         if values is None:
@@ -365,21 +354,21 @@ class Evaluator:
             return items[index]
         return Lost(reason="an element of a list is not known")
 
-    def _call(self, call: Call) -> Value:
+    def _call(self, call: Expression) -> Value:
         value = self.called(call)
         if value is not None:
             return value
         if call.name in ("get_inverse_kin", "get_forward_kin"):
             return self._kinematics(call)
-        given = [self(argument) for _, argument in call.arguments]
-        match call.arguments, given:
-            case ((_, Name() as first), _), [Pose() as frame, Pose() as point] if call.name == "pose_trans":
+        given = [self(argument) for argument in call.parts]
+        match given:
+            case [Pose() as frame, Pose() as point] if call.name == "pose_trans" and call.parts[0].kind == "name":
                 literal = None if point.feature else point.literal
-                return Pose(stated=point.values, literal=literal, feature=(first.name, frame.values))
+                return Pose(stated=point.values, literal=literal, feature=(call.parts[0].name, frame.values))
             case _:
                 return applied(call, given)
 
-    def _kinematics(self, call: Call) -> Value:
+    def _kinematics(self, call: Expression) -> Value:
         inverse = call.name == "get_inverse_kin"
         names = ("x", "qnear", "maxPositionError", "maxOrientationError", "tcp") if inverse else ("q", "tcp")
         given = signature(call, names) or {}
@@ -403,24 +392,21 @@ class Evaluator:
             return Lost(reason="get_inverse_kin is not given a pose, and six joint positions to be near to")
         return Inverse(pose=value, near=q)
 
-    def _operation(self, operation: Operation) -> Value:
-        values = [self(operand) for operand in operation.operands]
-        match operation.operator, values:
-            case "()" | "+", [value]:
+    def _operation(self, sign: str, values: Sequence[Value]) -> Value:
+        match sign, values:
+            case "+", [value]:
                 return value
             case "-", [value]:
                 return _binary("-", 0, value) if isinstance(value, int | float) else _binary("*", -1, value)
             case "not", [value]:
                 return not value if isinstance(value, bool) else Lost(reason="a condition is known only at run time")
             case "and" | "or" | "xor", [a, b]:
-                return _logic(operation.operator, a, b)
-            case sign, [a, b]:
-                return _binary(sign, a, b)
+                return _logic(sign, a, b)
             case _:
-                return Lost(reason="an expression is not understood")
+                return _binary(sign, *values)
 
 
 def _asks_for_here(expression: Expression) -> bool:
     """Whether joint positions are those of the robot where it is, by which the nearest solution is chosen without them, too."""
     here = ("get_actual_joint_positions", "get_target_joint_positions")
-    return isinstance(expression, Call) and expression.name in here
+    return expression.kind == "call" and expression.name in here
