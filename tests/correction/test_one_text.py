@@ -1,12 +1,17 @@
 """One text for many motions: written out where their corrections differ, as if the pallet had been written so."""
 
+import numpy as np
 import pytest
+from scipy.optimize import minimize
 
+from robot_programs.core.program import Waypoint
+from robot_programs.core.written_out import Shared, least_worst
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds, Correction
+from taskcal.geometry import se3
 from tests.correction.test_shared_targets import FREE, SLOW, krl, rapid  # noqa: F401
 
-FREE_AND_FINE = Bounds(tolerance=5e-5, shift=0.02)
+FREE_AND_FINE = Bounds(tolerance=5e-6, shift=0.02)
 
 PALLET = [(i, j) for j in range(2) for i in range(3)]
 RAPID_LOOP = (
@@ -72,6 +77,53 @@ def test_krl_loop_is_corrected_as_if_written_out(lines, cells, end, krl, calibra
     assert not found.rejected
     assert not expected.rejected
     assert positions(found) == positions(expected)
+
+
+NEAR_RAPID = f"FOR i FROM 0 TO 2 DO\n  MoveL Offs(p1,i*15,0,0),{SLOW}\nENDFOR"
+NEAR_KRL = ["DECL INT I", "FOR I=0 TO 2", "  $BASE={X I*15,Y 0,Z 0,A 0,B 0,C 0}", "  LIN XP1", "ENDFOR"]
+
+
+@pytest.mark.parametrize("language", ["rapid", "krl"])
+def test_shared_number_gets_the_value_of_least_largest_error(language, rapid, krl, calibration):  # noqa: F811
+    program = rapid(NEAR_RAPID) if language == "rapid" else krl(*NEAR_KRL)
+    found = correct(calibration, program, bounds=Bounds(tolerance=5e-5, shift=0.02))
+    exact = correct(calibration, program, bounds=FREE_AND_FINE)
+    assert found.sources[0].text.count("\n") == program.sources[0].text.count("\n") < exact.sources[0].text.count("\n")
+    assert len(found.corrected) == len(exact.corrected) == 3
+    apart = places(found) - places(exact)
+    assert 1e-6 < np.linalg.norm(apart, axis=1).max() < 5e-5
+    between = np.linalg.norm(apart[0] - apart[2])  # the ends of a line of three: half of it is the least largest error
+    assert np.linalg.norm(apart, axis=1).max() < 0.55 * between
+
+
+@pytest.mark.parametrize(("zone", "corrected"), [("z10", set()), ("fine", {"p2"})])
+def test_path_with_a_motion_that_stays_is_left_whole(zone, corrected, rapid, calibration):  # noqa: F811
+    """A loop that hides its counter is not written out; a motion that follows without a stop stays with it."""
+    hides = "FOR i FROM 0 TO 0 DO\nh:=i;\nENDFOR\n"
+    loop = f"FOR i FROM 0 TO 2 DO\nMoveL Offs(p1,i*60,0,0),{SLOW.replace('fine', zone)}\n{hides}ENDFOR\n"
+    program = rapid(f"{loop}MoveL p2,{SLOW}")
+    found = correct(calibration, program, bounds=FREE_AND_FINE)
+    assert len(program.motions) == 4
+    assert {program.motions[i].end.name for i in found.corrected} == corrected
+    assert any("is of one path with the motion in m.mod:" in why for why in found.rejected.values()) != bool(corrected)
+
+
+def places(found: Correction) -> np.ndarray:
+    """Places of the flange, in the order of the text."""
+    motions = found.program.reread(found.sources).motions
+    return np.array([motion.flange(motion.end.T)[:3, 3] for motion in motions])
+
+
+def test_least_worst_value_is_that_of_a_general_optimiser():
+    """The middle of random positions, against SciPy's least bound on all distances."""
+    points = np.random.default_rng(3).normal(size=(8, 3))
+    waypoints = {i: (Waypoint(kind="linear", q=np.zeros(6), T=se3.translation(*p)),) for i, p in enumerate(points)}
+    bound = {"type": "ineq", "fun": lambda x: x[3] - np.linalg.norm(points - x[:3], axis=1)}
+    least = minimize(lambda x: x[3], [*points.mean(axis=0), 3.0], method="SLSQP", constraints=bound).fun
+    group = [Shared(number=i) for i in waypoints]
+    got = least_worst(group, waypoints, 1.04 * least)
+    assert max(np.linalg.norm(got[i][0].T[:3, 3] - p) for i, p in enumerate(points)) == pytest.approx(least, rel=0.03)
+    assert not least_worst(group, waypoints, 0.99 * least)
 
 
 def test_coordinated_motion_is_corrected_at_its_points(rapid, calibration):  # noqa: F811

@@ -386,6 +386,19 @@ class Program(ABC):
         """
         return {}
 
+    def least_worst(
+        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], numbers: Collection[int], tolerance: float
+    ) -> dict[int, tuple[Waypoint, ...]]:
+        """New waypoints of some motions that share their numbers, which all of them reach by the value of the least largest error.
+
+        Args:
+            robot: the robot.
+            waypoints: where the motions should be, by number.
+            numbers: of motions that cannot be rewritten as they should.
+            tolerance: the largest error that is good enough, metres.
+        """
+        return {}
+
     def written_out(self, numbers: Collection[int]) -> "tuple[Source, ...] | None":
         """The program's files with text written out that some motions have in common with others; None where there is none.
 
@@ -694,7 +707,8 @@ _MISSING = re.compile(
     r"unknown (?P<kind>tool|work object) '(?P<frame>[^']+)'|'(?P<data>[^']+)' is not declared in the files|"
     r"(?:\$(?P<variable>TOOL|BASE): )?(?P<name>\S+) is not in the files given"
 )
-_KINDS = {"tool": "tool", "work object": "part", "TOOL": "tool", "BASE": "part"}
+MissingKind = Literal["tool", "part", "other"]
+_KINDS: Mapping[str, MissingKind] = {"tool": "tool", "work object": "part", "TOOL": "tool", "BASE": "part"}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -702,7 +716,7 @@ class MissingName:
     """A name that the files of a program use and do not declare."""
 
     name: str
-    kind: Literal["tool", "part", "other"]
+    kind: MissingKind
     count: int
     """How often it is missed."""
     place: Place

@@ -1,15 +1,84 @@
-"""Text that several motions have in common, written out: loops turn by turn, and a copy of a routine for each of its calls.
+"""One text for several motions that need different numbers: one value that is good enough, or the text written out.
 
-The program does the same as before, and each motion has numbers of its own.
+Written out are loops turn by turn, and a copy of a routine for each of its calls. The program does the same as before, and each
+motion has numbers of its own.
 """
 
+import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
+
+from robot_programs.core import se3
 from robot_programs.core.flow import Block, Loop, bodies_of, leaves_loop, lines_in
+from robot_programs.core.program import Waypoint
 from robot_programs.core.source import Source
+
+# One value for several motions: of the least largest error.
+
+MAX_SHARED_TURN_RAD = math.radians(0.01)
+"""How far a target may be turned from where it should be whose numbers are others' as well, radians."""
+
+CENTRE_STEPS = 1000
+"""Of the search for the middle of points, whose largest distance is then at most 3 % above the least one (Badoiu and Clarkson
+(2003), Smaller core-sets for balls: 1 + ε after 1/ε² steps)."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Shared:
+    """A motion whose numbers are others' as well."""
+
+    number: int
+    base: Callable[[Float[np.ndarray, "4 4"]], Float[np.ndarray, "4 4"]] = lambda T: T
+    """Pose that the numbers have to state for a pose of its target."""
+    target: Callable[[Float[np.ndarray, "4 4"]], Float[np.ndarray, "4 4"]] = lambda T: T
+    """The inverse."""
+
+
+def least_worst(
+    group: Sequence[Shared], waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
+) -> dict[int, tuple[Waypoint, ...]]:
+    """Waypoints of motions that share their numbers, all from the one value whose largest error is least.
+
+    Args:
+        group: the motions.
+        waypoints: of them and of others, where they should be.
+        tolerance: the largest error that is good enough, metres.
+
+    Returns:
+        New waypoints of all of the group; none where one of them stays, is divided, or would be too far off.
+    """
+    paths = [waypoints.get(one.number, ()) for one in group]
+    wanted = [path[0].T for path in paths if len(path) == 1 and path[0].via is None and path[0].T is not None]
+    if len(group) < 2 or len(wanted) < len(group):
+        return {}
+    bases = np.stack([one.base(T) for one, T in zip(group, wanted, strict=True)])
+    R = bases[0, :3, :3]
+    turn = _centre(se3.log(R.T @ bases[:, :3, :3]))
+    value = se3.pose(R @ se3.exp(turn), _centre(bases[:, :3, 3]))
+    reached = [one.target(value) for one in group]
+    for T, own in zip(wanted, reached, strict=True):
+        if np.linalg.norm(own[:3, 3] - T[:3, 3]) > tolerance:
+            return {}
+        if np.linalg.norm(se3.log(T[:3, :3].T @ own[:3, :3])) > MAX_SHARED_TURN_RAD:
+            return {}
+    return {one.number: (replace(path[0], T=own),) for one, path, own in zip(group, paths, reached, strict=True)}
+
+
+def _centre(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " 3"]:
+    """The point whose largest distance from others is least."""
+    centre = points.mean(axis=0)
+    for k in range(CENTRE_STEPS):
+        farthest = points[np.argmax(((points - centre) ** 2).sum(axis=1))]
+        centre = centre + (farthest - centre) / (k + 2.0)
+    return centre
+
+
+# The text written out.
 
 MAX_NEW_LINES = 5000
 """A pallet of a thousand places with five lines each; more text than that is a burden on the controller."""

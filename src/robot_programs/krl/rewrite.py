@@ -25,7 +25,16 @@ from robot_programs.core.program import (
 )
 from robot_programs.core.robot import Robot, meeting_point
 from robot_programs.core.source import FreshNames, Place, Source, TextEdit, numeral
-from robot_programs.core.written_out import Copy, Turns, WritingOut, loops_to_write, reaching, written_out
+from robot_programs.core.written_out import (
+    Copy,
+    Shared,
+    Turns,
+    WritingOut,
+    least_worst,
+    loops_to_write,
+    reaching,
+    written_out,
+)
 from robot_programs.krl.data import (
     AXES,
     DECIMALS,
@@ -304,6 +313,13 @@ class KrlProgram(Program):
     ) -> dict[int, str]:
         """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
         return Sharing(sites=self.sites, motions=self.motions, robot=robot).unwritable(waypoints)
+
+    def least_worst(
+        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], numbers: Collection[int], tolerance: float
+    ) -> dict[int, tuple[Waypoint, ...]]:
+        """One value where motions share their numbers; see `Program.least_worst`."""
+        sharing = Sharing(sites=self.sites, motions=self.motions, robot=robot)
+        return sharing.least_worst(waypoints, numbers, tolerance)
 
     def written_out(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
         """The program's files with shared text written out; see `Program.written_out`."""
@@ -649,6 +665,27 @@ class Sharing:
     def unwritable(self, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> dict[int, str]:
         """Motions that cannot be rewritten as they should, by number, and why."""
         return reject_in_turn(waypoints, self._conflicts)
+
+    def least_worst(
+        self, waypoints: Mapping[int, tuple[Waypoint, ...]], numbers: Collection[int], tolerance: float
+    ) -> dict[int, tuple[Waypoint, ...]]:
+        """New waypoints of motions that share their numbers; see `Program.least_worst`."""
+        groups: dict[object, list[Shared]] = defaultdict(list)
+        elements = in_data_list(self.sites, self.motions, waypoints)
+        for i, (site, move) in enumerate(zip(self.sites, self.motions, strict=True)):
+            datum, T = site.written[-1].datum, move.end.T
+            if len(site.written) > 1 or site.leans or T is None:
+                continue
+            if i in elements and datum is not None:
+                groups[datum.file.number, datum.start].append(Shared(number=i))
+            elif move.texts_motions > 1:
+                groups[site.text, T.tobytes()].append(Shared(number=i))
+        out: dict[int, tuple[Waypoint, ...]] = {}
+        for group in groups.values():
+            whole = len(group) in (1, self.motions[group[0].number].texts_motions) or group[0].number in elements
+            if whole and any(one.number in numbers for one in group):
+                out |= least_worst(group, waypoints, tolerance)
+        return out
 
     def _conflicts(self, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> Iterator[tuple[int, str]]:
         texts: dict[tuple[int, int], list[int]] = defaultdict(list)

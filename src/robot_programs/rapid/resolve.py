@@ -215,6 +215,16 @@ class TargetArgument:
         T[:3, 3] += self.T[:3, 3] - self.base.T[:3, 3]
         return T
 
+    def uncarried(self, T: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "4 4"]:
+        """Pose of the target that it shifts for a pose of its own: the inverse of `carried`."""
+        if self.base is None:
+            raise ValueError("only a target under Offs or RelTool goes with another one")
+        if not self.along_part:
+            return T @ se3.inverse(self.T) @ self.base.T
+        T_base = T.copy()
+        T_base[:3, 3] -= self.T[:3, 3] - self.base.T[:3, 3]
+        return T_base
+
     def target(
         self, T: Float[np.ndarray, "4 4"] | None, near: Place, posture_counts: bool, posture_binds: bool = True
     ) -> Target:

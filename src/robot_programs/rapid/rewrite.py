@@ -30,7 +30,17 @@ from robot_programs.core.program import (
 )
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import FreshNames, Place, Source, TextEdit
-from robot_programs.core.written_out import Copy, Turns, WritingOut, loops_to_write, reaching, written_out
+from robot_programs.core.written_out import (
+    MAX_SHARED_TURN_RAD,
+    Copy,
+    Shared,
+    Turns,
+    WritingOut,
+    least_worst,
+    loops_to_write,
+    reaching,
+    written_out,
+)
 from robot_programs.rapid.changes import Use
 from robot_programs.rapid.computed import calls_function, wrap
 from robot_programs.rapid.names import DATA, Context, File, Symbol
@@ -218,9 +228,6 @@ def _aggregate(groups: list[list[str]]) -> str:
 # given can be changed where the call is, if nothing else reads it there; its own text only if all of its motions
 # need the same.
 
-MAX_TURN_RAD = math.radians(0.01)
-"""How far a target may be turned from where it should be that goes with another one, radians."""
-
 Home = tuple[object, ...]
 """Where the numbers of a target stand."""
 
@@ -299,6 +306,27 @@ class Sharing:
         texts = new_texts(ends, self.robot)
         return reject_in_turn(waypoints, lambda rest: self._conflicts(rest, sharing, texts))
 
+    def least_worst(
+        self, waypoints: Mapping[int, tuple[Waypoint, ...]], numbers: Collection[int]
+    ) -> dict[int, tuple[Waypoint, ...]]:
+        """New waypoints of motions that share their numbers; see `Program.least_worst`."""
+        groups: dict[object, list[Shared]] = defaultdict(list)
+        for i in self._sharing():
+            site, target = self.sites[i], self.sites[i].end
+            want = Want(target=target, motion=site, texts=())
+            if target.type != "robtarget" or site.via is not None or (target.shifted and not want.is_carried):
+                continue
+            if want.is_carried:
+                one, own = Shared(number=i, base=target.uncarried, target=target.carried), want.carrier
+            else:
+                one, own = Shared(number=i), target
+            groups[_shared_place(own)].append(one)
+        out: dict[int, tuple[Waypoint, ...]] = {}
+        for group in groups.values():
+            if any(one.number in numbers for one in group):
+                out |= least_worst(group, waypoints, self.tolerance)
+        return out
+
     def _sharing(self) -> list[int]:
         """Motions whose texts stand for several or are given by calls, and all that have a target in common with these."""
         others = [motion for motion in self.sites if not _stands_alone(motion)]
@@ -360,24 +388,43 @@ class Sharing:
         followed: list[Want] = []
         lost: list[tuple[int, str]] = []
         stuck: set[tuple[object, Home]] = set()
+        # those whose target no motion goes to itself, which may be anywhere
+        alone: dict[tuple[object, Home], list[tuple[int, Want]]] = defaultdict(list)
         for i, want in carried:
             base = want.carrier
             direct = [w for _, w in by_home.get(home_of(base), ()) if w.changes and not w.target.shifted]
             if base.passed is not None:
                 direct = [w for w in direct if w.target.argument is base.argument]
-            T = want.target.carried(direct[0].T if direct else base.T)
-            off = float(np.linalg.norm(T[:3, 3] - want.T[:3, 3]))
-            turned = float(np.linalg.norm(se3.log(T[:3, :3].T @ want.T[:3, :3])))
-            if off <= self.tolerance and turned <= MAX_TURN_RAD:
+            if not direct and _is_free(base):
+                alone[_shared_place(base)].append((i, want))
+                continue
+            why = _misses(want, direct[0].T if direct else base.T, self.tolerance)
+            if not why:
                 followed.append(want)
             else:
-                why = f"goes with the target that it shifts, and would be {off * 1e3:.3f} mm and {math.degrees(turned):.3f}° off"
                 lost.append((i, why))
-                stuck.add((base.argument if base.passed else None, home_of(base)))
-        followed = [
-            w for w in followed if (w.carrier.argument if w.carrier.passed else None, home_of(w.carrier)) not in stuck
-        ]
-        return followed, lost
+                stuck.add(_shared_place(base))
+        for group in alone.values():
+            if not any(want.changes for _, want in group):
+                continue
+            T_base = group[0][1].target.uncarried(group[0][1].T)
+            why = next(filter(None, (_misses(want, T_base, WANTED_TOLERANCE_MM / 1e3) for _, want in group)), "")
+            other = self._read_beside(group)
+            if other is not None and not why:
+                place = other.file.source.place(other.start)
+                why = f"its target {_name_of(group[0][1].carrier)} is read for something else in {place}, too"
+            if why:
+                lost += _all_of(group, why)
+            else:
+                followed += [want for _, want in group]
+        return [want for want in followed if _shared_place(want.carrier) not in stuck], lost
+
+    def _read_beside(self, group: Sequence[tuple[int, Want]]) -> Use | None:
+        """Reference that reads a target beside motions that shift it."""
+        origin = group[0][1].carrier.origin
+        if origin is None:
+            return None
+        return other_use(self.uses.get(origin.symbol, ()), origin.path, (), _within(want for _, want in group))
 
     def _in_argument(
         self, group: Sequence[tuple[int, Want]], going: Iterable[Want], replaced: Callable[[Use], bool]
@@ -444,6 +491,16 @@ class Sharing:
                 )
 
 
+def _misses(want: Want, T_base: Float[np.ndarray, "4 4"], tolerance: float) -> str:
+    """Why a target cannot go with the one that it shifts; empty where that brings it to where it should be."""
+    T = want.target.carried(T_base)
+    off = float(np.linalg.norm(T[:3, 3] - want.T[:3, 3]))
+    turned = float(np.linalg.norm(se3.log(T[:3, :3].T @ want.T[:3, :3])))
+    if off <= tolerance and turned <= MAX_SHARED_TURN_RAD:
+        return ""
+    return f"goes with the target that it shifts, and would be {off * 1e3:.3f} mm and {math.degrees(turned):.3f}° off"
+
+
 def _wants(motion: Site, texts: Mapping[TargetArgument, Texts]) -> Iterator[Want]:
     for target in _targets(motion):
         yield Want(target=target, motion=motion, texts=texts.get(target) or (None,) * len(target.meant))
@@ -458,6 +515,20 @@ def _stands_alone(motion: Site) -> bool:
     return motion.move.texts_motions == 1 and all(
         target.passed is None and target.root.passed is None for target in _targets(motion)
     )
+
+
+def _name_of(target: TargetArgument) -> str:
+    return "" if target.origin is None else target.origin.name
+
+
+def _shared_place(target: TargetArgument) -> tuple[object, Home]:
+    """Place of the numbers of a target, apart for each call that gives it."""
+    return (target.argument if target.passed else None, home_of(target))
+
+
+def _is_free(target: TargetArgument) -> bool:
+    """Whether a target that motions shift may get other numbers in its declaration."""
+    return target.passed is None and target.origin is not None and target.literal is not None and not target.shifted
 
 
 def home_of(target: TargetArgument) -> Home:
@@ -657,7 +728,7 @@ class RapidProgram(Program):
                 _insert(motion, path[:-1], robot, edits)
         texts = new_texts(ends, robot)
         wants = [Want(target=target, motion=motion, texts=texts[target]) for target, motion in sites.items()]
-        _write_targets(wants, self.sources, self.uses, edits)
+        _write_targets([*wants, *_carriers(wants, ends, robot)], self.sources, self.uses, edits)
         return tuple(source.edited(edits.by_path.get(str(source.path), ())) for source in self.sources)
 
     def speed_edit(self, number: int, speed: float) -> tuple[int, TextEdit]:
@@ -685,6 +756,13 @@ class RapidProgram(Program):
         """The motions of other texts of the same files; see `Program.motions_in`."""
         found = _renumbered(self.sites, self.uses, self.sources, sources)
         return super().motions_in(sources) if found is None else found
+
+    def least_worst(
+        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], numbers: Collection[int], tolerance: float
+    ) -> dict[int, tuple[Waypoint, ...]]:
+        """One value where motions share their numbers; see `Program.least_worst`."""
+        sharing = Sharing(sites=self.sites, uses=self.uses, robot=robot, tolerance=tolerance)
+        return sharing.least_worst(waypoints, numbers)
 
     def written_out(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
         """The program's files with shared text written out; see `Program.written_out`."""
@@ -1031,6 +1109,25 @@ def _insert(motion: Site, path: Iterable[Waypoint], robot: Robot, edits: _Edits)
         edits.add(source, instruction.end, instruction.end, f"{newline}{indent}ENDIF")
     else:
         edits.add(source, instruction.start, instruction.start, "".join(before))
+
+
+def _carriers(wants: Sequence[Want], ends: Ends, robot: Robot) -> Iterator[Want]:
+    """New numbers of targets that motions shift, and to which none goes itself."""
+    direct = {want.home for want in wants if not want.is_carried and not want.target.shifted}
+    seen: set[Home] = set()
+    for want in wants:
+        base = want.carrier if want.is_carried else None
+        if base is None or not _is_free(base) or home_of(base) in direct | seen or not want.changes:
+            continue
+        seen.add(home_of(base))
+        texts = new_texts({base: replace(ends[want.target], T=want.target.uncarried(want.T))}, robot)[base]
+        yield Want(
+            target=base, motion=want.motion, texts=(*texts[:POSE_NUMBERS], *[None] * (len(texts) - POSE_NUMBERS))
+        )
+
+
+POSE_NUMBERS = 7
+"""Of a target: position and quaternion; then its configuration, which stays that of the shifted target."""
 
 
 def _write_targets(

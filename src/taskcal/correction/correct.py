@@ -144,6 +144,20 @@ MIN_SHIFT_M, MIN_TURN_RAD = 1e-7, 1e-7
 """A target that moves and turns by less keeps its text: programs state a thousandth of a millimetre."""
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Chosen:
+    """What is written."""
+
+    waypoints: Mapping[int, tuple[Waypoint, ...]]
+    """By number of the motion."""
+    rejected: dict[int, str]
+    """Motions left unchanged, with the reason."""
+    of_text: frozenset[int]
+    """Those of them that others share their text with."""
+    eased: Mapping[int, float]
+    """Motions whose numbers are others' as well, with the distance of the value for all of them from their own, metres."""
+
+
 def choose_waypoints(
     problem: CorrectionProblem,
     subdivision: Subdivision,
@@ -152,8 +166,11 @@ def choose_waypoints(
     *,
     keep_joints: bool,
     program: Program | None,
-) -> tuple[dict[int, tuple[Waypoint, ...]], dict[int, str], frozenset[int]]:
-    """Waypoints to write, by number of the motion, the motions left unchanged, with the reason, and which for their text.
+) -> Chosen:
+    """Choose the waypoints to write, and the motions that are left unchanged.
+
+    Where motions share their numbers and need different ones, all get the value of the least largest error, if that is within the
+    tolerance.
 
     Args:
         problem: what is corrected.
@@ -168,18 +185,74 @@ def choose_waypoints(
     found = problem.trajectory.rejected | find_rejections(robot, subdivision, changes, bounds)
     rejected = {i: why for i, why in found.items() if i not in joint_motions}
     waypoints = _waypoints(motions, subdivision, changes, joint_motions | rejected.keys())
-    of_text: set[int] = set()
+    of_text, eased = set[int](), dict[int, tuple[Waypoint, ...]]()
+    exact = dict(waypoints)
     if program is not None:
         visits = tuple(program.visits())
         while True:
             more = program.unwritable(robot, waypoints, subdivision.tolerance)
+            if more and not of_text and not eased:
+                eased = program.least_worst(robot, waypoints, more, subdivision.tolerance)
+                waypoints |= eased
+                more = program.unwritable(robot, waypoints, subdivision.tolerance) if eased else more
             of_text.update(more)
             more = more or keep_together(visits, rejected, waypoints)
+            more = more or keep_paths(
+                motions, of_text & rejected.keys(), waypoints, changes.shift, subdivision.tolerance
+            )
             if not more:
                 break
             rejected |= more
             waypoints = {i: path for i, path in waypoints.items() if i not in more}
-    return waypoints, rejected, frozenset(of_text)
+    off = {i: _distance(exact[i][0], eased[i][0]) for i in eased if i in waypoints}
+    return Chosen(waypoints=waypoints, rejected=rejected, of_text=frozenset(of_text), eased=off)
+
+
+def keep_paths(
+    motions: Sequence[Motion],
+    left: Set[int],
+    changing: Container[int],
+    shift: Float[np.ndarray, " m"],
+    tolerance: float,
+) -> dict[int, str]:
+    """Motions that have to stay because another one of their path stays whose text is others', and why.
+
+    A path is lines and arcs of one routine, one after the other in the text, without a stop between them.
+
+    Args:
+        motions: of the program.
+        left: numbers of those that stay because of their text.
+        changing: numbers of those that are to be written.
+        shift: how far each would have to move, metres.
+        tolerance: a smaller step between two motions of a path is good enough, metres.
+    """
+    stays: dict[int, int] = {}
+    number: list[int] = []
+    before: Motion | None = None
+    for i, motion in enumerate(motions if left else ()):
+        same_text = before is not None and motion.place == before.place
+        goes_on = (
+            before is not None
+            and (motion.routine, motion.place.path) == (before.routine, before.place.path)
+            and {motion.kind, before.kind} <= {"linear", "circular"}
+            and not before.stops
+        )
+        number.append(number[-1] if number and (same_text or goes_on) else i)
+        before = motion
+        if i in left and shift[i] > tolerance:
+            stays.setdefault(number[-1], i)
+    return {
+        i: f"is of one path with the motion in {motions[stays[path]].place}, which stays as it is, "
+        f"{shift[stays[path]] * 1e3:.3f} mm from where it should be: the tool would step between them"
+        for i, path in enumerate(number)
+        if path in stays and i in changing
+    }
+
+
+def _distance(one: Waypoint, other: Waypoint) -> float:
+    assert one.T is not None
+    assert other.T is not None
+    return float(np.linalg.norm(one.T[:3, 3] - other.T[:3, 3]))
 
 
 def _waypoints(
@@ -332,6 +405,18 @@ def diagnose_new_corners(
         "where that is too far, let the motion stop"
     )
     return [Diagnostic(place=program.motions[origin[rows[worst]][0]].place, text=text)]
+
+
+def diagnose_shared(program: Program, eased: Mapping[int, float], tolerance: float) -> list[Diagnostic]:
+    """Motions whose numbers are others' as well, at the one that is farthest from where it should be."""
+    if not eased:
+        return []
+    worst = max(eased, key=lambda i: eased[i])
+    text = (
+        f"{len(eased)} motions share their numbers, which get the value of the least largest error: {eased[worst] * 1e3:.3f} mm, "
+        f"here, of {tolerance * 1e3:.3f} mm tolerated"
+    )
+    return [Diagnostic(place=program.motions[worst].place, text=text)]
 
 
 def diagnose_range(
@@ -709,9 +794,10 @@ def _correct(
     )  # fmt: skip
     subdivision = subdivide(problem)
     changes = target_changes(robot, subdivision, trajectory)
-    waypoints, rejected, of_text = choose_waypoints(
+    chosen = choose_waypoints(
         problem, subdivision, changes, bounds, keep_joints=keep_joints, program=program if into is None else None
     )
+    waypoints, rejected = chosen.waypoints, chosen.rejected
     rewritten = rewrite_program(
         given,
         program,
@@ -759,6 +845,7 @@ def _correct(
             *mounted.diagnostics,
             *diagnose_unused_frames(cell, program),
             *diagnose(program, trajectory, new_trajectory, rewritten.origin, written_moves, subdivision, motion),
+            *diagnose_shared(program, chosen.eased, subdivision.tolerance),
             *diagnose_range(program, calibration.measured_range, farthest),
             *([] if into is None else diagnose_new_corners(program, trajectory, new_trajectory, rewritten.origin)),
             *([] if into is not None else diagnose_unchanged_files(program, rejected)),
@@ -768,7 +855,7 @@ def _correct(
         ),
         motion=motion,
     )
-    return correction, of_text
+    return correction, chosen.of_text
 
 
 def _tolerances(uncertainty: Uncertainty) -> tuple[float, float]:
