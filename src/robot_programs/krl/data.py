@@ -58,7 +58,7 @@ class File:
         statements = tuple(parse(source.text, read))
         return cls(number=number, source=source, statements=statements, read=frozenset(read))
 
-    @property
+    @cached_property
     def module(self) -> str:
         """Name of the program to which it belongs: ``.src`` and ``.dat`` of one name are one module."""
         return self.source.path.stem.upper()

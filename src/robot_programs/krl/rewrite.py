@@ -554,12 +554,16 @@ class _Rewriting:
         if not self.uses:
             return
         names = FreshNames((name for file in self.files for name in file.mentions), longest=MAX_NAME_LENGTH)
+        modules: dict[str, list[File]] = defaultdict(list)
+        for file in self.files:
+            modules[file.module].append(file)
         for uses in by_datum.values():
             datum = uses[0].datum
             rewritten = {(w.file.number, w.operand.start) for use in uses for w in use.points}
             rewritten.add((datum.file.number, datum.start))
-            own = (file for file in self.files if file.module == datum.file.module)
-            mentions = {(file.number, at) for file in own for at in file.mentions.get(datum.name, ())}
+            mentions = {
+                (file.number, at) for file in modules[datum.file.module] for at in file.mentions.get(datum.name, ())
+            }
             stays = any(not use.changes for use in uses) or mentions - rewritten
             for use in uses:
                 if not stays and use is uses[0]:

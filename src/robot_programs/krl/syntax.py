@@ -438,10 +438,18 @@ class Cursor:
         if not self.at_kind("name"):
             return None
         name = self.take()
-        self.skip_brackets()
-        behind = self._words[self._next - 1].end
         start = self._next
-        self.skip_to(",", "}")
+        number = start + (self.next in ("+", "-"))
+        if (
+            number + 1 < len(self._words)
+            and self._words[number].kind == "number"
+            and self._uppers[number + 1] in (",", "}")
+        ):
+            behind, self._next = name.end, number + 1  # nearly all
+        else:
+            self.skip_brackets()
+            behind, start = self._words[self._next - 1].end, self._next
+            self.skip_to(",", "}")
         words = self._words[start : self._next]
         if (
             self.done or not words or not QUOTES.isdisjoint([word.text for word in words])

@@ -159,7 +159,7 @@ def simulate_controller(
     return _Simulation(robot, motions, dict(refused or {}), nowhere if near is None else near).run()
 
 
-MIN_STRETCH = 32
+MIN_STRETCH = 8
 """Motions that are traced at a time at least. Behind one that is not reached twice as many as were before it: were it all that
 is left each time, a long program with many such would take time by its square."""
 
