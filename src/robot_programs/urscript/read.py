@@ -532,7 +532,7 @@ class _Walk(flow.Walk[State, Routine]):
         end = move.end
         meaning = (
             text, *((point.literal, point.values, point.feature) for point in site.points), id(move.tool), move.speed, move.zone,
-            move.divisible, str(end.posture),
+            move.divisible, str(end.posture), "" if site.points[-1].turns or end.T is None else end.T.tobytes(),
         )  # fmt: skip
         return replace(state, last=findings.number(text, (move, site), meaning, state.last))
 
@@ -546,10 +546,9 @@ class _Walk(flow.Walk[State, Routine]):
             raise Unresolved(f"{min(state.modes)} is on, which moves the tool away from its target")
         if MODE in self.flow.beside:
             raise Unresolved("a thread may switch on what moves the tool away from its target")
-        if "mode" in given and values[given["mode"].start] != 0:
-            raise Unresolved(
-                "its mode is not 0: how the tool turns follows from the arc, and its target does not state it"
-            )
+        mode = values[given["mode"].start] if "mode" in given else 0
+        if mode not in (0, 1):
+            raise Unresolved("its mode is neither 0 nor 1, as far as the text tells")
 
         def number(name: str, default: float) -> float | None:
             value = values[given[name].start] if name in given else default
@@ -557,6 +556,9 @@ class _Walk(flow.Walk[State, Routine]):
 
         targets = [self._target(given[name], values[given[name].start], state, kind) for name in needed]
         (end, point), (via, _) = targets[-1], targets[0]
+        if kind == "circular" and mode == 1:
+            end, point = self._turned(end, via, self._part(point).T, state), replace(point, turns=False)
+            targets[-1] = end, point
         radius, time, speed = number("r", 0.0), number("t", 0.0), number("v", DEFAULT_SPEED_M_S)
         if end.q is not None:
             kind = "axes"
@@ -577,6 +579,29 @@ class _Walk(flow.Walk[State, Routine]):
         )
         points = tuple(point for _, point in targets)
         return move, Site(file=self.routine.file, call=call, points=points)
+
+    def _turned(self, end: Target, via: Target, T_base_part: np.ndarray, state: State) -> Target:
+        """End of an arc along which the tool keeps its angle to the path (Script manual, movec: mode 1).
+
+        Raises:
+            Unresolved: it is not known in which pose it begins, or its points lie on a line.
+        """
+        before = None if state.last is None else self.flow.findings.occurrences[state.last].motion[0]
+        assert end.T is not None
+        assert via.T is not None
+        if before is None or before.end.T is None or before.tool is not state.tool:
+            raise Unresolved(
+                "its mode is 1, by which the tool turns with the arc, and the pose in which it begins is not known"
+            )
+        start, (last, middle) = before.part.T @ before.end.T, T_base_part @ np.stack([end.T, via.T])
+        u, w = middle[:3, 3] - start[:3, 3], last[:3, 3] - middle[:3, 3]
+        normal = np.cross(u, w)
+        size = float(np.linalg.norm(normal))
+        if size < MIN_ARC_SINE * np.linalg.norm(u) * np.linalg.norm(w) or not size:
+            raise Unresolved("its mode is 1, by which the tool turns with the arc, and its points lie on a line")
+        # the arc is twice the angle by which its chords turn (inscribed angle)
+        last[:3, :3] = se3.exp(normal / size * 2.0 * np.arctan2(size, u @ w)) @ start[:3, :3]
+        return replace(end, T=se3.inverse(T_base_part) @ last)
 
     def _part(self, point: Point) -> Frame:
         return self.flow.part if point.feature is None else self.flow.frame(*point.feature)
@@ -642,6 +667,9 @@ def _with_element(value: Value | None, index: Value, element: Value) -> Value:
                 return Pose(stated=values)
     return Lost(reason="an element of it is set to what is not known")
 
+
+MIN_ARC_SINE = 1e-6
+"""Of the angle between an arc's chords, below which they are one line; points have some micrometres."""
 
 DEFAULT_TCP = "TCP"
 """What PolyScope calls the first TCP of an installation; a cell file calls so what set_tcp is given as numbers."""

@@ -59,6 +59,8 @@ class Point:
     """The variable that is its part's frame, and the pose that this holds."""
     T: Float[np.ndarray, "4 4"]
     """Its part's frame in the base, as it was read."""
+    turns: bool = True
+    """The tool gets the orientation that the numbers state."""
 
     def wanted(self, waypoint: Waypoint) -> Six:
         """Numbers for a waypoint, in the feature or in the base."""
@@ -325,7 +327,7 @@ def _wanted(site: Site, waypoint: Waypoint) -> Iterator[tuple[Point, Six]]:
     points = (waypoint,) if waypoint.via is None else (waypoint.via, waypoint)
     for point, one in zip(site.points, points, strict=True):
         values = point.wanted(one)
-        if one is not waypoint:  # an arc's first point has no orientation
+        if one is not waypoint or not point.turns:  # an arc's first point has no orientation
             values = (*values[:3], *point.values[3:])
         yield point, values
 

@@ -63,11 +63,11 @@ _MASKED = re.compile(
     |nonlocal|pass|raise|return|try|while|with|yield)\b""",
     re.VERBOSE,
 )
-_GLUED = re.compile(r"(?<![\w.])[\d.][\w.]*(?:and|or|not)\b")
-"""A number that ends in a word, which Python takes with a warning."""
 _NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*")
 _NUMBER = r"0[xX][0-9a-fA-F]+|(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _DIGITS = re.compile(_NUMBER)
+_GLUED = re.compile(rf"(?<![\w.])(?>{_NUMBER})[^\W\d]")
+"""A number that goes on in a word, which Python takes with a warning where that is one of its own."""
 
 
 def _masked(match: re.Match[str]) -> str:

@@ -1,6 +1,7 @@
 """What motions of URScript programs are read as."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -83,6 +84,20 @@ def test_an_arc_has_the_position_of_its_first_point():
     np.testing.assert_allclose(move.via.T[:3, 3], [0.1, 0.2, 0.3])
 
 
+def test_the_tool_turns_with_an_arc_of_mode_one():
+    """Three quarters of a circle about z in a turned feature: the stated orientation is not taken."""
+    end = "pose_trans(Plane_1, p[0, -.1, 0, 1, 1, 0])"
+    program = read(
+        "movel(pose_trans(Plane_1, p[.1, 0, 0, 0.3, 3, 0.2]))",
+        f"movec(pose_trans(Plane_1, p[-.1, 0, 0, 0, 0, 0]), {end}, mode=1)",
+    )
+    start, arc = program.motions
+    turned = Rotation.from_euler("z", 270, degrees=True).as_matrix() @ start.end.T[:3, :3]
+    np.testing.assert_allclose(arc.end.T, se3.pose(turned, np.array([0, -0.1, 0])), atol=1e-12)
+    waypoint = replace(arc.own_waypoint(), T=arc.end.T @ se3.translation(0, 0, 0.001))
+    assert ", 1, 1, 0]), mode=1)" in program.rewrite(UR5, {1: (waypoint,)})[0].text
+
+
 @pytest.mark.parametrize(
     ("expression", "expected"),
     [
@@ -154,7 +169,8 @@ def test_variables_are_followed(lines, value):
         (("x = 1 / 2", "movel(p[x, 0, 0, 0, 0, 0])"), "whole numbers"),
         (("set_tcp(get_tcp_offset())", "movel(Waypoint_1_p)"), "TCP that is not known"),
         (("force_mode(Plane_1, [0,0,1,0,0,0], [0,0,9,0,0,0], 2, [1,1,1,1,1,1])", "movel(Waypoint_1_p)"), "force mode"),
-        (("movec(Waypoint_1_p, Plane_1, mode=1)",), "mode is not 0"),
+        (("movec(Waypoint_1_p, Plane_1, mode=1)",), "in which it begins is not known"),
+        (("movec(Waypoint_1_p, Plane_1, mode=get_digital_in(0))",), "neither 0 nor 1"),
         (("movel(nowhere)",), "nowhere is not known"),
         (("movel(p[0, 0, 0, 0, 0])",), "not six numbers"),
         (("movel(Waypoint_1_p, speed=3)",), "arguments"),
