@@ -22,6 +22,8 @@ RAPID_WHILE = (
     f"h:=0;\nWHILE h<3 DO\n  MoveL Offs(p1,h*60,0,40),{SLOW}\n  MoveL Offs(p1,h*60,0,0),{SLOW}\n  h:=h+1;\nENDWHILE"
 )
 RAPID_CALLS = "FOR i FROM 0 TO 2 DO\n  place i,-1;\nENDFOR\nplace 1,1;"
+RAPID_GIVEN = "FOR i FROM 0 TO 2 DO\n  put Offs(p1,i*60,0,0);\nENDFOR"
+PUT = f"PROC put(robtarget p)\nMoveL Offs(p,0,0,40),{SLOW}\nMoveL p,{SLOW}\nENDPROC\n"
 PLACE = f"PROC place(num i,num j)\nMoveL Offs(p1,i*60,j*-50,40),{SLOW}\nMoveL Offs(p1,i*60,j*-50,0),{SLOW}\nENDPROC\n"
 
 
@@ -43,6 +45,7 @@ ONE_BY_ONE = "MoveL Offs(p1,{i}*60,{j}*-50,40),{SLOW}\nMoveL Offs(p1,{i}*60,{j}*
         (RAPID_LOOP, "", PALLET, f"\nMoveL p2,{SLOW}"),
         (RAPID_WHILE, "", [(0, 0), (1, 0), (2, 0)], ""),
         (RAPID_CALLS, PLACE, [(0, -1), (1, -1), (2, -1), (1, 1)], ""),
+        (RAPID_GIVEN, PUT, [(0, 0), (1, 0), (2, 0)], ""),
     ],
 )
 def test_rapid_loop_is_corrected_as_if_written_out(main, routines, cells, end, rapid, calibration):  # noqa: F811

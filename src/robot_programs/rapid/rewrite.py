@@ -442,12 +442,12 @@ class Sharing:
             if not all(want.agrees(same[0][1]) for _, want in same[1:]):
                 yield from _all_of(same, f"has its target in common with {_places(same)}, which need other numbers")
         first = group[0][1]
+        computed = first.target.literal is None or first.target.shifted
+        if computed and len({i for i, _ in group}) > 1 and len(of_home) > 1:
+            count = first.motion.move.texts_motions
+            yield from _all_of(group, f"its text stands for {count} motions to different places")
+            return
         if first.target.passed is None:
-            computed = first.target.literal is None or first.target.shifted
-            if computed and len({i for i, _ in group}) > 1 and len(of_home) > 1:
-                yield from _all_of(
-                    group, f"its text stands for {first.motion.move.texts_motions} motions to different places"
-                )
             return
         other = self._other_reading(group, going, replaced)
         if other is not None:
