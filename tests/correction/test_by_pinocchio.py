@@ -14,6 +14,7 @@ from robot_programs.reading import parse_program
 from taskcal.correction.cell import Cell, ExternalAxis
 from taskcal.correction.controller import simulate_controller
 from taskcal.correction.correct import correct
+from taskcal.correction.correction import Bounds
 from taskcal.geometry import se3
 from tests.correction.by_pinocchio import COARSE, STEPS, TOOL, defective, true_tool
 
@@ -71,6 +72,44 @@ def test_the_true_tool_is_where_the_program_wants_it(true_robot, name, in_hand):
         np.testing.assert_allclose(got[:3, 3], wanted.end.T[:3, 3], atol=1e-6)
         np.testing.assert_allclose(got[:3, :3], wanted.end.T[:3, :3], atol=2e-6)
         assert np.abs(move.end.T - wanted.end.T).max() > 1e-5
+
+
+def test_true_tool_is_over_every_place_of_a_pallet(true_robot):
+    """Loops and routines that are written out, with their tool and work object from the cell file."""
+    calibration, chain, q = true_robot
+    robot = calibration.model.robot
+    flange = chain.pose(q) @ np.linalg.inv(robot.T_flange_tool)
+    standing = flange @ TOOL @ se3.translation(0.05, -0.03, 0.02) @ se3.rotation("x", 0.4)
+    at = np.linalg.inv(standing) @ flange @ TOOL
+    if robot.name.startswith("abb"):
+        names, file = ("tGrip", "wPart"), "p.mod"
+        x, y, z, w = Rotation.from_matrix(at[:3, :3]).as_quat().tolist()
+        target = (
+            f"[{(at[:3, 3] * 1e3).tolist()},{[w, x, y, z]},{RapidConfiguration.of(robot, q)},[9E9,9E9,9E9,9E9,9E9,9E9]]"
+        )
+        text = (
+            f"MODULE m\nCONST robtarget p1:={target};\nPROC main()\nFOR i FROM 0 TO 2 DO\nput i,10;\nENDFOR\nput 1,-20;\nENDPROC\n"
+            "PROC put(num i,num d)\nMoveJ Offs(p1,i*d,d,0),v50,fine,tGrip\\WObj:=wPart;\nENDPROC\nENDMODULE\n"
+        )
+        wanted = [se3.translation(i * d * 1e-3, d * 1e-3, 0.0) @ at for i, d in ((0, 10), (1, 10), (2, 10), (1, -20))]
+    else:
+        names, file = ("TOOL_DATA[1]", "BASE_DATA[1]"), "p.src"
+        text = (
+            f"DEF p()\nDECL INT I\n$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[1]\n$IPO_MODE=#BASE\nPTP {krl_joints(q)}\n"
+            f"FOR I=0 TO 3\nPTP {krl_frame(at)}:{{X I*10,Y 0,Z -20,A 0,B 0,C 0}}\nENDFOR\nEND\n"
+        )
+        wanted = [at @ se3.translation(i * 0.01, 0.0, -0.02) for i in range(4)]
+    given = {"tools": {names[0]: Frame(name=names[0], T=TOOL)}, "parts": {names[1]: Frame(name=names[1], T=standing)}}
+    program = parse_program((Source.of(Path(file), text.encode()),), robot=robot, **given)
+    found = correct(calibration, program, bounds=Bounds(tolerance=1e-7, shift=0.05, turn=0.2))
+    assert not found.rejected
+    again = [
+        motion for motion in parse_program(found.sources, robot=robot, **given).motions if motion.end.T is not None
+    ]
+    for T, motion in zip(wanted, again[-4:], strict=True):
+        got = np.linalg.inv(standing) @ true_tool(calibration, chain, motion.flange(motion.end.T), q, TOOL)
+        np.testing.assert_allclose(got[:3, 3], T[:3, 3], atol=1e-6)
+        np.testing.assert_allclose(got[:3, :3], T[:3, :3], atol=2e-6)
 
 
 def test_true_part_in_a_kukas_hand_is_as_programmed(true_robot):

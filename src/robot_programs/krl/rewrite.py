@@ -338,7 +338,7 @@ class KrlProgram(Program):
         )
         turns: dict[int, list[Turns]] = defaultdict(list)
         for routine, nodes in self.bodies.items():
-            turns[routine.file.number] += _turns_of(routine, nodes, self.turns, reached)
+            turns[routine.file.number] += _turns_of(routine, nodes, self.turns, reached, by_name)
         plans = {number: WritingOut(turns=tuple(own)) for number, own in turns.items() if own}
         if not plans:
             plans = _copies(calls, {routine for _, routine in motions}, self.files)
@@ -360,7 +360,11 @@ def _texts(routine: Routine) -> Iterator[Text]:
 
 
 def _turns_of(
-    routine: Routine, nodes: Block, turns: Mapping[Loop, tuple[float, ...] | None], shared: Container[Text]
+    routine: Routine,
+    nodes: Block,
+    turns: Mapping[Loop, tuple[float, ...] | None],
+    shared: Container[Text],
+    routines: Container[str],
 ) -> Iterator[Turns]:
     """Loops of a routine around some lines that can be written turn by turn."""
     source, number = routine.file.source, routine.file.number
@@ -378,6 +382,8 @@ def _turns_of(
         opening, closing = loop.line, loop.end
         inside = [line for line in routine.lines if opening.start < line.start < closing.start]
         if any(isinstance(line, Control) and line.keyword in ("LABEL", "EXIT") for line in inside):
+            continue
+        if any(name in routines for name in calls_of(opening)):  # a function in its head may do more
             continue
         sets = ["" for _ in taken]
         after = ""

@@ -65,6 +65,7 @@ from robot_programs.rapid.syntax import (
     Aggregate,
     Argument,
     Assignment,
+    Call,
     Control,
     Declaration,
     Instruction,
@@ -74,6 +75,7 @@ from robot_programs.rapid.syntax import (
     Routine,
     Unparsed,
     list_end,
+    parts,
     tokenize,
     words_from,
 )
@@ -883,7 +885,8 @@ def _turns_of(
             and one.counter.key == line.counter.key for one in lines_in(loop.body)
         )  # fmt: skip
         declares = any(line.start < one.start < line.end for one in routine.declarations)
-        if odd or hidden or declares or closing.key not in ("endfor", "endwhile"):
+        asks = any(isinstance(part, Call) for one in line.conditions for part in parts(one))  # which may do more
+        if odd or hidden or declares or asks or closing.key not in ("endfor", "endwhile"):
             continue
         begins, ends = own[0].start + len(own[0].text), closing.start
         ends = begins + len(text[begins:ends].rstrip())

@@ -725,7 +725,7 @@ def correct(
         progress("writing out what several motions have in common")
         written_out = written_out.reread(sources)
         found, of_text = corrected(written_out)
-        if len(found.rejected) < len(best[0].rejected):
+        if len(of_text) * len(best[0].program.motions) < len(best[1]) * len(found.program.motions):
             best, written = (found, of_text), written_out
         if not of_text:
             break
