@@ -21,15 +21,17 @@ static double angle_between(const double *axis, const double *from, const double
     return atan2(dot(axis, w), dot(from, to) - dot(axis, from) * dot(axis, to));
 }
 
-/* Angles about an axis at which a vector p has the component d along h; the nearest where it has it nowhere. */
-static void both_angles(const double *h, const double *axis, const double *p, double d, double *out) {
-    double w[3], A, B, size, ratio;
+/* Angles about an axis at which a vector p has the component d along h; the nearest where it has it nowhere. 0 where it is so far
+ * from it that no defects bring it there, and steps would be for nothing. */
+static int both_angles(const double *h, const double *axis, const double *p, double d, double *out) {
+    double w[3], A, B, size, ratio, turn;
     cross(axis, p, w);
     A = dot(h, p) - dot(h, axis) * dot(axis, p), B = dot(h, w);
     size = sqrt(A * A + B * B);
     ratio = size > 1e-12 ? (d - dot(h, axis) * dot(axis, p)) / size : 0.0;
-    ratio = acos(fmax(-1.0, fmin(1.0, ratio)));
-    out[0] = atan2(B, A) + ratio, out[1] = atan2(B, A) - ratio;
+    turn = acos(fmax(-1.0, fmin(1.0, ratio)));
+    out[0] = atan2(B, A) + turn, out[1] = atan2(B, A) - turn;
+    return fabs(ratio) < 1.05;
 }
 
 static void about(int joint, double angle, const double *p, double *out) { /* a point, by a joint */
@@ -41,16 +43,17 @@ static void about(int joint, double angle, const double *p, double *out) { /* a 
 }
 
 /* Angles of joints 2 and 3 that bring a point p, behind joint 3, to v: joint 3 by the distance from axis 2. */
-static void elbow(const double *p, const double *v, double s2[2], double s3[2]) {
+static int elbow(const double *p, const double *v, double s2[2], double s3[2]) {
     double a[3], b[3], to[3], from[3];
     int i, k;
     for (i = 0; i < 3; i++) a[i] = P[2][i] - P[1][i], b[i] = p[i] - P[2][i], to[i] = v[i] - P[1][i];
-    both_angles(a, H[2], b, 0.5 * (dot(to, to) - dot(a, a) - dot(b, b)), s3);
+    if (!both_angles(a, H[2], b, 0.5 * (dot(to, to) - dot(a, a) - dot(b, b)), s3)) return 0;
     for (k = 0; k < 2; k++) {
         about(2, s3[k], p, from);
         for (i = 0; i < 3; i++) from[i] -= P[1][i];
         s2[k] = angle_between(H[1], from, to);
     }
+    return 1;
 }
 
 static void into_joints(const double *s, double *q) {
@@ -74,7 +77,7 @@ static int begin(const double *pose, double starts[STARTS][JOINTS]) {
             for (R[j][i] = 0.0, k = 0; k < 3; k++) R[j][i] += pose[4 * i + k] * home[4 * j + k];
     for (i = 0; i < 3; i++) w[i] = pose[4 * i + 3] + R[0][i] * arm[0] + R[1][i] * arm[1] + R[2][i] * arm[2];
     for (a = 0; a < 3; a++) v[a] = w[a] - P[0][a], arm[a] = meeting[a] - P[0][a];
-    both_angles(H[1], h1, v, dot(H[1], arm), s1);
+    if (!both_angles(H[1], h1, v, dot(H[1], arm), s1)) return 0;
     for (i = 0; i < 2; i++) {
         double G[3][3], s2[2], s3[2];
         about(0, -s1[i], w, v);

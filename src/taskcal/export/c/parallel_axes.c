@@ -1,7 +1,7 @@
         {
             double h6[3], h2[3], s5[2];
             for (a = 0; a < 3; a++) h6[a] = G[0][a] * H[5][0] + G[1][a] * H[5][1] + G[2][a] * H[5][2], h2[a] = dot(G[a], H[1]);
-            both_angles(H[1], H[4], H[5], dot(H[1], h6), s5);
+            if (!both_angles(H[1], H[4], H[5], dot(H[1], h6), s5)) continue;
             for (j = 0; j < 2; j++) {
                 double s[6], to[3], x[3], y[3], p4[3], across[3], before[3], all;
                 turned(H[4], -s5[j], H[1], to);
@@ -17,7 +17,7 @@
                 for (a = 0; a < 3; a++) x[a] = P[3][a] - meeting[a];
                 turned(H[1], all, x, y);
                 for (a = 0; a < 3; a++) p4[a] = v[a] + y[a];
-                elbow(P[3], p4, s2, s3);
+                if (!elbow(P[3], p4, s2, s3)) continue;
                 for (k = 0; k < 2; k++) {
                     s[1] = s2[k], s[2] = s3[k];
                     s[3] = dot(H[3], H[1]) * (all - s2[k] - dot(H[2], H[1]) * s3[k]);

@@ -150,7 +150,7 @@ static int newton(const double *goal, const @P@_conditions *c, double *q) {
         memset(A, 0, sizeof A);
         if (JOINTS >= 6) {
             for (i = 0; i < 6; i++) {
-                for (j = 0; j < 6; j++)
+                for (j = 0; j <= i; A[j][i] = A[i][j], j++)
                     for (k = 0; k < JOINTS; k++) A[i][j] += J[i * JOINTS + k] * J[j * JOINTS + k];
                 A[i][i] += damping;
                 b[i] = e[i];
@@ -231,6 +231,7 @@ int @P@_inverse(const double pose[12], const @P@_conditions *conditions, double 
     for (i = 0; i < n && count < @GUARD@_BRANCHES; i++) {
         double *one = starts[i], before[JOINTS];
         int bad;
+        into_limits(one);
         if (newton(pose, c, one)) continue;
         reached = 1;
         memcpy(before, one, sizeof before);

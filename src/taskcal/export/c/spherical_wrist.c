@@ -1,4 +1,4 @@
-        elbow(meeting, v, s2, s3);
+        if (!elbow(meeting, v, s2, s3)) continue;
         for (j = 0; j < 2; j++) {
             double L[3][3], M[3][3], h6[3], h4[3], s5[2];
             columns_turned(1, -s2[j], G, L);
