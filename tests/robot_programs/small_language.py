@@ -386,13 +386,21 @@ class Krl(Writer):
     }  # fmt: skip
 
     def program(self, program: Program) -> list[Source]:
-        for routine in reversed(program.routines):
+        """Each routine in a file of its own, behind as many empty lines as the others have, so that a line has one number."""
+        texts: dict[str, list[str]] = {}
+        for routine in program.routines:
+            start = len(self.lines)
             self.routine(routine)
-        data = ["DEFDAT MAIN", *(f"DECL E6POS {name}" for name in (*POINTS, f"A[{ELEMENTS}]")), "DECL FRAME W"]
+            texts[f"{routine.name}.src"] = [*[""] * start, *self.lines[start:]]
+        data = [
+            "DEFDAT $CONFIG PUBLIC",
+            *(f"DECL E6POS {name}" for name in (*POINTS, f"A[{ELEMENTS}]")),
+            "DECL FRAME W",
+        ]
         data += [f"DECL E6POS {name}={self.text(('literal', *xyz))}" for name, xyz in FIXED.items()]
         data += [f"DECL REAL {name}" for name in NUMBERS] + [f"DECL INT {name}" for name in COUNTERS] + ["ENDDAT"]
-        texts = (("main.src", self.lines), ("main.dat", data))
-        return [Source.of(Path(name), "\n".join(lines).encode()) for name, lines in texts]
+        texts["$config.dat"] = data
+        return [Source.of(Path(name), "\n".join(lines).encode()) for name, lines in texts.items()]
 
     def element(self, index: Node, number: str, source: str) -> None:
         if index[0] == "number":

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robot_programs.core.program import Program
-from robot_programs.krl.read import read_krl
+from robot_programs.krl.read import Flow, KrlProgram, read_krl
 from robot_programs.rapid.read import read_rapid
 from tests.robot_programs import small_language as small
 
@@ -17,7 +17,7 @@ def rapid(program: small.Program) -> Program:
     return read_rapid(small.Rapid().program(program))
 
 
-def krl(program: small.Program) -> Program:
+def krl(program: small.Program) -> KrlProgram:
     return read_krl(small.Krl().program(program))
 
 
@@ -80,3 +80,20 @@ def test_nothing_is_understood_that_sensors_decide(read):
             machine = small.Machine(sensor=lambda rng=rng: rng.randint(0, 60))
             machine.run(program)
             assert {one for one in machine.went if one[0] not in unknown} <= known, (seed, found.sources[0].text)
+
+
+def test_summaries_of_routines_change_nothing(monkeypatch):
+    """Routines that were gone through in the same state before are not gone through again."""
+    programs = [small.random_program(Random(seed), sensors=seed % 2 == 0) for seed in range(60)]
+    summarised = [followed(krl(program)) for program in programs]
+    monkeypatch.setattr(Flow, "depends_on", lambda *_: None)
+    assert [followed(krl(program)) for program in programs] == summarised
+
+
+def followed(program: KrlProgram) -> list[tuple[object, ...]]:
+    """Motions with those before them, and diagnostics."""
+    motions = [
+        (motion.place, motion.end.T.tobytes(), motion.follows, motion.texts_motions, site.before)
+        for motion, site in zip(program.motions, program.sites, strict=True)
+    ]
+    return [*motions, *sorted(map(str, program.diagnostics))]

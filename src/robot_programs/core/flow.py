@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Collection, Generator, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Generic, Literal, Self, TypeVar
 
@@ -236,6 +236,19 @@ class State(ABC):
 
 S = TypeVar("S", bound=State)
 
+ENTRY = -1
+"""In place of the number of the last motion, in a routine that is summarised: that before it was entered."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Summary(Generic[S]):
+    """What a routine does, entered in some state."""
+
+    end: S
+    returned: Any
+    firsts: frozenset[int]
+    """Motions that come right behind the one before it."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Counts:
@@ -273,6 +286,12 @@ class Flow(ABC, Generic[S, R]):
     """Routines that are called where that is not followed, so that anything may hold there."""
     lost_at: dict[Label, Any] = field(default_factory=dict[Label, Any])
     """By label to which lines lead back: what they had changed when it was gone through last."""
+    summaries: dict[Hashable, Summary[S]] = field(default_factory=dict[Hashable, Any])
+    """What routines did when they were gone through, by all that it depends on."""
+    entered_behind: list[tuple[int | None, set[int]]] = field(default_factory=list[tuple[int | None, set[int]]])
+    """Of routines that are being summarised, the innermost last: the motion before, and those that come right behind it."""
+    unclear: int = 0
+    """How often something depended on more than by what summaries are found."""
     turns: "dict[Loop, tuple[float, ...] | None]" = field(default_factory=dict[Any, Any])
     """By loop that was gone through turn by turn: its counter in each turn, the same each time; None where that is not so."""
 
@@ -317,11 +336,63 @@ class Flow(ABC, Generic[S, R]):
             entry: what holds at its start, its parameters included.
             inside: routines that are being gone through.
         """
-        return self.walk(routine, (*inside, routine)).through(entry)
+        key = self.depends_on(routine, entry) if inside and not self.all_ways else None
+        if key is None:
+            return self.walk(routine, (*inside, routine)).through(entry)
+        summary = self.summaries.get(key)
+        if summary is None:
+            unclear, firsts = self.unclear, set[int]()
+            self.entered_behind.append((entry.last, firsts))
+            end, returned = self.walk(routine, (*inside, routine)).through(replace(entry, last=ENTRY))
+            self.entered_behind.pop()
+            summary = Summary(end=end, returned=returned, firsts=frozenset(firsts))
+            if self.unclear == unclear:
+                self.summaries[key] = summary
+        else:
+            for number in summary.firsts:
+                self.note_order(number, entry.last)
+        end = self.after_summary(routine, entry, summary.end)
+        return (replace(end, last=entry.last) if end.last == ENTRY else end), summary.returned
+
+    def depends_on(self, routine: R, entry: S) -> Hashable | None:
+        """All on which depends what a routine does, but the motion before it; None where it is not summarised."""
+        return None
+
+    def after_summary(self, routine: R, entry: S, end: S) -> S:
+        """State after a routine, from that after it where it was entered in a state that differs in what it does not concern."""
+        return end
+
+    def is_summarised(self, routine: R, entry: S) -> bool:
+        """Whether it is known already what a routine does."""
+        return not self.all_ways and bool(self.summaries) and self.depends_on(routine, entry) in self.summaries
+
+    def before(self, last: int | None) -> int | None:
+        """Number of the last motion where it is that before a routine."""
+        for before, _ in reversed(self.entered_behind):
+            if last != ENTRY:
+                break
+            last = before
+        return last
+
+    def note_order(self, number: int, last: int | None) -> None:
+        """Note that a motion comes behind the last one of a state."""
+        self.link(number, self.before(last))
+        for before, firsts in reversed(self.entered_behind):
+            if last != ENTRY:
+                break
+            firsts.add(number)
+            last = before
+
+    def link(self, number: int, before: int | None) -> None:
+        """Note the number of the motion before one."""
 
     def took(self, loop: "Loop", turns: tuple[float, ...] | None) -> None:
         """Note the turns that a loop took; None where they are not decided."""
         self.turns[loop] = turns if self.turns.get(loop, turns) == turns else None
+
+    def may_follow(self, routine: R) -> bool:
+        """Whether a routine may still be gone through once more; if so, its lines count."""
+        return self.may(self.body(routine).size)
 
     def may(self, lines: int) -> bool:
         """Whether so many lines may still be gone through once more; if so, they count."""
@@ -701,11 +772,13 @@ class Walk(ABC, Generic[S, R]):
             entry: what holds where a routine begins.
         """
         (routine, *others) = routines
-        too_deep = routine in self.inside or len(self.inside) > MAX_CALL_DEPTH
-        if others or too_deep or not self.flow.may(self.flow.body(routine).size):
+        state = entry(routine)
+        too_deep = bool(others) or routine in self.inside or len(self.inside) > MAX_CALL_DEPTH
+        if too_deep or not (self.flow.is_summarised(routine, state) or self.flow.may_follow(routine)):
             self.flow.anywhere.update(routines)
+            self.flow.unclear += 1
             return None
-        return self.flow.through(routine, entry(routine), self.inside)
+        return self.flow.through(routine, state, self.inside)
 
 
 # The motions that were found, each with all the ways that lead to it.
@@ -769,10 +842,16 @@ class Findings(Generic[T, M]):
         number = self.by_meaning.setdefault(meaning, len(self.occurrences))
         if number == len(self.occurrences):
             self.occurrences.append(Occurrence(text=text, motion=motion, first=before))
-        elif (found := self.occurrences[number]).first != before:
+        else:
+            self.link(number, before)
+        return number
+
+    def link(self, number: int, before: int | None) -> None:
+        """Note the number of a motion that may be the one before another."""
+        found = self.occurrences[number]
+        if found.first != before:
             found.others = found.others or set()
             found.others.add(before)
-        return number
 
     def close(self) -> None:
         """Take all that was noted so far as seen."""

@@ -516,7 +516,7 @@ class Data:
         """
         variable = name.partition("[")[0]
         datum = self._meant(name, module, routine, structure=True)
-        elements = {name, variable}
+        elements = dict.fromkeys((name, variable))  # in one order, so that one place is named each time
         for where, changing, place in (change for element in elements for change in self._changed.get(element, [])):
             if datum is not None and variable in TABLES and self._apart(routine, changing):
                 self.set_elsewhere.setdefault(name, place)

@@ -1,8 +1,8 @@
 """Reading KRL programs: where each motion goes, from the routines that nothing calls through all that they call."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 
 import numpy as np
@@ -41,6 +41,7 @@ from robot_programs.krl.routines import (
     calls_of,
     changed_by,
     changing,
+    concerned,
     declared_in,
     matters,
     only_computes,
@@ -244,6 +245,8 @@ class Resolver:
     findings: Findings
     routine: Routine
     frames: Frames
+    motion_before: Callable[[int | None], int | None]
+    """Number of the motion before, by that of the last one of a state; it then is of consequence."""
 
     def resolve(
         self, line: MotionLine, state: State, *, in_spline: bool, returned: Mapping[int, AbstractValue]
@@ -287,12 +290,15 @@ class Resolver:
         kind = KINDS[line.keyword]
         known = self.frames.known(state)
         if any(_asks_for_its_place(operand) for operand in line.operands):
-            known = replace(known, here=self.position(state))
+            known = replace(known, place=lambda: self.position(state))
         written = tuple(
             self._written(operand, known) if operand.parts else self._computed(line, operand, known, returned)
             for operand in line.operands
         )
-        end = self._target(written[-1], kind, line, self._before(state))
+        first = written[-1].aggregates[0]
+        leans = line.keyword in RELATIVE_MOTIONS or is_incomplete(first)
+        before = self._before(state) if leans else None
+        end = self._target(written[-1], kind, line, before)
         if end.q is not None:
             if kind != "joint":
                 raise Unresolved(f"{line.keyword} is given axis positions")
@@ -300,7 +306,7 @@ class Resolver:
         via = None
         if kind == "circular":
             assert end.T is not None
-            via = self._via(written[0], end.T, line, self._before(state))
+            via = self._via(written[0], end.T, line, before)
         try:
             tool, part = self.frames.tool_and_part(state)
         except Unresolved:
@@ -324,15 +330,15 @@ class Resolver:
             external=_external(written[-1].aggregates[0], line),
             carrier=state.base.carrier,
         )
-        first = written[-1].aggregates[0]
-        leans = line.keyword in RELATIVE_MOTIONS or is_incomplete(first) or first.type == "$POS_ACT"
+        leans = leans or first.type == "$POS_ACT"
         return move, Site(file=self.routine.file, motion=line, written=written, leans=leans)
 
     def _before(self, state: State) -> Motion | None:
         """The motion before, if tool and base are still the same."""
-        if state.last is None:
+        number = self.motion_before(state.last)
+        if number is None:
             return None
-        before, _ = self.findings.occurrences[state.last].motion
+        before, _ = self.findings.occurrences[number].motion
         try:
             tool, part = self.frames.tool_and_part(state)
         except Unresolved:
@@ -475,6 +481,9 @@ def _turn_speed(state: State) -> float | None:
 MAX_IDLE_CALLS = 40
 """So often a routine without motions is followed, as those for messages are; behind further calls, what it changes is not known."""
 
+_SUMMARISED = tuple(one.name for one in fields(State) if one.name not in ("last", "variables"))
+"""What of a state is of consequence for every routine."""
+
 MAX_IDLE_LINES = 1000
 """Lines of all turns of a loop without motions that is gone through turn by turn."""
 
@@ -487,6 +496,8 @@ class Flow(flow.Flow[State, Routine]):
     routines: Mapping[str, Sequence[Routine]]
     trees: Mapping[Routine, Tree]
     frames: Callable[[Routine], Frames]
+    concerns: Mapping[str, frozenset[str]]
+    """By name of a routine: keys of the variables that it, or what it calls, reads or changes."""
     changes: Mapping[str, frozenset[str]]
     """By name of a routine: keys of the variables it changes, and what of tool, base and the like."""
     by_value: Mapping[str, tuple[bool, ...]]
@@ -517,6 +528,7 @@ class Flow(flow.Flow[State, Routine]):
 
     def anything(self, why: str) -> State:
         """State in which anything may hold, and any action may have been started."""
+        self.unclear += 1  # what a routine does not concern is not known behind it, either
         return replace(State.unset().forgotten(why), armed=self.actions.all)
 
     def start(self, routine: Routine) -> State:
@@ -528,12 +540,40 @@ class Flow(flow.Flow[State, Routine]):
         motions = {(routine.file.number, line.start) for line in routine.lines if isinstance(line, MotionLine)}
         return motions <= self.findings.seen
 
-    def idle(self, name: str) -> bool:
-        """Whether a call is not followed because the routine moves nothing and was followed often."""
-        if self.changes[name] & EVERYTHING:
-            return False
-        self.idle_calls[name] = self.idle_calls.get(name, 0) + 1
-        return self.idle_calls[name] > MAX_IDLE_CALLS
+    def may_follow(self, routine: Routine) -> bool:
+        """Whether a routine may still be gone through; not if it moves nothing and was gone through often."""
+        if not self.changes[routine.name] & EVERYTHING:
+            self.idle_calls[routine.name] = self.idle_calls.get(routine.name, 0) + 1
+            if self.idle_calls[routine.name] > MAX_IDLE_CALLS:
+                return False
+        return super().may_follow(routine)
+
+    def depends_on(self, routine: Routine, entry: State) -> Hashable:
+        """All on which depends what a routine does, but the motion before it: variables that it names, and all else."""
+        concerns = self.concerns[routine.name]
+        variables = frozenset(
+            (key, type(value), value) for key, value in entry.variables.items() if key.partition("[")[0] in concerns
+        )
+        return routine, bool(self.scouting), variables, tuple(getattr(entry, name) for name in _SUMMARISED)
+
+    def after_summary(self, routine: Routine, entry: State, end: State) -> State:
+        """State after a routine; see `flow.Flow.after_summary`."""
+        if not end.reached:
+            return end
+        concerns = self.concerns[routine.name]
+        others = {key: value for key, value in entry.variables.items() if key.partition("[")[0] not in concerns}
+        own = {key: value for key, value in end.variables.items() if key.partition("[")[0] in concerns}
+        moves = "motion" in self.changes[routine.name]
+        return replace(end, variables={**(without_places(others) if moves else others), **own})
+
+    def needed_before(self, last: int | None) -> int | None:
+        """Number of the motion before, on which something depends."""
+        self.unclear += last == flow.ENTRY
+        return self.before(last)
+
+    def link(self, number: int, before: int | None) -> None:
+        """Note the number of the motion before one."""
+        self.findings.link(number, before)
 
     def forget(self, name: str, state: State) -> State:
         """State after a routine that is not followed."""
@@ -737,8 +777,7 @@ class _Walk(flow.Walk[State, Routine]):
             self._note_element(line, element_assigned(known, line))
         # what is set to the robot's place as a whole is that place, wherever it is
         if line.component or len(line.words) > 1:
-            resolver = Resolver(findings=self.flow.findings, routine=self.routine, frames=self.frames)
-            known = replace(known, here=resolver.position(state))
+            known = replace(known, place=partial(self._resolver().position, state))
         variables = after_assignment(known, line, returned)
         return replace(self.frames.after_assignment(state, line, variables), variables=variables)
 
@@ -775,8 +814,6 @@ class _Walk(flow.Walk[State, Routine]):
         program, known = self.flow, self.frames.known(state)
         by_reference = passed_by_reference(call, program.by_value)
         left = self._forgotten(by_reference, state)
-        if program.idle(call.name):
-            return program.lost_by(call.name, left), None
         keys = frozenset(map(self.frames.names.key, by_reference))
 
         def entry(routine: Routine) -> State:
@@ -815,8 +852,7 @@ class _Walk(flow.Walk[State, Routine]):
         return back
 
     def _motion(self, line: MotionLine, state: State) -> State:
-        findings, file = self.flow.findings, self.routine.file
-        resolver = Resolver(findings=findings, routine=self.routine, frames=self.frames)
+        findings, file, resolver = self.flow.findings, self.routine.file, self._resolver()
         if resolver.stays_there(line, state):
             return state
         state, returned = self._points_returned(line, state)
@@ -837,8 +873,16 @@ class _Walk(flow.Walk[State, Routine]):
         if trigger:
             said = "a TRIGGER acts along this motion; check it if the motion is divided"
             findings.diagnose(file, line.start, said)
-        number = findings.note(move, site, None if self.in_spline else state.last)
+        number = findings.note(move, site, None if self.in_spline else self.flow.before(state.last))
+        if not self.in_spline:
+            self.flow.note_order(number, state.last)
         return replace(state, last=number, variables=variables)
+
+    def _resolver(self) -> Resolver:
+        flow = self.flow
+        return Resolver(
+            findings=flow.findings, routine=self.routine, frames=self.frames, motion_before=flow.needed_before
+        )
 
     def _points_returned(self, line: MotionLine, state: State) -> tuple[State, dict[int, AbstractValue]]:
         """State after the program's functions in a motion, and what they return of its points, by their first character."""
@@ -949,6 +993,7 @@ class _Reading:
                 r: tree_of(r.lines, lambda x: matters(x, read, routines)) for same in routines.values() for r in same
             },
             frames=frames_of,
+            concerns=concerned(routines, data, changes),
             changes=changes,
             by_value=data.by_value,
             actions=actions_of(routines, data, changes, followed),

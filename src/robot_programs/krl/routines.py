@@ -132,6 +132,26 @@ def changing(routines: Mapping[str, Sequence[Routine]], data: Data) -> dict[str,
     return _through_calls(routines, own)
 
 
+def concerned(
+    routines: Mapping[str, Sequence[Routine]], data: Data, changes: Mapping[str, frozenset[str]]
+) -> dict[str, frozenset[str]]:
+    """Keys of the variables that the routines of each name read or change, or that what runs beside them changes."""
+    beside = frozenset[str]().union(
+        *(
+            changed_by(line.action, Names.of(routine, data), data.by_value, changes)
+            for routine, line in declared_in(routines).values()
+            if line.action is not None
+        )
+    )
+
+    def own(routine: Routine) -> Iterator[str]:
+        names = Names.of(routine, data)
+        yield from map(names.key, (*routine.file.read, *routine.own, *_BY_BAS))
+
+    read = _through_calls(routines, own)
+    return {name: read[name] | changes[name] | beside for name in routines}
+
+
 def _through_calls(
     routines: Mapping[str, Sequence[Routine]], own: Callable[[Routine], Iterable[Thing]]
 ) -> dict[str, frozenset[Thing]]:

@@ -5,7 +5,7 @@ controller keeps data lists from one run to the next.
 """
 
 import operator
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol, runtime_checkable
 
@@ -414,12 +414,17 @@ class Known:
     names: Names
     data: Data
     variables: Variables
-    here: Aggregate | None = None
-    """The position of the robot, where it is known and of consequence."""
+    place: Callable[[], Aggregate | None] = lambda: None
+    """Finds the position of the robot, where it is known and of consequence."""
     frames: Mapping[str, Frame] = field(default_factory=dict[str, Frame])
     """$TOOL and $BASE, where they are known and stand still."""
     deciding: bool = False
     """The value chooses a way: what data lists state does not, since an operator may set it by hand."""
+
+    @property
+    def here(self) -> Aggregate | None:
+        """The position of the robot, where it is known and of consequence."""
+        return self.place()
 
     def assigned(self, name: str) -> Value | None:
         """Value that code has assigned to a variable or an element; None where nothing was, or nobody knows.
@@ -449,10 +454,10 @@ class Known:
         if name in ("$NULLFRAME", "$WORLD"):
             return ZERO
         if name in HERE:
-            return self.here if self.here is not None and name == "$POS_ACT" else name
+            return (self.here or name) if name == "$POS_ACT" else name
         value = self.assigned(name)
-        if value == "$POS_ACT" and self.here is not None:
-            return self.here
+        if value == "$POS_ACT":
+            return self.here or value
         if value is None:
             value = self.data.number(name, self.names.module, self.names.routine)
             if value is not None:
@@ -483,14 +488,13 @@ class Known:
 def given_by(words: Sequence[Word], known: Known) -> AbstractValue:
     """Abstract value of an expression."""
     try:
-        value = evaluated(words, known)
+        return evaluated(words, replace(known, deciding=True))
+    except Unresolved as trouble:
+        undecided = str(trouble)
+    try:
+        return Adjustable(value=evaluated(words, known), reason=undecided)
     except Unresolved as trouble:
         return Lost(reason=str(trouble))
-    try:
-        evaluated(words, replace(known, deciding=True))
-    except Unresolved as trouble:
-        return Adjustable(value=value, reason=str(trouble))
-    return value
 
 
 def after_assignment(known: Known, line: Assignment, returned: AbstractValue | None = None) -> Variables:
@@ -621,10 +625,8 @@ def common(states: Iterable[Variables]) -> Variables:
 
 def _without(variables: Variables, element: str) -> dict[str, AbstractValue]:
     """Without a variable with all its elements, or one element."""
-    out = dict(variables)
     array, bracket, _ = element.partition("[")
-    for key in [] if bracket else [key for key in out if key.startswith(f"{element}[")]:
-        del out[key]
+    out = dict(variables) if bracket else {key: v for key, v in variables.items() if not key.startswith(f"{element}[")}
     out.pop(element, None)
     out.pop(array, None)
     return out
