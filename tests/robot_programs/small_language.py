@@ -388,7 +388,7 @@ class Krl(Writer):
     def program(self, program: Program) -> list[Source]:
         """Each routine in a file of its own, behind as many empty lines as the others have, so that a line has one number."""
         texts: dict[str, list[str]] = {}
-        for routine in program.routines:
+        for routine in reversed(program.routines):
             start = len(self.lines)
             self.routine(routine)
             texts[f"{routine.name}.src"] = [*[""] * start, *self.lines[start:]]
