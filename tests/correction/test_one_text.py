@@ -82,6 +82,31 @@ def test_krl_loop_is_corrected_as_if_written_out(lines, cells, end, krl, calibra
     assert positions(found) == positions(expected)
 
 
+SET_RAPID = (
+    f"FOR i FROM 0 TO 2 DO\n  put:=p1;\n  put.trans.x:=put.trans.x+i*60;\n  MoveL put,{SLOW}\nENDFOR\n"
+    f"put:=CRobT();\nMoveL put,{SLOW}"
+)
+SET_KRL = [
+    "DECL INT I",
+    "FOR I=0 TO 2",
+    "  XP2=XP1",
+    "  XP2.X=XP2.X+I*60",
+    "  LIN XP2",
+    "ENDFOR",
+    "XP2.X=$ANIN[1]",
+    "LIN XP2",
+]
+
+
+@pytest.mark.parametrize(("language", "corrected"), [("rapid", [0, 1, 2]), ("krl", [0, 1])])
+def test_variable_that_is_set_anew_is_another_target(language, corrected, rapid, krl, calibration):  # noqa: F811
+    """A motion that is known at run time only keeps those to what the variable held at last, and no others."""
+    program = rapid(SET_RAPID, "VAR robtarget put;\n") if language == "rapid" else krl(*SET_KRL)
+    found = correct(calibration, program, bounds=FREE_AND_FINE)
+    assert len(program.motions) == 3
+    assert found.corrected.tolist() == corrected
+
+
 NEAR_RAPID = f"FOR i FROM 0 TO 2 DO\n  MoveL Offs(p1,i*15,0,0),{SLOW}\nENDFOR"
 NEAR_KRL = ["DECL INT I", "FOR I=0 TO 2", "  $BASE={X I*15,Y 0,Z 0,A 0,B 0,C 0}", "  LIN XP1", "ENDFOR"]
 

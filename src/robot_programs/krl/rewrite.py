@@ -1,7 +1,7 @@
 """New numbers for the points of a KRL program, in the places where it states them; and new programs."""
 
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -799,7 +799,10 @@ def _agree(one: Values, other: Values) -> bool:
 
 
 def visits_of(sites: Sequence[Site], motions: Sequence[Motion], files: Iterable[File]) -> Iterator[Visit]:
-    """Motions of one routine that name one point, or a variable that was last set by it, and those that lean on each other."""
+    """Motions of one routine that name one point, or a variable that was last set by it, and those that lean on each other.
+
+    What a variable held before it was set anew as a whole is another target.
+    """
     numbers: dict[tuple[int, int], list[int]] = defaultdict(list)
     for i, site in enumerate(sites):
         numbers[site.text].append(i)
@@ -807,15 +810,18 @@ def visits_of(sites: Sequence[Site], motions: Sequence[Motion], files: Iterable[
         for routine in file.sections:
             points = {name for line in routine.lines if isinstance(line, MotionLine) for name in _named(line)}
             sets: dict[str, frozenset[str]] = {}
+            times: Counter[str] = Counter()
             for line in routine.lines:
                 if isinstance(line, Assignment) and not line.component:
-                    named = frozenset(points.intersection(word.upper for word in line.words)) - {line.name}
+                    read = {word.upper for word in line.words}
+                    times[line.name] += line.name not in read
+                    named = frozenset(points & read) - {line.name}
                     sets[line.name] = named.union(*(sets.get(name, ()) for name in named))
                 elif isinstance(line, MotionLine):
                     named = frozenset(_named(line))
                     for name in named.union(*(sets.get(name, ()) for name in named)):
                         for i in numbers.get((file.number, line.start), (None,)):
-                            target = (routine, name)
+                            target = (routine, name, times[name])
                             yield Visit(number=i, target=target, place=file.source.place(line.start))
     for i, site in enumerate(sites):
         for number in (i, *site.before) if site.leans else ():

@@ -585,7 +585,8 @@ class _Stop:
 
     number: int | None
     """None of one that was not resolved."""
-    names: frozenset[tuple[Symbol, tuple[int, ...] | None]]
+    names: frozenset[tuple[Symbol, tuple[int, ...] | None, int]]
+    """Each with how often it was set as a whole before: what it held then is no target of this one."""
     frames: frozenset[str]
     """Its tool and work object as they are written; of one that is not read all that it is given."""
     given: Argument | None
@@ -625,21 +626,23 @@ class _RoutineText:
     def stops(self, routine: Routine, unresolved: Container[Instruction]) -> Iterator[_Stop]:
         """Motions in the order of the text."""
         made_of: dict[Symbol, frozenset[tuple[Symbol, tuple[int, ...] | None]]] = {}
+        times: Counter[Symbol] = Counter()
         for statement in routine.lines:
             if isinstance(statement, Assignment) and not statement.target.selectors:
                 own = {symbol for symbol, _ in self._names(statement.target)}
                 named = self._names(statement.value)
                 for symbol in own:
+                    times[symbol] += symbol not in {one for one, _ in named}
                     made_of[symbol] = named.union(*(made_of.get(one, ()) for one, _ in named))
             if not isinstance(statement, Instruction):
                 continue
             if statement in unresolved:
                 named = frozenset(name for argument in statement.arguments for name in self._names(argument))
-                yield self._stop(statement, None, named, made_of)
+                yield self._stop(statement, None, named, made_of, times)
             for i in self.numbers.get(statement, ()):
                 named = frozenset(name for a in target_arguments(statement) if a is not None for name in self._names(a))
                 if named:  # numbers alone are shared with no other motion
-                    yield self._stop(statement, i, named, made_of)
+                    yield self._stop(statement, i, named, made_of, times)
 
     def _stop(
         self,
@@ -647,6 +650,7 @@ class _RoutineText:
         i: int | None,
         named: frozenset[tuple[Symbol, tuple[int, ...] | None]],
         made_of: Mapping[Symbol, frozenset[tuple[Symbol, tuple[int, ...] | None]]],
+        times: Counter[Symbol],
     ) -> _Stop:
         text, place = self.file.source.text, self.file.source.place(statement.start)
         names = named.union(*(made_of.get(symbol, ()) for symbol, _ in named))
@@ -660,7 +664,8 @@ class _RoutineText:
             if root.origin is not None:  # the index of an element is known, which the text may not state
                 own = root.origin
                 names = frozenset((s, own.path if path is None and s is own.symbol else path) for s, path in names)
-        return _Stop(number=i, names=names, frames=frozenset(frames), given=given, place=place)
+        counted = frozenset((symbol, path, times[symbol]) for symbol, path in names)
+        return _Stop(number=i, names=counted, frames=frozenset(frames), given=given, place=place)
 
     def _names(self, node: Node) -> frozenset[tuple[Symbol, tuple[int, ...] | None]]:
         """Targets that are read in a part of the text."""
