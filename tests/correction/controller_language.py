@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from robot_programs.core.program import angled_pose, pose_numbers
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import solve_near
 from taskcal.robot.error_model import ErrorModel
@@ -55,6 +56,28 @@ def matrix(place, rot):
     v = np.array([x, y, z])
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return se3.pose(np.eye(3) + 2.0 * (w * cross + np.outer(v, v) - v @ v * np.eye(3)), numbers(place) * 1e-3)
+
+
+def nominal_angles(robot, T, seed, prefix):
+    """Joints of the nominal robot near others, by their names on a controller."""
+    found = solve_near(ErrorModel(robot), T[None], seed[None])
+    assert found.reached.all()
+    return {f"{prefix}{k}": F(v) for k, v in enumerate(np.degrees(found.q[0]), start=1)}
+
+
+def known_functions(calls):
+    """Functions of both languages, in single precision, with those that a controller has of its own."""
+
+    def stop(why):
+        raise Stopped(why)
+
+    def turned(function):
+        return lambda angle: F(function(np.radians(float(angle))))
+
+    return {
+        "F": F, "pos": pos, "take": copy.deepcopy, "stop": stop, "Record": Record, "Abs": abs, "Sqrt": np.sqrt,
+        "Sin": turned(np.sin), "Cos": turned(np.cos), "ATan2": lambda y, x: F(np.degrees(np.arctan2(float(y), float(x)))), **calls,
+    }  # fmt: skip
 
 
 # RAPID.
@@ -135,15 +158,9 @@ def rapid_functions(text, calc_joint_t):
             out.append("    " * depth + _rapid_line(line))
             depth += line.startswith("FOR ")
 
-    def stop(why):
-        raise Stopped(why)
-
-    known = {
-        "F": F, "pos": pos, "take": copy.deepcopy, "stop": stop, "CalcJointT": calc_joint_t, "Abs": abs, "Sqrt": np.sqrt,
-        "PoseVect": _pose_vect, "PoseMult": _pose_mult, "PoseInv": _pose_inv,
-        "Sin": lambda a: F(np.sin(np.radians(float(a)))), "Cos": lambda a: F(np.cos(np.radians(float(a)))),
-        "ATan2": lambda y, x: F(np.degrees(np.arctan2(float(y), float(x)))),
-    }  # fmt: skip
+    known = known_functions(
+        {"CalcJointT": calc_joint_t, "PoseVect": _pose_vect, "PoseMult": _pose_mult, "PoseInv": _pose_inv}
+    )
     exec("\n".join(line for line in out if not line.startswith("def TaskcalStop")), known)
     return known
 
@@ -162,14 +179,93 @@ class RapidCell:
         axes = Record(**{f"eax_{a}": F(9e9) for a in "abcdef"})
         return Record(trans=pos(*T[:3, 3] * 1e3), rot=orient(quaternion(T[:3, :3])), extax=axes)
 
-    def joints(self, seed):
-        """CalcJointT, near some joint positions."""
+    def calc_joint_t(self, p, tool, wobj):
+        """CalcJointT, near `seed`."""
+        end = self.part @ matrix(p.trans, p.rot) @ se3.inverse(self.tool) @ self.robot.T_flange_tool
+        return Record(robax=Record(**nominal_angles(self.robot, se3.inverse(self.base) @ end, self.seed, "rax_")))
 
-        def calc_joint_t(p, tool, wobj):
-            end = self.part @ matrix(p.trans, p.rot) @ se3.inverse(self.tool) @ self.robot.T_flange_tool
-            found = solve_near(ErrorModel(self.robot), (se3.inverse(self.base) @ end)[None], seed[None])
-            assert found.reached.all()
-            angles = {f"rax_{k}": F(v) for k, v in enumerate(np.degrees(found.q[0]), start=1)}
-            return Record(robax=Record(**angles))
 
-        return calc_joint_t
+# KRL.
+
+_KRL = (
+    (r"<>", "!="), (r"\$(\w+)", r"S_\1"), (r"\bD\[\]", "D"), (r"\b(SIN|COS|SQRT|ABS)\(", lambda m: f"{m[1].capitalize()}("),
+    (r"\bATAN2\(", "ATan2("), (r"(?<![\w.\[])(\d+\.\d*(?:E[+-]?\d+)?)(?![\w\]])", r"F(\1)"),
+)  # fmt: skip
+
+
+def _krl_line(line):
+    """A statement of KRL in Python."""
+    line = line.partition(";")[0].strip()
+    if match := re.fullmatch(r"IF (.*) THEN", line):
+        return f"if {_krl_text(match[1]).replace('#', 'E_')}:"
+    if match := re.fullmatch(r"FOR (\w+)=(\d+) TO (\d+)", line):
+        return f"for {match[1]} in range({match[2]}, {match[3]} + 1):"
+    if match := re.fullmatch(r"DECL (\w+) (.*)", line):
+        made = []
+        for name in re.split(r",\s*", match[2]):
+            if array := re.fullmatch(r"(\w+)\[(\d+)\]", name):
+                made.append(f"{array[1]} = [F(0)] * ({array[2]} + 1)")
+            elif match[1] == "E6POS" and name != "P":
+                made.append(f"{name} = Record()")
+        return "; ".join(made) or "pass"
+    if match := re.fullmatch(r"RETURN \((\w+)\)", line):
+        return f"return take({match[1]})"
+    if re.fullmatch(r"\w+\s*\(.*\)", line):
+        return _krl_text(line)
+    name, value = line.split("=", 1)
+    value = re.sub(r"INVERSE\((\w+),(\S+),ERR\)", r"INVERSE(\1,\2)", value)
+    return f"{_krl_text(name)} = take({_krl_text(value)})"
+
+
+def _krl_text(text):
+    for pattern, by in _KRL:
+        text = re.sub(pattern, by, text)
+    return text
+
+
+def krl_functions(text, inverse, base):
+    """The routines of a KRL module as functions of Python."""
+    out, depth = [], 0
+    for raw in text.splitlines():
+        line = raw.strip()
+        if match := re.fullmatch(r"(?:GLOBAL )?DEF(?:FCT \w+)? (\w+) \((.*)\)", line):
+            names = [parameter.split()[0] for parameter in match[2].split(",") if parameter.strip()]
+            out.append(f"def {match[1]}({', '.join(names)}):")
+            depth = 1
+            out += ["    ERR = 0"]
+        elif line in ("END", "ENDFCT"):
+            depth = 0
+        elif line in ("ENDIF", "ENDFOR", "ENDLOOP"):
+            depth -= 1
+        elif line == "LOOP":
+            depth += 1
+        elif line == "HALT":
+            out.append("    stop('halted')")
+        elif line and not line.startswith((";", "&")):
+            out.append("    " * depth + _krl_line(line))
+            depth += line.startswith(("IF", "FOR "))
+    known = known_functions(
+        {"INVERSE": inverse, "S_BASE": base, "S_IPO_MODE": 1, "E_BASE": 1, "S_EX_AX_NUM": 0, "S_AXIS_ACT": None}
+    )
+    exec("\n".join(out), known)
+    return known
+
+
+def krl_frame(T):
+    x, y, z, a, b, c = pose_numbers(T)
+    return Record(X=F(x), Y=F(y), Z=F(z), A=F(a), B=F(b), C=F(c), T=0)
+
+
+class KrlCell:
+    """A nominal controller with an active tool and base, as KRL has them."""
+
+    def __init__(self, robot, T_world_base, T_part, T_tool):
+        self.robot, self.world, self.tool, self.base = robot, T_world_base, T_tool, krl_frame(T_part)
+
+    def pose(self, p):
+        return angled_pose(*(float(getattr(p, name)) for name in "XYZABC"))
+
+    def inverse(self, p, start):
+        """INVERSE, near `seed`."""
+        end = self.pose(self.base) @ self.pose(p) @ se3.inverse(self.tool) @ self.robot.T_flange_tool
+        return Record(**nominal_angles(self.robot, se3.inverse(self.world) @ end, self.seed, "A"))

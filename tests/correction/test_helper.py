@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from robot_programs.core.errors import InputError
-from robot_programs.core.program import Composition, Frame
+from robot_programs.core.program import Composition, Frame, pose_numbers
 from robot_programs.core.source import Source
+from robot_programs.krl.read import read_krl
 from robot_programs.rapid.read import read_rapid
 from robot_programs.rapid.rewrite import compose_rapid
 from taskcal.correction.cell import Cell, ExternalAxis, Measured
@@ -104,3 +105,47 @@ def test_a_helper_is_refused_where_the_controller_does_not_know_enough(program, 
     carried = Cell(axes=(ExternalAxis(number=1, carries="robot", direction=np.array([1.0, 0.0, 0.0])),))
     with pytest.raises(TaskcalError, match="carries the robot"):
         correct(calibration, program, cell=carried, helper=True)
+
+
+KRL = """DEF CELL ( )
+DECL E6POS PICK, THERE
+DECL FRAME OFF
+$TOOL={TOOL}
+$BASE={BASE}
+PTP {FIRST}
+LIN {SECOND}
+Ask(PICK)
+PTP PICK C_PTP
+LIN PICK
+CIRC PICK, THERE
+LIN PICK:OFF
+THERE=$POS_ACT
+LIN THERE
+END
+"""
+"""Lines 9 to 10 are to be wrapped, and 11 were THERE not where the robot stood."""
+
+
+def test_krl_points_of_the_running_program_alone_are_wrapped(calibration, robot, shifted):
+    tool = robot.T_flange_tool @ se3.translation(z=0.01)
+
+    def text(T):
+        return "{" + ",".join(f"{n} {v:.5f}" for n, v in zip("XYZABC", pose_numbers(T), strict=True)) + "}"
+
+    words = {"{TOOL}": text(tool), "{BASE}": text(shifted(-300, 20, -40))}
+    for name, place in (("{FIRST}", (0, 0, 0)), ("{SECOND}", (50, 0, 0))):
+        words[name] = text(se3.inverse(shifted(-300, 20, -40)) @ shifted(*place) @ se3.translation(z=0.01))
+    own = KRL
+    for name, word in words.items():
+        own = own.replace(name, word)
+    program = read_krl([Source.of(Path("cell.src"), own.encode())])
+    found = correct(calibration, program, bounds=Bounds(tolerance=1.0), helper=True)
+    assert [source.path.name for source in found.sources] == ["cell.src", f"{MODULE}.src"]
+    pairs = zip(program.sources[0].text.splitlines(), found.sources[0].text.splitlines(), strict=True)
+    changed = [(old, new) for old, new in pairs if old != new]
+    assert [new for _, new in changed if FUNCTION in new] == [f"PTP {FUNCTION}(PICK) C_PTP", f"LIN {FUNCTION}(PICK)"]
+    assert len(changed) == 2 + len(found.corrected) == 4
+    assert not [one for one in found.diagnostics if one.place.path.name.startswith(MODULE)]
+    assert len(found.helper.motions) == 2
+    with pytest.raises(InputError, match="has a function"):
+        correct(calibration, read_krl(found.sources), helper=True)

@@ -4,17 +4,18 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from robot_programs.core.source import Source
 from robot_programs.rapid.read import read_rapid
 from taskcal.correction.cell import Cell
 from taskcal.correction.correction import Bounds
 from taskcal.correction.frames import _flange_in_tool
-from taskcal.correction.run_time import FUNCTION, rapid_helper
+from taskcal.correction.run_time import FUNCTION, krl_helper, rapid_helper
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import conditioning, solve_near
 from taskcal.robot.error_model import ErrorModel
-from tests.correction.controller_language import RapidCell, matrix, rapid_functions
+from tests.correction.controller_language import KrlCell, RapidCell, krl_frame, krl_functions, matrix, rapid_functions
 
 BASE = se3.pose(se3.exp(np.array([0.0, 0.0, 0.7])), np.array([0.4, -0.3, 0.6]))
 TABLE = se3.pose(se3.exp(np.array([0.1, -0.2, 1.2])), np.array([1.1, 0.5, 0.3]))
@@ -56,8 +57,9 @@ def errors_of_rapid(calibration, q):
     ).source.text
     cell = RapidCell(robot, BASE, TABLE, SPINDLE)
     off = []
-    for seed, target, wanted in zip(q, *wanted_targets(calibration, q), strict=True):
-        moved = rapid_functions(text, cell.joints(seed))[FUNCTION](cell.target(target), cell.tooldata, cell.wobj)
+    corrected = rapid_functions(text, cell.calc_joint_t)[FUNCTION]
+    for cell.seed, target, wanted in zip(q, *wanted_targets(calibration, q), strict=True):
+        moved = corrected(cell.target(target), cell.tooldata, cell.wobj)
         off.append(se3.inverse(wanted) @ matrix(moved.trans, moved.rot))
     off = np.array(off)
     return np.linalg.norm(off[:, :3, 3], axis=1), np.linalg.norm(se3.log(off[:, :3, :3]), axis=1)
@@ -70,7 +72,32 @@ def test_rapid_computes_the_correction_in_single_precision(calibration):
     assert turn.max() < 1e-5
 
 
-def test_rapid_keeps_to_lengths_of_names_and_lines(calibration):
-    text = rapid_helper(calibration, program(), Cell(), Bounds()).source.text
-    assert max(map(len, text.splitlines())) <= 120
-    assert max(map(len, re.findall(r"\w+", text))) <= 32
+def errors_of_krl(calibration, q):
+    """The same of KRL."""
+    text = krl_helper(
+        calibration, program(), Cell(T_world_base=BASE), Bounds(shift=0.05, turn=0.2, joint=1.0)
+    ).source.text
+    cell = KrlCell(calibration.model.robot, BASE, TABLE, SPINDLE)
+    off = []
+    corrected = krl_functions(text, cell.inverse, cell.base)[FUNCTION]
+    for cell.seed, target, wanted in zip(q, *wanted_targets(calibration, q), strict=True):
+        moved = corrected(krl_frame(target))
+        off.append(se3.inverse(wanted) @ cell.pose(moved))
+        turns = [np.degrees(angle) < 0.0 for angle in cell.seed]
+        assert abs(moved.T - sum(2**k for k, turned in enumerate(turns) if turned)) in (0, 1, 2, 4, 8, 16, 32)
+    off = np.array(off)
+    return np.linalg.norm(off[:, :3, 3], axis=1), np.linalg.norm(se3.log(off[:, :3, :3]), axis=1)
+
+
+def test_krl_computes_the_correction_in_single_precision(calibration):
+    distance, turn = errors_of_krl(calibration, postures(calibration, 60))
+    assert distance.max() < 1e-5
+    assert turn.max() < 1e-5
+
+
+@pytest.mark.parametrize(("helper", "line", "name"), [(rapid_helper, 120, 32), (krl_helper, 140, 24)])
+def test_helpers_keep_to_lengths_of_lines_and_names(calibration, helper, line, name):
+    text = helper(calibration, program(), Cell(), Bounds()).source.text
+    assert max(map(len, text.splitlines())) <= line
+    assert max(map(len, re.findall(r"\w+", text))) <= name
+    assert "@" not in text

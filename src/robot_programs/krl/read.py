@@ -1041,4 +1041,5 @@ class _Reading:
             sites=tuple(site for _, site in found),
             files=self.files,
             T_world_base=T_world_base,
+            unresolved=frozenset(self.findings.reasons),
         )

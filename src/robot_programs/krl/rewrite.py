@@ -3,7 +3,7 @@
 import re
 from collections import Counter, defaultdict
 from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import isnan
 
@@ -15,12 +15,14 @@ from robot_programs.core.errors import InputError
 from robot_programs.core.flow import Block, Loop
 from robot_programs.core.program import (
     Composition,
+    Diagnostic,
     Motion,
     MotionKind,
     Program,
     Target,
     Visit,
     Waypoint,
+    Wrapping,
     reject_in_turn,
 )
 from robot_programs.core.robot import Robot, meeting_point
@@ -35,6 +37,7 @@ from robot_programs.core.written_out import (
     reaching,
     written_out,
 )
+from robot_programs.krl.computed import calls_function, wrap
 from robot_programs.krl.data import (
     AXES,
     DECIMALS,
@@ -268,6 +271,47 @@ class KrlProgram(Program):
     """Nodes of the routines."""
     turns: Mapping[Loop, tuple[float, ...] | None] = field(default_factory=dict[Loop, tuple[float, ...] | None])
     """See `Flow.turns`."""
+    unresolved: frozenset[Text] = frozenset()
+    """Motions that are not understood on some way that leads to them."""
+
+    def wrap(
+        self, function: str, added: Source | None, *, without: Container[str] = (), rejected: Container[int] = ()
+    ) -> Wrapping:
+        """Put a function of an E6POS around points; see `Program.wrap`."""
+        if added is not None and any(function.upper() in file.mentions for file in self.files):
+            raise InputError(f"{self.sources[0].path}: has a function {function} already")
+        staying = {site.text for i, site in enumerate(self.sites) if i not in rejected}
+        motions = self.unresolved | {site.text for site in self.sites}.difference(staying)
+        found = list(wrap(self.files, motions, function, without))
+        edits: dict[int, list[TextEdit]] = defaultdict(list)
+        for one in found:
+            edits[one.file.number] += one.edits
+
+        def read(sources: tuple[Source, ...]) -> Program:
+            """The program, of whose motions with the function nothing is to be said any more."""
+            again = self.reread(sources)
+            assert isinstance(again, KrlProgram)
+            having = {
+                file.source.place(line.start)
+                for file in again.files
+                for line in file.statements
+                if calls_function(line, function)
+            }
+            said = tuple(d for d in again.diagnostics if d.place not in having or "stays as it is" not in d.text)
+            return replace(again, read=read, backup=self.backup, base_from=self.base_from, diagnostics=said)
+
+        wrapped = tuple(one.file.source.place(one.line.start) for one in found if one.edits)
+        sources = tuple(file.source.edited(edits.get(file.number, ())) for file in self.files)
+        left = (
+            Diagnostic(
+                place=one.file.source.place(one.line.start),
+                text=f"{one.line.keyword} is not corrected at run time: {one.obstacle}",
+            )
+            for one in found
+            if one.obstacle
+        )
+        program = read((*sources, added) if added is not None else sources) if wrapped else self
+        return Wrapping(program=program, wrapped=wrapped, left=tuple(left))
 
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.

@@ -6,7 +6,7 @@ frames and of what the joints turn further, each about where it is on the nomina
 single precision is enough; q is found by repeating q ← f⁻¹(C(q)⁻¹·F).
 """
 
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
@@ -227,52 +227,135 @@ RAPID = Dialect(
 
 def rapid_helper(calibration: Calibration, program: Program, cell: Cell, bounds: Bounds) -> Module:
     """A RAPID module with a function of a robtarget, a tooldata and a wobjdata."""
-    line = _shift(calibration, program, cell, RAPID, list(RAPID.degrees or ()), ["at.x", "at.y", "at.z"])
-    idle = {axis.number for axis in cell.axes if axis.carries == "nothing"}
+    pool = Pool()
+    at = _inputs(pool, "at.x", "at.y", "at.z")
+    shift, turn = _needed(calibration, program, cell, _inputs(pool, *RAPID.degrees or ()), 1e-3 * at)
+    line = _written(pool, {"shift": 1e3 * shift, "turn": turn}, [f"{{0}}.{letter}" for letter in "xyz"], RAPID)
     axes = [
         f'IF Abs(p.extax.eax_{a})<1E+08 AND p.extax.eax_{a}<>0 TaskcalStop "axis {a} is away from zero";'
         for k, a in enumerate("abcdef", start=1)
-        if k not in idle
+        if k not in {axis.number for axis in cell.axes if axis.carries == "nothing"}
     ]
     joints = [
         f'IF Abs(now.robax.rax_{k}-first.robax.rax_{k})>{_single(np.degrees(bounds.joint))} TaskcalStop "axis {k} would swing";'
         for k in range(1, 7)
     ]
     words = {"AXES": _indented(axes, 4), "JOINTS": _indented(joints, 6), "BODY": _indented(line.lines, 4)}
-    return _helper("rapid.mod", ".mod", calibration, program, cell, bounds, line, words, _single)
+    return _helper("rapid.mod", ".mod", calibration, program, cell, bounds, line, words)
 
 
 def _indented(lines: Sequence[str], by: int) -> str:
     return "\n".join(" " * by + line for line in lines)
 
 
-def _shift(
-    calibration: Calibration, program: Program, cell: Cell, dialect: Dialect, joints: Sequence[str], at: Sequence[str]
+# KRL: positions in millimetres and three angles, functions in degrees, numbers in single precision (KUKA System Software,
+# Operating and Programming Instructions for System Integrators: REAL, E6POS, E6AXIS, status and turn, DEFFCT, $AXIS_ACT, HALT).
+# Those do not describe INVERSE; of its arguments (position, start of the motion, error) Beckhoff's manual of TF5120 does, for
+# the function block KRC_Inverse that calls it.
+
+KRL = Dialect(
+    number=_single,
+    functions={"sin": "SIN({0})", "cos": "COS({0})", "sqrt": "SQRT({0})", "atan2": "ATAN2({0},{1})"},
+    variable="T[{0}]",
+    assignment="{0}={1}",
+    degrees={f"Q[{k}]": f"J.A{k}" for k in range(1, 7)}
+    | {f"{of}.{a}": f"{of}.{a}" for of in ("P", "$BASE") for a in "ABC"},
+)
+
+
+def krl_helper(calibration: Calibration, program: Program, cell: Cell, bounds: Bounds) -> Module:
+    """A KRL module with a function of an E6POS, for the tool and base that are active."""
+    pool = Pool()
+    (R, p), (R_base, place) = (_frame(pool, of) for of in ("P", "$BASE"))
+    joints = _inputs(pool, *(f"Q[{k}]" for k in range(1, 7)))
+    shift, turn = _needed(calibration, program, cell, joints, 1e-3 * (R_base @ p + place))
+    about, w = R_base.T @ turn, (1.0 - turn @ turn).sqrt()
+    changes = [Displacement(w, about, None).turned(R[:, k]) for k in range(3)]  # of the axes
+    a, c = ([pool.input(f"P.{name}").cos(), pool.input(f"P.{name}").sin()] for name in "AC")
+    cosine = pool.input("P.B").cos()
+    # Of R' = Rz(A')·Ry(B')·Rx(C'): A' − A from its first column turned back by A, C' − C from its last row turned back by C
+    results = [
+        *(1e3 * (R_base.T @ shift)),
+        *turn,
+        a[0] * changes[0][1] - a[1] * changes[0][0],
+        cosine + a[0] * changes[0][0] + a[1] * changes[0][1],
+        -1.0 * (R[2, 0] + changes[0][2]),
+        c[0] * changes[1][2] - c[1] * changes[2][2],
+        cosine + c[1] * changes[1][2] + c[0] * changes[2][2],
+    ]
+    line = _written(pool, {"D": results}, [f"{{0}}[{k}]" for k in range(1, 12)], KRL)
+    alone = bool(cell.axes) and all(axis.carries == "nothing" for axis in cell.axes)
+    limit = _single(np.degrees(bounds.joint))
+    words = {
+        "AXES": "" if alone else "\n".join(_stop("$EX_AX_NUM>0", "external axes may carry robot or part")),
+        "JOINTS": "\n".join(
+            text for k in range(1, 7) for text in _stop(f"ABS(NOW.A{k}-FIRST.A{k})>{limit}", f"A{k} would swing")
+        ),
+        "TURNS": "\n".join(f"IF NOW.A{k}<0.0 THEN\nOUT.T=OUT.T+{2 ** (k - 1)}\nENDIF" for k in range(1, 7)),
+        "BODY": "\n".join(line.lines),
+    }
+    return _helper("krl.src", ".src", calibration, program, cell, bounds, line, words)
+
+
+def _stop(condition: str, why: str) -> tuple[str, str, str]:
+    return f"IF {condition} THEN", f"TaskcalStop ( ) ; {why}", "ENDIF"
+
+
+def _frame(pool: Pool, of: str) -> tuple[Any, Any]:
+    """Rotation and position, millimetres, of a KRL frame."""
+    (ca, sa), (cb, sb), (cc, sc) = (
+        (np.cos(one), np.sin(one)) for one in _inputs(pool, f"{of}.A", f"{of}.B", f"{of}.C")
+    )
+    R = [
+        [ca * cb, ca * sb * sc - sa * cc, ca * sb * cc + sa * sc],
+        [sa * cb, sa * sb * sc + ca * cc, sa * sb * cc - ca * sc],
+        [-1.0 * sb, cb * sc, cb * cc],
+    ]
+    return np.array(R, dtype=object), _inputs(pool, f"{of}.X", f"{of}.Y", f"{of}.Z")
+
+
+# What the languages have in common.
+
+
+def _inputs(pool: Pool, *names: str) -> Any:
+    return np.array([pool.input(name) for name in names], dtype=object)
+
+
+def _needed(calibration: Calibration, program: Program, cell: Cell, q: Any, place: Any) -> tuple[Any, Any]:
+    """Shift of a place in the world, metres, and half of the turn there, that the nominal robot needs at joints q, radians."""
+    bases = (cell.T_world_base, program.T_world_base, np.eye(4))
+    w, v, t = displacement(calibration, q[None], next(T for T in bases if T is not None))
+    back = Displacement(w, -1.0 * v, t)
+    return back.turned(place - t) - t, back.v
+
+
+def _written(
+    pool: Pool, results: Mapping[str, Iterable[Any]], elements: Sequence[str], dialect: Dialect
 ) -> StraightLine:
-    """Lines that compute ``shift`` of a place, and ``turn``, half of the rotation.
+    """Lines that compute some results.
 
     Args:
-        calibration: of the robot.
-        program: that is corrected.
-        cell: of the robot.
-        dialect: of the language; with degrees, lengths are millimetres.
-        joints: what joint positions are called, radians.
-        at: what the coordinates of the place are called.
+        pool: of their expressions.
+        results: by name, the elements of each.
+        elements: formats of a name, for its elements.
+        dialect: of the language.
+
+    Raises:
+        TaskcalError: the language does not have a function that an effect uses.
     """
-    bases = (cell.T_world_base, program.T_world_base, np.eye(4))
-    scale = 1.0 if dialect.degrees is None else 1e-3
-    pool = Pool()
-    q = np.array([[pool.input(name) for name in joints]], dtype=object)
-    place = np.array([pool.input(name) for name in at], dtype=object) * scale
-    w, v, t = displacement(calibration, q, next(T for T in bases if T is not None))
-    back = Displacement(w, -1.0 * v, t)
-    named = {"shift": (back.turned(place - t) - t) * (1.0 / scale), "turn": back.v}
-    results = {f"{name}.{letter}": v for name, values in named.items() for letter, v in zip("xyz", values, strict=True)}
-    line = straight_line(pool, results, dialect)
+    places = {
+        element.format(name): value
+        for name, values in results.items()
+        for element, value in zip(elements, values, strict=True)
+    }
+    try:
+        line = straight_line(pool, places, dialect)
+    except TypeError as error:
+        raise TaskcalError(f"--helper: the calibrated robot cannot be written: {error}") from error
     angles = [
         dialect.assignment.format(name, f"{dialect.number(np.radians(1.0))}*{angle}")
         for name, angle in (dialect.degrees or {}).items()
-        if any(name in text for text in line.lines)
+        if name != angle and any(name in text for text in line.lines)
     ]
     return line._replace(lines=angles + line.lines, operations=line.operations + len(angles))
 
@@ -286,15 +369,14 @@ def _helper(
     bounds: Bounds,
     line: StraightLine,
     words: Mapping[str, str],
-    number: Callable[[float], str],
 ) -> Module:
     robot = calibration.model.robot.name
     campaign = shown(calibration.provenance.campaign)
     title = f"Taskcal: targets of {shown(robot)} corrected at run time, by a calibration from {campaign}"
     known = {
         "MODULE": MODULE, "FUNCTION": FUNCTION, "TITLE": title[:MAX_TITLE], "OPERATIONS": str(line.operations),
-        "USUAL": str(USUAL_ROUNDS), "ROUNDS": str(MAX_ROUNDS), "SHIFT": number(bounds.shift * 1e3),
-        "COSINE": number(np.cos(0.5 * bounds.turn) ** 2), "SETTLED_MM": number(SETTLED_MM), "LEVER_MM": number(LEVER_MM),
+        "USUAL": str(USUAL_ROUNDS), "ROUNDS": str(MAX_ROUNDS), "SHIFT": _single(bounds.shift * 1e3),
+        "COSINE": _single(np.cos(0.5 * bounds.turn) ** 2), "SETTLED_MM": _single(SETTLED_MM), "LEVER_MM": _single(LEVER_MM),
         "VARIABLES": str(max(line.variables, 1)), **words,
     }  # fmt: skip
     text = (resources.files("taskcal.correction") / "helpers" / template).read_text(encoding="utf-8")
@@ -307,7 +389,10 @@ def _helper(
     return Module(source=source, operations=line.operations, without=measured_frames(cell))
 
 
-HELPERS: Mapping[str, Callable[[Calibration, Program, Cell, Bounds], Module]] = {"RAPID": rapid_helper}
+HELPERS: Mapping[str, Callable[[Calibration, Program, Cell, Bounds], Module]] = {
+    "RAPID": rapid_helper,
+    "KRL": krl_helper,
+}
 """By language."""
 
 

@@ -1,0 +1,139 @@
+"""Points that only the running program knows, put through a function: which may be, and where they stand."""
+
+from collections.abc import Container, Iterator, Sequence
+from typing import NamedTuple
+
+from robot_programs.core.program import Unresolved
+from robot_programs.core.source import TextEdit
+from robot_programs.krl.data import File, Routine, Text
+from robot_programs.krl.syntax import Assignment, Call, Control, Declaration, MotionLine, Reference, Statement
+from robot_programs.krl.values import HERE
+
+MOTIONS = ("PTP", "LIN", "CIRC", "SPTP", "SLIN", "SCIRC")
+"""Those to points, of which a function makes others."""
+
+CARRIED = frozenset({"EK", "LK", "EB", "#EX_BASE"})
+"""Functions, and a command, by which a base moves with an external axis, a conveyor or another robot."""
+
+MEASURING = frozenset(
+    {*HERE, "$POS_INT", "$AXIS_INT", "$POS_RET", "$AXIS_RET", "$POS_FOR", "$AXIS_FOR", "$POS_BACK", "FORWARD"}
+)
+"""Where the robot is or was: numbers of the nominal robot for where the true one stands."""
+
+
+class Wrapped(NamedTuple):
+    """A motion that is given a function, or not."""
+
+    file: File
+    line: MotionLine
+    edits: tuple[TextEdit, ...]
+    obstacle: str
+    """Why it is not; empty where it is."""
+
+
+def wrap(files: Sequence[File], motions: Container[Text], function: str, without: Container[str]) -> Iterator[Wrapped]:
+    """Some motions, each with the edits that put a function around its points.
+
+    Args:
+        files: of the program.
+        motions: places of motions.
+        function: name of a function of an E6POS.
+        without: names of tools and bases, in lower case, one of which the program may have active.
+    """
+    measured = _measured(files)
+    named = {name for file in files for name in file.mentions}
+    carried = next(iter(sorted(named & CARRIED)), "")
+    for file in files:
+        for routine in file.sections:
+            for line in routine.lines:
+                if isinstance(line, MotionLine) and (file.number, line.start) in motions:
+                    try:
+                        if carried:
+                            raise Unresolved(f"a base may be moved ({carried})")
+                        if without:
+                            raise Unresolved("a tool or base was measured, and it is not known which is active")
+                        _expect_points(line, routine, files, measured, named)
+                    except Unresolved as reason:
+                        yield Wrapped(file, line, (), str(reason))
+                        continue
+                    text = file.source.text
+                    edits = (
+                        TextEdit(start=one.start, end=one.end, text=f"{function}({text[one.start : one.end]})")
+                        for one in line.operands
+                    )
+                    yield Wrapped(file, line, tuple(edits), "")
+
+
+def calls_function(line: Statement, function: str) -> bool:
+    """Whether a function stands around a point of a motion."""
+    return isinstance(line, MotionLine) and any(word.upper == function.upper() for word in line.words)
+
+
+def _expect_points(
+    line: MotionLine, routine: Routine, files: Sequence[File], measured: Container[str], named: Container[str]
+) -> None:
+    """See that a motion goes to points of which a function can make others.
+
+    Raises:
+        Unresolved: it does not.
+    """
+    if line.keyword not in MOTIONS or line.trouble or line.along:
+        raise Unresolved("it does not go to points that it names")
+    if line.keyword.startswith("S") and "SPLINE" in named:
+        raise Unresolved("it may be part of a SPLINE")
+    if any(name.startswith(("$TOOL", "$BASE", "$IPO_MODE", "$LOAD")) for name in line.settings):
+        raise Unresolved("it sets tool or base for itself, which the function does not see")
+    for operand in line.operands:
+        match operand.parts:
+            case (Reference() as point,) if _type(point.name, routine, files) == "E6POS":
+                if point.name.partition("[")[0] in measured:
+                    raise Unresolved(f"{point.name} comes from where the robot stood, which is true already")
+            case _:
+                raise Unresolved("its point is no variable that is declared as E6POS")
+
+
+def _type(name: str, routine: Routine, files: Sequence[File]) -> str:
+    """Declared type of a variable; empty where it is not known, or there are several."""
+    own, module = name.partition("[")[0], routine.file.module
+    types = {
+        line.type
+        for line in routine.lines
+        if isinstance(line, Declaration)
+        for one in line.variables
+        if one.name == own
+    }
+    if not types:
+        types = {
+            line.type
+            for file in files
+            for line in file.statements
+            if file.holds_data
+            and isinstance(line, Declaration)
+            and (file.module == module or line.shared or file.serves_all)
+            for one in line.variables
+            if one.name == own
+        }
+    return next(iter(types)).upper() if len(types) == 1 else ""
+
+
+def _measured(files: Sequence[File]) -> frozenset[str]:
+    """Names, whatever they mean where, that are given values from where the robot stood."""
+    lines = [(routine, line) for file in files for routine in file.sections for line in routine.lines]
+    parameters = {routine.name: routine.parameters for routine, _ in lines}
+    found, before = set(MEASURING), 0
+    while len(found) > before:
+        before = len(found)
+        for routine, line in lines:
+            match line:
+                case Assignment() if not found.isdisjoint(word.upper for word in line.words):
+                    found.add(line.variable.partition("[")[0])
+                case Control(keyword="RETURN") if not found.isdisjoint(word.upper for word in line.words):
+                    found.add(routine.name)
+                case Call():
+                    for parameter, words in zip(parameters.get(line.name, ()), line.arguments, strict=False):
+                        given = {word.upper for word in words if word.kind == "name"}
+                        if parameter in found or not found.isdisjoint(given):
+                            found |= {parameter, *given}
+                case _:
+                    pass
+    return frozenset(found)
