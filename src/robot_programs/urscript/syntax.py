@@ -65,7 +65,6 @@ _MASKED = re.compile(
 )
 _NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*")
 _NUMBER = r"0[xX][0-9a-fA-F]+|(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_DIGITS = re.compile(_NUMBER)
 _GLUED = re.compile(rf"(?<![\w.])(?>{_NUMBER})[^\W\d]")
 """A number that goes on in a word, which Python takes with a warning where that is one of its own."""
 
@@ -113,19 +112,21 @@ class _Reader:
         start = self.starts[node.lineno - 1] + node.col_offset
         end = self.starts[(node.end_lineno or 1) - 1] + (node.end_col_offset or 0)
         text = self.text[start:end]
+        if isinstance(node, ast.Constant):
+            return Expression("value", start, end, "", _constant(node.value, text))
 
         def each(*nodes: ast.expr) -> tuple[Expression, ...]:
             return tuple(self.of(one, depth + 1) for one in nodes)
 
         match node:
-            case ast.Constant():
-                return Expression("value", start, end, value=_constant(text))
             case ast.Name() | ast.Attribute() if _NAME.fullmatch(text) and text not in _WORDS:
                 return Expression("name", start, end, text)
             case ast.List():
                 return Expression("list", start, end, parts=each(*node.elts))
             case ast.Subscript(value=ast.Name(id="p"), slice=place) if self.text.startswith("p[", start):
-                return Expression("pose", start, end, parts=each(*getattr(place, "elts", [place])))
+                return Expression(
+                    "pose", start, end, parts=each(*(place.elts if isinstance(place, ast.Tuple) else [place]))
+                )
             case ast.Subscript():
                 return Expression("index", start, end, parts=each(node.value, node.slice))
             case ast.Call(func=ast.Name() | ast.Attribute() as called):
@@ -163,16 +164,21 @@ def _operation(node: ast.expr) -> tuple[str, list[ast.expr]]:
     return _OPERATORS[type(sign)], operands
 
 
-def _constant(text: str) -> int | float | bool | str:
-    if text in ("True", "False"):
-        return text == "True"
-    if text[0] in "\"'" and not set("\"'") & set(text[1:-1]):
-        return text[1:-1]
-    if not _DIGITS.fullmatch(text):
-        raise _NotUnderstood
-    if text[:2] in ("0x", "0X"):
-        return int(text, 16)
-    return int(text) if text.isdecimal() and len(text) < 16 else float(text)
+def _constant(value: object, text: str) -> int | float | bool | str:
+    """What a constant of Python's is; its text has what was put in its place."""
+    match value:
+        case bool():
+            return value
+        case float() if "_" not in text:
+            return float(text)
+        case int() if text.isdecimal():
+            return int(text) if len(text) < 16 else float(text)
+        case int() if text[:2] in ("0x", "0X") and "_" not in text:
+            return int(text, 16)
+        case str() if text[0] in "\"'" and not set("\"'") & set(text[1:-1]):
+            return text[1:-1]
+        case _:
+            raise _NotUnderstood
 
 
 # Statements.
@@ -207,7 +213,8 @@ class Token(NamedTuple):
 
 _HEADS = {"def", "thread", "sec", "if", "while", "elif", "else"}
 _ALONE = {"end", "break", "continue", "halt"}
-_WORDS = {*_HEADS, *_ALONE, "return", "global", "local", "run", "pass"}
+_BLOCKS = _HEADS | _ALONE
+_WORDS = {*_BLOCKS, "return", "global", "local", "run", "pass"}
 """With which a statement begins."""
 
 
@@ -216,23 +223,21 @@ def _lines(text: str) -> Iterator[list[Token]]:
     line: list[Token] = []
     depth = 0
     for match in _TOKEN.finditer(text):
-        kind = match.lastgroup
+        kind, word = str(match.lastgroup), match[0]
         if kind == "space":
             continue
-        token = Token(str(kind), match[0], match.start())
         if kind == "newline":
             if depth <= 0 and line:
                 yield line
                 line = []
             continue
-        if line and (
-            token.text == "end" or (depth > 0 and token.text in _HEADS | _ALONE)
-        ):  # nothing that is open goes on here
+        if kind == "name" and line and (word == "end" or (depth > 0 and word in _BLOCKS)):  # nothing open goes on here
             yield line
             line, depth = [], 0
-        line.append(token)
-        depth += (token.text in ("(", "[", "{")) - (token.text in (")", "]", "}"))
-        if (token.text == ":" and depth <= 0 and line[0].text in _HEADS) or line[0].text == "end":
+        line.append(Token(kind, word, match.start()))
+        if kind == "mark":
+            depth += (word in "([{") - (word in ")]}")
+        if (word == ":" and depth <= 0 and line[0].text in _HEADS) or line[0].text == "end":
             yield line
             line, depth = [], 0
     if line:
