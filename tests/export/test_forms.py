@@ -15,6 +15,7 @@ from taskcal.export.forms import (
     LINKS,
     CalibratedChain,
     export_dh,
+    export_flexiv_yaml,
     export_ur_yaml,
     export_xarm_yaml,
     fit_table,
@@ -149,7 +150,7 @@ def places(text: str) -> dict[str, np.ndarray]:
     out, link = {}, ""
     for line in text.splitlines()[1:]:
         key, _, value = line.strip().partition(": ")
-        if key == "hash":
+        if key in ("hash", "axis"):
             continue
         if not value:
             link = key.rstrip(":")
@@ -176,41 +177,68 @@ def test_urs_yaml_predicts_the_same_with_its_tool(calibrations):
     assert z[2] > 0.9
 
 
-XARM6 = {
-    "joint1": (0.0, 0.0, 0.267, 0.0),
-    "joint2": (0.0, 0.0, 0.0, -1.5708),
-    "joint3": (0.0535, -0.2845, 0.0, 0.0),
-    "joint4": (0.0775, 0.3425, 0.0, -1.5708),
-    "joint5": (0.0, 0.0, 0.0, 1.5708),
-    "joint6": (0.076, 0.097, 0.0, -1.5708),
+MAKERS = {
+    "xarm": (
+        {
+            "joint1": (0.0, 0.0, 0.267, 0.0, 0.0, 0.0),
+            "joint2": (0.0, 0.0, 0.0, -1.5708, 0.0, 0.0),
+            "joint3": (0.0535, -0.2845, 0.0, 0.0, 0.0, 0.0),
+            "joint4": (0.0775, 0.3425, 0.0, -1.5708, 0.0, 0.0),
+            "joint5": (0.0, 0.0, 0.0, 1.5708, 0.0, 0.0),
+            "joint6": (0.076, 0.097, 0.0, -1.5708, 0.0, 0.0),
+        },
+        "zzzzzz",
+        export_xarm_yaml,
+    ),
+    "flexiv": (
+        {
+            "joint1": (0.0, 0.0, 0.155, 0.0, 0.0, -3.141592654),
+            "joint2": (0.0, 0.03, 0.21, 0.0, 0.0, 0.0),
+            "joint3": (0.0, 0.035, 0.205, 0.0, 0.0, 0.0),
+            "joint4": (-0.02, -0.03, 0.19, 0.0, 0.0, -3.141592654),
+            "joint5": (-0.02, 0.025, 0.195, 0.0, 0.0, -3.141592654),
+            "joint6": (0.0, 0.03, 0.19, 0.0, 0.0, 0.0),
+            "joint7": (-0.015, 0.073, 0.11, 0.0, -1.570796327, 0.0),
+            "link7_to_flange": (0.0, 0.0, 0.124, 0.0, 0.0, 3.141592654),
+        },
+        "zyzyzyz",
+        export_flexiv_yaml,
+    ),
 }
-"""x, y, z and roll of each joint, as UFACTORY's xarm_ros has them in xarm6_default_kinematics.yaml, and in the URDF."""
+"""Place of each joint and its axis: xarm6_default_kinematics.yaml of UFACTORY's xarm_ros; default_kinematics.yaml (Rizon 4) of
+Flexiv's flexiv_description, with the flange of isaac_sim_ws's example of
+SyncKinematicsYAML. The URDFs of both have the same origins."""
 
 
-def test_xarms_yaml_predicts_the_same_with_its_tool(tmp_path, calibrations):
-    links = "".join(f'<link name="l{k}"/>' for k in range(7))
-    joints = "".join(
-        f'<joint name="{name}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/><axis xyz="0 0 1"/>'
-        f'<origin xyz="{x} {y} {z}" rpy="{roll} 0 0"/><limit lower="-2" upper="2" velocity="3.14" effort="1"/></joint>'
-        for k, (name, (x, y, z, roll)) in enumerate(XARM6.items())
-    )
-    path = tmp_path / "xarm6.urdf"
-    path.write_text(f'<robot name="xarm6">{links}{joints}</robot>', encoding="utf-8")
+@pytest.mark.parametrize("maker", MAKERS)
+def test_makers_yaml_predicts_the_same_with_its_tool(maker, tmp_path, calibrations):
+    """And for the nominal robot it is the maker's own."""
+    given, axes, export = MAKERS[maker]
+    text = "".join(f'<link name="l{k}"/>' for k in range(len(given) + 1))
+    for k, (name, (x, y, z, roll, pitch, yaw)) in enumerate(given.items()):
+        axis = "0 1 0" if axes[k : k + 1] == "y" else "0 0 1"
+        kind = "revolute" if k < len(axes) else "fixed"
+        text += (
+            f'<joint name="{name}" type="{kind}"><parent link="l{k}"/><child link="l{k + 1}"/><axis xyz="{axis}"/>'
+            f'<origin xyz="{x} {y} {z}" rpy="{roll} {pitch} {yaw}"/><limit lower="-2" upper="2" velocity="3" effort="1"/></joint>'
+        )
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="arm">{text}</robot>', encoding="utf-8")
     calibration = calibrated(load_robot(path))
-    made = export_xarm_yaml(calibration)
+    made = export(calibration)
     at = places(made.text)
+    assert tuple(at) == tuple(given)
     for q in spread_poses(calibration, 10):
         T = np.eye(4)
-        for name, angle in zip(XARM6, q, strict=True):
-            T = T @ at[name] @ se3.rotation("z", float(angle))
+        for k, name in enumerate(given):
+            T = T @ at[name] @ (se3.rotation(axes[k], float(q[k])) if k < len(axes) else np.eye(4))
         np.testing.assert_allclose(T @ made.frames["tool"], calibration.tool_in_base(q[None])[0], atol=1e-12)
-    nominal = export_xarm_yaml(replace(calibration, z=np.zeros_like(calibration.z)))
-    for name, (x, y, z, roll) in XARM6.items():
-        np.testing.assert_allclose(
-            places(nominal.text)[name], se3.translation(x, y, z) @ se3.rotation("x", roll), atol=1e-9
-        )
-    with pytest.raises(TaskcalError, match=r"ur5 has the joints J1, .*, an xArm joint1, joint2 and so on"):
-        export_xarm_yaml(calibrations["ur5"])
+    nominal = places(export(replace(calibration, z=np.zeros_like(calibration.z))).text)
+    for name, (x, y, z, *rpy) in given.items():
+        expected = se3.pose(Rotation.from_euler("xyz", rpy).as_matrix(), np.array([x, y, z]))
+        np.testing.assert_allclose(nominal[name], expected, atol=1e-9)
+    with pytest.raises(TaskcalError, match=r"ur5 (has the joints J1, .* joint1, joint2|is not built like a Rizon)"):
+        export(calibrations["ur5"])
 
 
 @pytest.mark.realdata

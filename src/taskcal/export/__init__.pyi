@@ -11,6 +11,7 @@ from taskcal.export.exporters import Exporter as Exporter
 from taskcal.export.forms import Export as Export
 from taskcal.export.forms import Loss as Loss
 from taskcal.export.forms import export_dh as export_dh
+from taskcal.export.forms import export_flexiv_yaml as export_flexiv_yaml
 from taskcal.export.forms import export_ur_yaml as export_ur_yaml
 from taskcal.export.forms import export_xarm_yaml as export_xarm_yaml
 from taskcal.export.model_comparison import ModelComparison as ModelComparison

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from taskcal.errors import UnknownName
 from taskcal.export.c_source import export_c
 from taskcal.export.descriptions import NAMES, Form, export_description
-from taskcal.export.forms import Export, export_dh, export_ur_yaml, export_xarm_yaml
+from taskcal.export.forms import Export, export_dh, export_flexiv_yaml, export_ur_yaml, export_xarm_yaml
 from taskcal.identification.calibration import Calibration
 from taskcal.plugins import load_plugins, state_faults
 
@@ -51,6 +51,7 @@ _EXPORTERS: dict[str, Exporter] = {
         **{form: partial(export_description, form=form) for form in NAMES},
         "ur-yaml": export_ur_yaml,
         "xarm-yaml": export_xarm_yaml,
+        "flexiv-yaml": export_flexiv_yaml,
         "dh": partial(export_dh, convention="dh"),
         "mdh": partial(export_dh, convention="mdh"),
     }.items()

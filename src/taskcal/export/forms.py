@@ -276,8 +276,9 @@ def roll_pitch_yaw(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 3"]:
     return np.array([roll, pitch, yaw])
 
 
-# A calibrated robot as the ``kinematics`` YAML of ROS drivers: Universal Robots', and UFACTORY's (xArm), whose
-# ``gen_kinematics_params.py`` writes such a file of a robot's own parameters.
+# A calibrated robot as the ``kinematics`` YAML of makers' ROS packages, each of which has a tool that writes such a file of the
+# parameters in a controller: Universal Robots' ``ur_calibration``, UFACTORY's ``gen_kinematics_params.py`` (xArm), and Flexiv's
+# ``SyncKinematicsYAML``.
 
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 """As the driver calls them, from the base."""
@@ -331,21 +332,78 @@ def export_xarm_yaml(
     return export_as("xArm's YAML", _xarm_yaml, calibration, q, **keys)
 
 
+@checked
+def export_flexiv_yaml(
+    calibration: Calibration,
+    q: Float[np.ndarray, "n joints"] | None = None,
+    *,
+    accept_loss: bool = False,
+    accept_uncertain: bool = False,
+) -> Export:
+    """Export the calibrated robot as the place of each joint in the one before it, as Flexiv's ``SyncKinematicsYAML`` writes it.
+
+    The form holds the controller's flange; arguments and `Export.frames` are as of `export_ur_yaml`.
+
+    Raises:
+        TaskcalError: the robot is not built like a Rizon, or has parts that the form does not hold.
+    """
+    keys = {"accept_loss": accept_loss, "accept_uncertain": accept_uncertain}
+    return export_as("Flexiv's YAML", _flexiv_yaml, calibration, q, **keys)
+
+
 def _ur_yaml(chain: CalibratedChain) -> Written:
-    return _kinematics(chain, LINKS, "a UR", [f"  hash: taskcal_{chain.robot.digest}"])
+    return _kinematics(chain, LINKS, "a UR", (f"  hash: taskcal_{chain.robot.digest}",))
 
 
 def _xarm_yaml(chain: CalibratedChain) -> Written:
+    return _kinematics(chain, _numbered(chain, "an xArm", "UFACTORY"), "an xArm")
+
+
+def _flexiv_yaml(chain: CalibratedChain) -> Written:
+    axes = "zyzyzyz"
+    if len(chain.robot.joints) != len(axes):
+        raise TaskcalError(f"{chain.robot.name} is not built like a Rizon, which has {len(axes)} joints")
+    return _kinematics(chain, _numbered(chain, "a Rizon", "Flexiv"), "a Rizon", axes=axes, flange="link7_to_flange")
+
+
+def _numbered(chain: CalibratedChain, like: str, maker: str) -> tuple[str, ...]:
+    """The robot's joints, which are numbered.
+
+    Raises:
+        TaskcalError: they are not.
+    """
     names = tuple(f"joint{k + 1}" for k in range(len(chain.robot.joints)))
     if chain.robot.joint_names != names:
         raise TaskcalError(
-            f"{chain.robot.name} has the joints {', '.join(chain.robot.joint_names)}, an xArm joint1, joint2 and so on; import "
-            "the robot from UFACTORY's URDF"
+            f"{chain.robot.name} has the joints {', '.join(chain.robot.joint_names)}, {like} joint1, joint2 and so on; import "
+            f"the robot from {maker}'s URDF"
         )
-    return _kinematics(chain, names, "an xArm", [])
+    return names
 
 
-def _kinematics(chain: CalibratedChain, links: tuple[str, ...], like: str, ending: list[str]) -> Written:
+_TURNS = {"z": np.eye(4), "y": se3.rotation("z", np.pi / 2) @ se3.rotation("y", np.pi / 2)}
+"""Of a joint's frame, about whose z it turns, in its link's, as importing a URDF has it."""
+
+
+def _kinematics(
+    chain: CalibratedChain,
+    links: tuple[str, ...],
+    like: str,
+    ending: tuple[str, ...] = (),
+    axes: str = "",
+    flange: str = "",
+) -> Written:
+    """Place of each link in the one before.
+
+    Args:
+        chain: the robot.
+        links: what the file calls them.
+        like: what the robot has to be built like.
+        ending: lines behind them.
+        axes: of its link, about which each joint turns; z by default.
+        flange: what the file calls the controller's flange in the last link; where it has none, what turns about and slides along
+            the last axis is the last link's own.
+    """
     robot = chain.robot
     alike = len(robot.joints) == len(links) and not any(robot.prismatic) and not robot.driven
     if not alike or not np.array_equal(chain.matrix, np.eye(len(links))):
@@ -353,33 +411,37 @@ def _kinematics(chain: CalibratedChain, links: tuple[str, ...], like: str, endin
             f"{robot.name} is not built like {like}: the form has {len(links)} revolute joints at the controller's angles; write a "
             "URDF (--form urdf)"
         )
-    origins, tool = _origins(chain)
+    axes = axes or "z" * len(links)
+    origins, behind = _origins(chain, axes)
+    if flange:
+        tool = robot.T_flange_tool
+        links, origins, axes = (*links, flange), [*origins, behind @ se3.inverse(tool)], axes + "z"
+    else:
+        yaw = float(np.arctan2(behind[1, 0], behind[0, 0])) if np.hypot(behind[0, 0], behind[1, 0]) > 1e-9 else 0.0
+        own = se3.translation(0.0, 0.0, float(behind[2, 3])) @ se3.rotation("z", yaw)
+        origins[-1], tool = origins[-1] @ own, se3.inverse(own) @ behind
     lines = [*_comments(chain), "kinematics:"]
-    for link, T in zip(links, origins, strict=True):
+    for link, T, axis in zip(links, origins, axes, strict=True):
         values = [*T[:3, 3], *roll_pitch_yaw(T[:3, :3])]
         keys = ("x", "y", "z", "roll", "pitch", "yaw")
         lines += [f"  {link}:", *(f"    {key}: {float(v) + 0.0!r}" for key, v in zip(keys, values, strict=True))]
+        lines += ["    axis: 0 1 0"] * (axis == "y")
     return Written(text="\n".join([*lines, *ending]) + "\n", poses=chain.poses, frames={"tool": tool})
 
 
-def _origins(chain: CalibratedChain) -> tuple[list[Float[np.ndarray, "4 4"]], Float[np.ndarray, "4 4"]]:
-    """Place of each link in the one before, and of the tool in the last; each link's frame where Universal Robots put it.
+def _origins(chain: CalibratedChain, axes: str) -> tuple[list[Float[np.ndarray, "4 4"]], Float[np.ndarray, "4 4"]]:
+    """Place of each link in the one before, and of the tool in the last; each link's frame where its maker put it.
 
     A link's frame may slide along its axis: for a standard table its d, which follows the joint, is taken before it.
     """
     described = chain.robot.description["joint"]
-    pending, out = np.eye(4), []
-    for joint in chain.joints:
+    pending, out = np.eye(4), list[np.ndarray]()
+    for joint, axis in zip(chain.joints, axes, strict=True):
         slide = se3.translation(0.0, 0.0, described[joint.coordinate].get("dh", {}).get("d_mm", 0.0) * 1e-3)
         turned = moved("revolute", chain.offset[joint.coordinate : joint.coordinate + 1])[0]
-        out.append(pending @ joint.before @ turned @ slide)
-        pending = se3.inverse(slide)
-    behind = pending @ chain.end
-    # what turns about and slides along the last axis is the last link's own
-    yaw = float(np.arctan2(behind[1, 0], behind[0, 0])) if np.hypot(behind[0, 0], behind[1, 0]) > 1e-9 else 0.0
-    own = se3.translation(0.0, 0.0, float(behind[2, 3])) @ se3.rotation("z", yaw)
-    out[-1] = out[-1] @ own
-    return out, se3.inverse(own) @ behind
+        out.append(pending @ joint.before @ turned @ slide @ se3.inverse(_TURNS[axis]))
+        pending = _TURNS[axis] @ se3.inverse(slide)
+    return out, pending @ chain.end
 
 
 # A calibrated robot as a table of Denavit and Hartenberg, with the base and tool that the table cannot hold beside

@@ -36,9 +36,9 @@ def command(
     unsealed: UnsealedOption = False,
     form: str = option(
         ...,
-        "urdf|mjcf|sdf|usd|ur-yaml|xarm-yaml|dh|mdh|c|cffi|offsets|…",
-        "urdf: links and joints; mjcf, sdf, usd: the same for MuJoCo, Gazebo, and Isaac or others; ur-yaml, xarm-yaml: kinematics "
-        "of Universal Robots' and UFACTORY's drivers; dh, mdh: a table; c: C99 source of the whole "
+        "urdf|mjcf|sdf|usd|ur-yaml|xarm-yaml|flexiv-yaml|dh|mdh|c|cffi|offsets|…",
+        "urdf: links and joints; mjcf, sdf, usd: the same for MuJoCo, Gazebo, and Isaac or others; ur-yaml, xarm-yaml, "
+        "flexiv-yaml: kinematics of these makers' ROS packages; dh, mdh: a table; c: C99 source of the whole "
         "calibration; cffi: the same as a module for Python; offsets: joint zeros, tool and base alone, with the remaining error; "
         "or a form of an installed package.",
     ),
