@@ -870,7 +870,9 @@ class Findings(Generic[T, M]):
         count = Counter(self.occurrences[i].text for i in kept)
         for i in kept:
             found = self.occurrences[i]
-            before = {None if old is None else number.get(old) for old in (found.first, *(found.others or ()))}
+            before = {None if found.first is None else number.get(found.first)}
+            if found.others:
+                before |= {None if old is None else number.get(old) for old in found.others}
             (first, *others) = before
             yield Ordered(
                 motion=found.motion,

@@ -1,5 +1,6 @@
 """A robot program as its motions: what the controller is told to do, and where that is written."""
 
+import gc
 import math
 import re
 from abc import ABC, abstractmethod
@@ -293,6 +294,11 @@ class Visit:
     place: Place
 
 
+MANY_MOTIONS = 10_000
+"""Of so many, what was read again for its motions is given back at once: its syntax refers to itself, and takes as much memory as
+all else."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Program(ABC):
     """Robot program read from one or several files."""
@@ -450,7 +456,10 @@ class Program(ABC):
         Raises:
             InputError: they cannot be read.
         """
-        return self.reread(sources).motions
+        motions = self.reread(sources).motions
+        if len(motions) > MANY_MOTIONS:
+            gc.collect()
+        return motions
 
 
 # Edits of a program's numbers.

@@ -453,16 +453,19 @@ def _check_frames(program: Program, cell: Cell) -> None:
     if not language_of(program.sources[0].path).declares_frames:
         return
     to_base = np.eye(4) if program.T_world_base is None else se3.inverse(program.T_world_base)
-    seen: set[tuple[str, int]] = set()
+    seen: set[tuple[int, int, bool]] = set()
     for motion in program.motions:
+        objects = (id(motion.tool), id(motion.part), motion.part_in_hand)
+        if objects in seen:
+            continue
+        seen.add(objects)
         standing, held = (motion.tool, motion.part) if motion.part_in_hand else (motion.part, motion.tool)
         for frame, T in ((held, np.eye(4)), (standing, np.eye(4) if motion.carrier else to_base)):
             kind, measured = (
                 ("tool", cell.tool(frame.name)) if frame is motion.tool else ("part", cell.part(frame.name))
             )
-            if (kind, id(frame)) in seen or measured.controller is None:
+            if measured.controller is None:
                 continue
-            seen.add((kind, id(frame)))
             off = frame.T - T @ measured.controller
             if np.abs(off).max() > MAX_BASE_DIFFERENCE:
                 raise TaskcalError(

@@ -1,6 +1,5 @@
 """Correcting a program: every target becomes the pose at which a nominal controller moves to the joints the true robot needs."""
 
-import gc
 from collections.abc import Callable, Container, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -656,9 +655,6 @@ def _origins(m: int, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[tup
     return tuple(out)
 
 
-MANY_MOVES = 10_000
-"""Of so many, what was read again is given back at once: its syntax refers to itself, and takes as much memory as all else."""
-
 MAX_REASONS = 3
 """Diagnostics that are shown where no motion could be resolved."""
 
@@ -809,8 +805,6 @@ def _correct(
         tolerance=subdivision.tolerance,
         progress=progress,
     )
-    if len(motions) > MANY_MOVES:
-        gc.collect()
     progress("the joints of the corrected program")
     written_moves, written = rewritten.motions, np.isin(np.arange(len(motions)), list(waypoints))
     near = trajectory.end[[number for number, _, _ in rewritten.origin]]

@@ -213,13 +213,19 @@ class Placed:
 def distinct_frames(motions: Sequence[Motion]) -> tuple[list[Motion], Int[np.ndarray, " m"]]:
     """The first motion with each tool and part, and for every motion the number of that with its own."""
     numbers: dict[tuple[object, ...], int] = {}
+    of_objects: dict[tuple[int, int, bool], int] = {}
     examples: list[Motion] = []
     own: list[int] = []
     for move in motions:
+        objects = (id(move.tool), id(move.part), move.part_in_hand)
+        if objects in of_objects:  # as nearly all
+            own.append(of_objects[objects])
+            continue
         key = (move.tool.name, move.tool.T.tobytes(), move.part.name, move.part.T.tobytes(), move.part_in_hand)
         if key not in numbers:
             numbers[key] = len(examples)
             examples.append(move)
+        of_objects[objects] = numbers[key]
         own.append(numbers[key])
     return examples, np.array(own, dtype=np.int64)
 
@@ -324,6 +330,8 @@ def _followers(motions: Sequence[Motion]) -> list[int]:
 
 def _in_common(first: Motion, second: Motion) -> bool:
     """Whether two motions have tool and part in common."""
+    if first.tool is second.tool and first.part is second.part:
+        return first.part_in_hand == second.part_in_hand
     return first.part_in_hand == second.part_in_hand and all(
         a is b or (a.name == b.name and np.array_equal(a.T, b.T))
         for a, b in ((first.tool, second.tool), (first.part, second.part))
