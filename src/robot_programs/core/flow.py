@@ -477,13 +477,13 @@ class Walk(ABC, Generic[S, R]):
     def widened(self, state: S, nodes: Sequence[Node], why: str) -> S:
         """State after lines that may have changed all that they change."""
 
-    @abstractmethod
     def counts(self, loop: Loop, state: S) -> Counts | None:
         """Bounds and step of a loop; None where the text does not tell."""
+        return None
 
-    @abstractmethod
     def counting(self, loop: Loop, state: S, count: float | None) -> S:
         """State in which the counter of a loop has a value; None for any."""
+        return state
 
     def counted(self, loop: Loop, state: S, count: float) -> float | None:
         """Value of the counter at the end of a turn; None where the turn made it something that is not known."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from robot_programs.core import flow, se3
 from robot_programs.core.errors import FileError
-from robot_programs.core.flow import MIN_LINES, Body, Branches, Counts, Loop, Node, lines_in, with_called
+from robot_programs.core.flow import MIN_LINES, Body, Branches, Node, lines_in, with_called
 from robot_programs.core.program import (
     Diagnostic,
     Frame,
@@ -23,7 +23,7 @@ from robot_programs.core.program import (
 )
 from robot_programs.core.robot import JOINTS, Robot
 from robot_programs.core.source import Source, uncollected
-from robot_programs.urscript.rewrite import Point, Site, UrscriptProgram, slot_of
+from robot_programs.urscript.rewrite import MOTIONS, Point, Site, UrscriptProgram, slot_of
 from robot_programs.urscript.syntax import (
     Expression,
     File,
@@ -50,14 +50,6 @@ from robot_programs.urscript.values import (
 )
 
 # What the language's own functions do beside returning a value.
-
-MOTIONS: Mapping[str, tuple[MotionKind, tuple[str, ...]]] = {
-    "movej": ("joint", ("q", "a", "v", "t", "r")),
-    "movel": ("linear", ("pose", "a", "v", "t", "r")),
-    "movep": ("linear", ("pose", "a", "v", "r")),
-    "movec": ("circular", ("pose_via", "pose_to", "a", "v", "r", "mode")),
-}
-"""Motions that are read, and what they are given."""
 
 DEFAULT_SPEED_M_S = 0.25
 """Of movel, movep and movec, metres per second."""
@@ -351,14 +343,6 @@ class _Walk(flow.Walk[State, Routine]):
             for routine in names.calls(line, self.routine):
                 keys |= changes[routine]
         return state.forgotten(keys, why)
-
-    def counts(self, loop: Loop, state: State) -> Counts | None:
-        """Nothing: no loop counts by itself."""
-        return None
-
-    def counting(self, loop: Loop, state: State, count: float | None) -> State:
-        """The state: no loop counts by itself."""
-        return state
 
     def unknown(self, line: Statement, state: State) -> State:
         """State after text that was not understood."""

@@ -15,6 +15,7 @@ from robot_programs.core.program import (
     Composition,
     Frame,
     Motion,
+    MotionKind,
     NearPosture,
     Program,
     Target,
@@ -25,7 +26,7 @@ from robot_programs.core.program import (
 from robot_programs.core.robot import JOINTS, Robot
 from robot_programs.core.source import Source, TextEdit, numeral, renumbered
 from robot_programs.urscript.syntax import Expression, File, inside, plain_name
-from robot_programs.urscript.values import Literal, Six, six_of
+from robot_programs.urscript.values import Literal, Six, signature, six_of
 
 METRES, RADIANS = 7, 8
 """Decimals written of positions and of angles: a tenth of a micrometre, and as much at the end of an arm."""
@@ -37,7 +38,15 @@ PASSING_M, PASSING_SHARE = 1e-3, 0.3
 """Largest blend radius of points that are put on a path, metres: with none the robot would stop in them; and its share of the
 way between two of them, for blends cannot overlap (Universal Robots, *User manual*, waypoints)."""
 
-POINTS = {"movej": ("q",), "movel": ("pose",), "movep": ("pose",), "movec": ("pose_via", "pose_to")}
+MOTIONS: Mapping[str, tuple[MotionKind, tuple[str, ...]]] = {
+    "movej": ("joint", ("q", "a", "v", "t", "r")),
+    "movel": ("linear", ("pose", "a", "v", "t", "r")),
+    "movep": ("linear", ("pose", "a", "v", "r")),
+    "movec": ("circular", ("pose_via", "pose_to", "a", "v", "r", "mode")),
+}
+"""Motions that are read, and what they are given."""
+
+POINTS = {name: names[: 2 if kind == "circular" else 1] for name, (kind, names) in MOTIONS.items()}
 """Names of the arguments that are targets, which come first."""
 
 
@@ -254,7 +263,7 @@ class UrscriptProgram(Program):
             TextEdit(start=point.slot.start, end=point.slot.end, text=_text(point, wanted))
             for point, wanted in _wanted(site, waypoint)
         ]
-        given = _given(call)
+        given = signature(call, MOTIONS[call.name][1]) or {}
         at = (given["r"].start, given["r"].end) if "r" in given else (call.end - 1, call.end - 1)
         edits.append(TextEdit(start=at[0], end=at[1], text=f"{radius:.5f}" if "r" in given else f", r={radius:.5f}"))
         return source.piece(call.start, call.end, edits)
@@ -262,7 +271,7 @@ class UrscriptProgram(Program):
     def speed_edit(self, number: int, speed: float) -> tuple[int, TextEdit]:
         """The argument ``v``; see `Program.speed_edit`."""
         site = self.sites[number]
-        given = _given(site.call).get("v")
+        given = (signature(site.call, MOTIONS[site.call.name][1]) or {}).get("v")
         start, end = (site.call.end - 1,) * 2 if given is None else (given.start, given.end)
         return site.file.number, TextEdit(start=start, end=end, text=f"{'' if given else ', v='}{speed:.10g}")
 
@@ -294,13 +303,6 @@ class UrscriptProgram(Program):
 
 
 _WORD = re.compile(r"[A-Za-z_]\w*")
-
-
-def _given(call: Expression) -> dict[str, Expression]:
-    """Arguments of a motion by their names."""
-    order = [*POINTS[call.name], "a", "v", *(("t",) if call.name in ("movej", "movel") else ()), "r"]
-    given = dict(zip(order, [value for name, value in call.arguments if not name], strict=False))
-    return given | {name: value for name, value in call.arguments if name}
 
 
 def _passing(path: Sequence[Waypoint]) -> float:

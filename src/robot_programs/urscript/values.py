@@ -7,7 +7,7 @@ import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +16,8 @@ from robot_programs.core import se3
 from robot_programs.core.program import angled_pose
 from robot_programs.core.values import COMPARISONS
 from robot_programs.urscript.syntax import Expression, plain_name
+
+T = TypeVar("T")
 
 Six = tuple[float, ...]
 """Position, metres, and rotation vector, radians; or joint positions, radians."""
@@ -126,13 +128,15 @@ def numbers(value: Value, count: int) -> Six | None:
 
 def signature(call: Expression, names: Sequence[str]) -> dict[str, Expression] | None:
     """Arguments of a call by their names; None where there are others."""
-    given: dict[str, Expression] = {}
-    for position, (name, value) in enumerate(call.arguments):
-        name = name or (names[position] if position < len(names) else "")
-        if name not in names or name in given:
-            return None
-        given[name] = value
-    return given
+    return _by_name(call.keys, call.parts, names)
+
+
+def _by_name(keys: Sequence[str], values: Sequence[T], names: Sequence[str]) -> dict[str, T] | None:
+    given = {
+        key or (names[k] if k < len(names) else ""): value
+        for k, (key, value) in enumerate(zip(keys, values, strict=True))
+    }
+    return given if len(given) == len(keys) and given.keys() <= set(names) else None
 
 
 # Functions whose value follows from their arguments.
@@ -209,12 +213,9 @@ def applied(call: Expression, given: Sequence[Value]) -> Value:
     if lost is not None:
         return lost
     names, kinds, function = FUNCTIONS[call.name]
-    by_name = {
-        key or (names[k] if k < len(names) else ""): value
-        for k, (key, value) in enumerate(zip(call.keys, given, strict=True))
-    }
+    by_name = _by_name(call.keys, given, names) or {}
     arguments = [by_name.get(name) for name in names]
-    fitting = len(given) == len(kinds) and all(
+    fitting = all(
         isinstance(value, kind) and not isinstance(value, bool)  # pyright: ignore[reportArgumentType]
         for value, kind in zip(arguments, kinds, strict=True)
     )
