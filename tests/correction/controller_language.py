@@ -205,7 +205,7 @@ def _krl_line(line):
         for name in re.split(r",\s*", match[2]):
             if array := re.fullmatch(r"(\w+)\[(\d+)\]", name):
                 made.append(f"{array[1]} = [F(0)] * ({array[2]} + 1)")
-            elif match[1] == "E6POS" and name != "P":
+            elif match[1] == "E6POS" and name not in ("P", "D[]"):
                 made.append(f"{name} = Record()")
         return "; ".join(made) or "pass"
     if match := re.fullmatch(r"RETURN \((\w+)\)", line):
@@ -229,7 +229,7 @@ def krl_functions(text, inverse, base):
     for raw in text.splitlines():
         line = raw.strip()
         if match := re.fullmatch(r"(?:GLOBAL )?DEF(?:FCT \w+)? (\w+) \((.*)\)", line):
-            names = [parameter.split()[0] for parameter in match[2].split(",") if parameter.strip()]
+            names = [parameter.split()[0].strip("[]") for parameter in match[2].split(",") if parameter.strip()]
             out.append(f"def {match[1]}({', '.join(names)}):")
             depth = 1
             out += ["    ERR = 0"]

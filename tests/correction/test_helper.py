@@ -11,11 +11,11 @@ from robot_programs.core.program import Composition, Frame, pose_numbers
 from robot_programs.core.source import Source
 from robot_programs.krl.read import read_krl
 from robot_programs.rapid.read import read_rapid
-from robot_programs.rapid.rewrite import compose_rapid
+from robot_programs.rapid.rewrite import RapidProgram, compose_rapid
 from taskcal.correction.cell import Cell, ExternalAxis, Measured
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds
-from taskcal.correction.run_time import FUNCTION, MODULE
+from taskcal.correction.run_time import FUNCTION, MODULE, helper_for
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture
@@ -77,6 +77,18 @@ def test_computed_targets_alone_are_wrapped(program, calibration):
     assert not [one for one in found.diagnostics if one.place.path.name.startswith(MODULE)]
 
 
+def test_motions_whose_text_others_have_are_corrected_at_run_time(program, calibration, monkeypatch):
+    """Where it cannot be written out."""
+    monkeypatch.setattr(RapidProgram, "written_out", lambda self, numbers: None)
+    text = program.sources[0].text.split("  PROC")[0]
+    text += "  PROC main()\n    VAR robtarget p;\n    MoveJ p10,v100,fine,tSpindle\\WObj:=wTable;\n    FOR i FROM 1 TO 3 DO\n"
+    text += "      MoveJ Offs(p10,90*i,0,0),v100,fine,tSpindle\\WObj:=wTable;\n    ENDFOR\n  ENDPROC\nENDMODULE\n"
+    pallet = read_rapid([Source.of(Path("cell.mod"), text.encode())])
+    found = correct(calibration, pallet, bounds=Bounds(tolerance=1e-6), helper=True)
+    assert f"MoveJ {FUNCTION}(Offs(p10,90*i,0,0),tSpindle,wTable)," in found.sources[0].text
+    assert not found.rejected
+
+
 def test_all_else_is_what_it_is_without_a_helper(program, calibration):
     text = program.sources[0].text.split("\n    Ask p")[0] + "\n  ENDPROC\nENDMODULE\n"
     plain = read_rapid([Source.of(Path("cell.mod"), text.encode())])
@@ -99,9 +111,9 @@ def test_a_program_of_computed_targets_alone_is_written(calibration, tmp_path):
 def test_a_helper_is_refused_where_the_controller_does_not_know_enough(program, lost_motion, calibration):
     with pytest.raises(TaskcalError, match=r"backlash .*approach"):
         correct(lost_motion, program, helper=True)
-    again = correct(calibration, program, bounds=Bounds(tolerance=1.0), helper=True)
+    again = helper_for(calibration, program, Cell(), Bounds(), None).wrap(program).program
     with pytest.raises(InputError, match=f"has a function {FUNCTION} already"):
-        correct(calibration, read_rapid(again.sources), helper=True)
+        correct(calibration, again, helper=True)
     carried = Cell(axes=(ExternalAxis(number=1, carries="robot", direction=np.array([1.0, 0.0, 0.0])),))
     with pytest.raises(TaskcalError, match="carries the robot"):
         correct(calibration, program, cell=carried, helper=True)
@@ -147,5 +159,3 @@ def test_krl_points_of_the_running_program_alone_are_wrapped(calibration, robot,
     assert len(changed) == 2 + len(found.corrected) == 4
     assert not [one for one in found.diagnostics if one.place.path.name.startswith(MODULE)]
     assert len(found.helper.motions) == 2
-    with pytest.raises(InputError, match="has a function"):
-        correct(calibration, read_krl(found.sources), helper=True)

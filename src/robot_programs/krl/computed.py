@@ -87,7 +87,7 @@ def _expect_points(
         match operand.parts:
             case (Reference() as point,) if _type(point.name, routine, files) == "E6POS":
                 if point.name.partition("[")[0] in measured:
-                    raise Unresolved(f"{point.name} comes from where the robot stood, which is true already")
+                    raise Unresolved(f"'{point.name}' comes from where the robot stood, which is true already")
             case _:
                 raise Unresolved("its point is no variable that is declared as E6POS")
 

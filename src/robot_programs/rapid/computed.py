@@ -94,7 +94,7 @@ def _edits(
         symbol = scope.known(frame.value.name.text)
         if frame.value.name.key in without or (without and symbol is not None and symbol.parameter_of):
             raise Unresolved(
-                f"{frame.value.name.text} was measured, or may be what was, which the function does not know"
+                f"'{frame.value.name.text}' was measured, or may be what was, which the function does not know"
             )
     targets = [target for target in (where.via, where.to) if target is not None]
     for argument in (*targets, *frames):
@@ -102,8 +102,8 @@ def _edits(
             raise Unresolved("its target is not in the text (*)")
         if _comes(argument.value, scope, measured):
             raise Unresolved(
-                f"{text[argument.start : argument.end]} comes from where the robot stood (CRobT, CPos, CJointT or a search), which "
-                "is true already"
+                f"'{text[argument.start : argument.end]}' comes from where the robot stood (CRobT, CPos, CJointT or a search), "
+                "which is true already"
             )
     names = [text[frame.value.start : frame.value.end] for frame in frames if frame.value is not None]
     given = ",".join([*names, "wobj0"][:2])

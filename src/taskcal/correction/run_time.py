@@ -291,7 +291,7 @@ def krl_helper(calibration: Calibration, program: Program, cell: Cell, bounds: B
         "JOINTS": "\n".join(
             text for k in range(1, 7) for text in _stop(f"ABS(NOW.A{k}-FIRST.A{k})>{limit}", f"A{k} would swing")
         ),
-        "TURNS": "\n".join(f"IF NOW.A{k}<0.0 THEN\nOUT.T=OUT.T+{2 ** (k - 1)}\nENDIF" for k in range(1, 7)),
+        "TURNS": "\n".join(f"IF NOW.A{k}<0.0 THEN\nGOAL.T=GOAL.T+{2 ** (k - 1)}\nENDIF" for k in range(1, 7)),
         "BODY": "\n".join(line.lines),
     }
     return _helper("krl.src", ".src", calibration, program, cell, bounds, line, words)

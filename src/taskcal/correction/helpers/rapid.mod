@@ -27,7 +27,7 @@ MODULE @MODULE@
     moved:=p;
     first:=CalcJointT(p,tool\WObj:=wobj);
     now:=first;
-    FOR round FROM 1 TO @ROUNDS@ DO
+    FOR k FROM 1 TO @ROUNDS@ DO
       TaskcalShift now.robax,at,shift,turn;
       IF Sqrt(shift.x*shift.x+shift.y*shift.y+shift.z*shift.z)>@SHIFT@ TaskcalStop "it would move too far";
       w:=1-turn.x*turn.x-turn.y*turn.y-turn.z*turn.z;
