@@ -60,6 +60,11 @@ KRL_LOOP = [
     "DECL INT I,J", "FOR J=0 TO 1 ; rows", "  FOR I=0 TO 4 STEP 2", "    LIN XP1:{X I*20,Y J*-50,Z -40,A 0,B 0,C 0}",
     "    LIN XP1:{X I*20,Y J*-50,Z 0,A 0,B 0,C 0}", "  ENDFOR", "ENDFOR", "LIN XP2",
 ]  # fmt: skip
+KRL_JUMPS = [
+    "DECL INT I,J", "FOR J=0 TO 3", "  FOR I=0 TO 2", "BOX:", "    LIN XP1:{X I*20,Y J*-25,Z -40,A 0,B 0,C 0}",
+    "    IF $IN[1] THEN", "      GOTO BOX", "    ENDIF", "    LIN XP1:{X I*20,Y J*-25,Z 0,A 0,B 0,C 0}", "    IF $IN[2] THEN",
+    "      GOTO READY", "    ENDIF", "  ENDFOR", "  J=J+1", "ENDFOR", "READY:",
+]  # fmt: skip
 KRL_CALLS = [
     "DECL INT I", "FOR I=0 TO 2", "  PLACE (I)", "ENDFOR", "PLACE (-1)", "END", "DEF PLACE (N:IN)", "DECL INT N",
     "LIN XP1:{X N*60,Y 0,Z -40,A 0,B 0,C 0}", "LIN XP1:{X N*60,Y 0,Z 0,A 0,B 0,C 0}",
@@ -70,6 +75,7 @@ KRL_CALLS = [
     ("lines", "cells", "end"),
     [
         (KRL_LOOP, [(i * 20, j) for j in range(2) for i in (0, 2, 4)], ["LIN XP2"]),
+        (KRL_JUMPS, [(i * 20, j / 2) for j in (0, 2) for i in (0, 1, 2)], []),
         (KRL_CALLS, [(0, 0), (60, 0), (120, 0), (-60, 0)], []),
     ],
 )

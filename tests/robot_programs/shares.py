@@ -1,7 +1,8 @@
 """What share of the motions of real programs is understood and written: ``python -m tests.robot_programs.shares FOLDER [WHAT]``.
 
 A measurement of two minutes, not a test. The folder holds ``rapid``, ``krl`` and ``apt`` with a folder for each repository, as
-`shared/data/programs` does. With ``why`` the reasons of what stays are counted, too; with ``each`` a line for each program.
+`shared/data/programs` does. With ``why`` the reasons of what stays are counted, too; with ``each`` a line for each program; with
+``supplied`` tools and parts that no file declares are taken to be at the flange and in the base, as a cell file would state them.
 """
 
 import re
@@ -15,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.apt.syntax import parse as parse_apt
-from robot_programs.core.program import Motion, Program, Waypoint, keep_together
+from robot_programs.core.program import Frame, Motion, Program, Waypoint, keep_together, missing_from
 from robot_programs.core.source import Place, Source, read_source
 from robot_programs.krl.syntax import lines_of_words
 from robot_programs.languages import LANGUAGES
@@ -48,12 +49,18 @@ class Share:
     """Rewritten without changes every byte is as it was."""
 
 
-def share_of(files: Sequence[Path], robot: Robot) -> Share:
+def share_of(files: Sequence[Path], robot: Robot, *, supplied: bool = False) -> Share:
     """Read a program, and count."""
     sources = tuple(read_source(path) for path in files)
     motions = sum(motions_in(source) for source in sources)
     try:
         program = parse_program(sources, robot=robot)
+        missing = missing_from(program.diagnostics) if supplied else ()
+        if missing:
+            frames = {one.name: Frame(name=one.name, T=np.eye(4)) for one in missing if one.kind != "other"}
+            tools = {one.name: frames[one.name] for one in missing if one.kind == "tool"}
+            parts = {one.name: frames[one.name] for one in missing if one.kind == "part"}
+            program = parse_program(sources, robot=robot, tools=tools, parts=parts)
     except TaskcalError as error:
         return Share(
             files=tuple(files),
@@ -104,12 +111,16 @@ def _written_as_it_is(program: Program, robot: Robot) -> tuple[set[Place], dict[
     wanted = {i: (corrected(motion),) for i, motion in enumerate(program.motions)}
     left: dict[int, str] = {}
     visits = tuple(program.visits())
+    exact = dict(wanted)
+    if stuck := program.unwritable(robot, wanted, TOLERANCE_M):
+        wanted |= program.least_worst(robot, wanted, stuck, TOLERANCE_M)
     while more := program.unwritable(robot, wanted, TOLERANCE_M) or keep_together(visits, left, wanted):
         left |= more
         wanted = {i: path for i, path in wanted.items() if i not in more}
     again = program.reread(program.rewrite(robot, wanted))
     assert len(again.motions) == len(program.motions)
-    for i, (waypoint,) in wanted.items():
+    for i in wanted:
+        (waypoint,) = exact[i]
         end = again.motions[i].end
         if waypoint.T is not None and end.T is not None:
             assert np.abs(end.T[:3, 3] - waypoint.T[:3, 3]).max() < TOLERANCE_M + 1e-5, str(program.motions[i])
@@ -217,7 +228,7 @@ def main(arguments: list[str]) -> None:
     totals: dict[str, Counter[str]] = {}
     why: dict[str, Counter[str]] = {}
     for language, files in programs(folder):
-        share = share_of(files, robot)
+        share = share_of(files, robot, supplied="supplied" in what)
         total = totals.setdefault(language, Counter())
         total.update(
             programs=1,

@@ -721,7 +721,7 @@ class Walk(ABC, Generic[S, R]):
 
     def _some_turns(self, loop: Loop, state: S) -> S:
         """State after a loop of which it is not known how often it is gone through, if nothing leaves it inside."""
-        if not self.flow.scouting:
+        if not self.flow.scouting and not self.flow.all_ways:
             self.flow.took(loop, None)
         head = self._stable(self.counting(loop, state, None), loop, "it is set further down in the same loop")
         end = self.turn(loop, head)

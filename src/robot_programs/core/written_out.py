@@ -16,7 +16,7 @@ from jaxtyping import Float
 from robot_programs.core import se3
 from robot_programs.core.flow import Block, Loop, bodies_of, leaves_loop, lines_in
 from robot_programs.core.program import Waypoint
-from robot_programs.core.source import Source
+from robot_programs.core.source import FreshNames, Source
 
 # One value for several motions: of the least largest error.
 
@@ -101,6 +101,8 @@ class Turns:
     """Text behind the last one."""
     named: tuple[Named, ...] = ()
     """For each turn, what stands in place of its counter; empty where that is still set."""
+    labels: Mapping[str, tuple[tuple[int, int], ...]] = field(default_factory=dict[str, tuple[tuple[int, int], ...]])
+    """Labels of the body, each with all places that name it there: they get names of their own in each turn."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -120,10 +122,27 @@ class WritingOut:
     turns: tuple[Turns, ...] = ()
     copies: tuple[Copy, ...] = ()
     named: Named = field(default_factory=dict[tuple[int, int], str])
+    fresh: FreshNames | None = None
+    """For labels; None where no loop has any."""
 
 
-def written_out(source: Source, plan: WritingOut) -> Source | None:
+def written_out(sources: Sequence[Source], plans: Sequence[WritingOut]) -> tuple[Source, ...] | None:
+    """Files with their loops and copies written out; None where nothing can be.
+
+    A file that would get too long stays as it is; routines get copies in all files or in none.
+    """
+    new = [_written_out(source, plan) for source, plan in zip(sources, plans, strict=True)]
+    together = any(plan.copies or plan.named for plan in plans)
+    if (None in new and together) or not any(plan.turns or plan.copies for plan in plans):
+        return None
+    kept = tuple(old if made is None else made for old, made in zip(sources, new, strict=True))
+    return None if all(a is b for a, b in zip(kept, sources, strict=True)) else kept
+
+
+def _written_out(source: Source, plan: WritingOut) -> Source | None:
     """The file with loops and copies written out, each line counted as the one that it comes from; None where it gets too long."""
+    if not (plan.turns or plan.copies or plan.named):
+        return source
     writer = _Writer(source=source, plan=plan)
     writer.write(0, len(source.text), plan.named)
     if writer.fresh:  # what is behind the last line end
@@ -164,9 +183,15 @@ class _Writer:
                 case Turns():
                     for k, text in enumerate(what.before):
                         self._put(text, first, inserted=True)
-                        self.write(*what.body, {**named, **(what.named[k] if what.named else {})})
+                        self.write(*what.body, {**named, **(what.named[k] if what.named else {}), **self._labels(what)})
                     self._put(what.after, first, inserted=True)
         self._put(self.source.text[at:end], at)
+
+    def _labels(self, turns: Turns) -> Named:
+        if self.plan.fresh is None:
+            return {}
+        names = {label: self.plan.fresh.like(label) for label in turns.labels}
+        return {place: names[label] for label, places in turns.labels.items() for place in places}
 
     def _put(self, text: str, at: int, *, inserted: bool = False) -> None:
         if not text:

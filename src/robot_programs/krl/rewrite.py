@@ -383,13 +383,11 @@ class KrlProgram(Program):
         turns: dict[int, list[Turns]] = defaultdict(list)
         for routine, nodes in self.bodies.items():
             turns[routine.file.number] += _turns_of(routine, nodes, self.turns, reached, by_name)
-        plans = {number: WritingOut(turns=tuple(own)) for number, own in turns.items() if own}
+        fresh = FreshNames((name for file in self.files for name in file.mentions), longest=MAX_NAME_LENGTH)
+        plans = {number: WritingOut(turns=tuple(own), fresh=fresh) for number, own in turns.items() if own}
         if not plans:
             plans = _copies(calls, {routine for _, routine in motions}, self.files)
-        if not plans:
-            return None
-        new = [written_out(source, plans.get(i, WritingOut())) for i, source in enumerate(self.sources)]
-        return None if None in new else tuple(source for source in new if source is not None)
+        return written_out(self.sources, [plans.get(i, WritingOut()) for i in range(len(self.sources))])
 
     def visits(self) -> Iterable[Visit]:
         """Motions of one routine that name one point; see `Program.visits`."""
@@ -425,24 +423,45 @@ def _turns_of(
     for loop, taken in loops_to_write(nodes, turns, lambda line: (number, line.start) in shared, differs):
         opening, closing = loop.line, loop.end
         inside = [line for line in routine.lines if opening.start < line.start < closing.start]
-        if any(isinstance(line, Control) and line.keyword in ("LABEL", "EXIT") for line in inside):
-            continue
+        labels = _labels_of(inside)
+        jumps = [line for line in routine.lines if isinstance(line, Control) and line.keyword == "GOTO" and line.words]
+        outside = {line.words[0].upper for line in jumps if not opening.start < line.start < closing.start}
+        if labels is None or labels.keys() & outside:
+            continue  # it is left by EXIT, or jumped into
         if any(name in routines for name in calls_of(opening)):  # a function in its head may do more
             continue
         sets = ["" for _ in taken]
         after = ""
         if loop.kind == "counted":
-            counter, step = opening.words[0].text, taken[1] - taken[0]
+            counter, upper = opening.words[0].text, [word.upper for word in opening.words]
+            step = text[opening.words[upper.index("STEP") + 1].start : opening.end] if "STEP" in upper else "1"
             indent = source.indent(opening.start)
             sets = [f"{indent}{counter}={count:.0f}{source.newline}" for count in taken]
-            after = f"{indent}{counter}={taken[-1] + step:.0f}{source.newline}"
+            after = f"{indent}{counter}={counter}+({step}){source.newline}"
         yield Turns(
             start=text.rfind("\n", 0, opening.start) + 1,
             end=behind_line(closing.end),
             body=(behind_line(opening.end), text.rfind("\n", 0, closing.start) + 1),
             before=tuple(sets),
             after=after,
+            labels=labels,
         )
+
+
+def _labels_of(lines: Sequence[Statement]) -> dict[str, tuple[tuple[int, int], ...]] | None:
+    """Labels and jumps to them in some lines, each with its places; None where a line leaves a loop."""
+    found: dict[str, list[tuple[int, int]]] = defaultdict(list)
+    for line in lines:
+        if not isinstance(line, Control):
+            continue
+        if line.keyword == "EXIT":
+            return None
+        if line.keyword in ("LABEL", "GOTO") and line.words:
+            found[line.words[0].upper].append((line.words[0].start, line.words[0].end))
+    own = {
+        line.words[0].upper for line in lines if isinstance(line, Control) and line.keyword == "LABEL" and line.words
+    }
+    return {label: tuple(places) for label, places in found.items() if label in own}
 
 
 def _copies(

@@ -791,10 +791,7 @@ class RapidProgram(Program):
                 plans[path] = plan if path not in plans else replace(plan, turns=plans[path].turns + plan.turns)
         if not any(plan.turns for plan in plans.values()):
             plans = _copies(routines, calls, {routine for _, routine in texts}, self.sources)
-        if not any(plan.turns or plan.copies for plan in plans.values()):
-            return None
-        new = [written_out(source, plans.get(str(source.path), WritingOut())) for source in self.sources]
-        return None if None in new else tuple(source for source in new if source is not None)
+        return written_out(self.sources, [plans.get(str(source.path), WritingOut()) for source in self.sources])
 
     def wrap(
         self, function: str, added: Source | None, *, without: Container[str] = (), rejected: Container[int] = ()
