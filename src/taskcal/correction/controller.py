@@ -159,9 +159,9 @@ def simulate_controller(
     return _Simulation(robot, motions, dict(refused or {}), nowhere if near is None else near).run()
 
 
-MIN_STRETCH = 8
-"""Motions that are traced at a time at least. Behind one that is not reached twice as many as were before it: were it all that
-is left each time, a long program with many such would take time by its square."""
+MIN_STRETCH, MAX_STRETCH = 8, 16_384
+"""Motions that are traced at a time, at least and at most: so many take 30 MB. Behind one that is not reached it is twice as many
+as were before it: were it all that is left each time, a long program with many such would take time by its square."""
 
 MAX_IN_VAIN = 200
 """Poses that are looked for in all postures, 10 ms each, and not reached. Behind so many, those that few of Newton's steps do not
@@ -191,7 +191,7 @@ class _Simulation:
         self.last: np.ndarray | None = None
         self.in_vain = 0
         """Poses so far that were looked for in all postures, and not reached."""
-        self.stretch = len(motions)
+        self.stretch = MAX_STRETCH
         """How many motions are traced at a time, at most."""
         self._take_joint_targets()
         self.segments = self._segments()
@@ -362,9 +362,9 @@ class _Simulation:
             self.rejected[first + whole] = f"{reason}, {share[end]:.0%} of the way there"
             if traced.outcome[end] == Outcome.OUT_OF_REACH:
                 self.out_of_reach.append(first + whole)
-            self.stretch = max(2 * whole, MIN_STRETCH)
+            self.stretch = min(max(2 * whole, MIN_STRETCH), MAX_STRETCH)
             return first + whole + 1
-        self.stretch *= 2
+        self.stretch = min(2 * self.stretch, MAX_STRETCH)
         return stop
 
     def _solve_pose(self, i: int) -> None:
