@@ -18,7 +18,9 @@ from jaxtyping import Float
 from robot_programs.apt.syntax import parse as parse_apt
 from robot_programs.core.program import Frame, Motion, Program, Waypoint, keep_together, missing_from
 from robot_programs.core.source import Place, Source, read_source
+from robot_programs.krl.data import BUILT_IN
 from robot_programs.krl.syntax import lines_of_words
+from robot_programs.krl.values import HERE
 from robot_programs.languages import LANGUAGES
 from robot_programs.rapid.syntax import tokenize
 from robot_programs.reading import parse_program
@@ -145,10 +147,15 @@ def corrected(motion: Motion) -> Waypoint:
 
 
 def motions_in(source: Source) -> int:
-    """Motion instructions in a text, by its words alone."""
+    """Motion instructions of a user in a text, by its words alone.
+
+    They stand before the last ENDMODULE, not in KUKA's own ``bas.src``, and lead away from where the robot is.
+    """
     match source.path.suffix.lower():
         case ".mod" | ".sys" | ".prg" | ".modx" | ".sysx":
             words = list(tokenize(source.text))
+            ends = [i for i, word in enumerate(words) if word.key == "endmodule"]
+            words = words[: ends[-1] + 1] if ends else words
             behind = ("proc", "func", "trap", "local")
             return sum(
                 bool(RAPID_MOTION.fullmatch(word.key))
@@ -158,7 +165,10 @@ def motions_in(source: Source) -> int:
                 if word.kind == "name"
             )
         case ".src" | ".dat" | ".sub":
-            return sum(bool(KRL_MOTION.fullmatch(words[0].upper)) for words in lines_of_words(source.text))
+            return sum(
+                bool(KRL_MOTION.fullmatch(words[0].upper)) and not (len(words) == 2 and words[1].upper in HERE)
+                for words in (() if source.path.stem.upper() == BUILT_IN else lines_of_words(source.text))
+            )
         case _:
             return sum(statement.word in APT_MOTIONS for statement in parse_apt(source.text))
 

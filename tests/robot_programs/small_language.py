@@ -57,6 +57,12 @@ class Program:
     """Procedures and functions, the main one last."""
 
     routines: list[Routine]
+    beside: Routine | None = None
+    """Runs between any two statements, or not: an interrupt."""
+
+    @property
+    def all(self) -> list[Routine]:
+        return [*([] if self.beside is None else [self.beside]), *self.routines]
 
 
 # Making them at random.
@@ -138,6 +144,7 @@ class Maker:
             ways += [lambda: Statement("set part", (self.variable(), self.rng.choice(AXES), ("sensor",)))] * 2
             ways += [lambda: Statement("set number", (self.rng.choice(NUMBERS), ("sensor",)))]
             ways += [lambda: Statement("set frame", (self.rng.choice(AXES), ("sensor",)))]
+            ways += [lambda: Statement("strange", (("point", self.rng.choice(POINTS)),))]
         if procedures and not self.inside:
             ways += [lambda: Statement("call", (self.rng.choice(procedures), self.variable(), self.number(0)))] * 2
         if loops:
@@ -157,7 +164,8 @@ def random_program(rng: Random, *, sensors: bool) -> Program:
         body = [one for one in inside.block(4, loops=0) if moves or one.kind in ("set part", "set number")]
         routines.append(Routine(f"r{k}", body, None if moves else inside.variable()))
     main = Routine("main", replace(maker, callable=list(routines)).block(9))
-    return Program([*routines, main])
+    beside = [one for one in maker.block(3, loops=0) if one.kind in ("set part", "set number", "set frame")]
+    return Program([*routines, main], Routine("side", beside) if sensors and beside and rng.random() < 0.4 else None)
 
 
 # Running them.
@@ -171,12 +179,14 @@ class Machine:
     data: dict[Any, Any] = field(default_factory=dict[Any, Any])
     went: set[tuple[int, tuple[int, ...]]] = field(default_factory=set[tuple[int, tuple[int, ...]]])
     """Line and place in the frame's outside."""
+    beside: list[Statement] = field(default_factory=list[Statement])
 
     def run(self, program: Program) -> None:
         self.data = {name: [10 * k, 20 * k, 30 * k] for k, name in enumerate(POINTS, 1)}
         self.data |= {name: list(xyz) for name, xyz in FIXED.items()}
         self.data |= {k: [k, 2 * k, 3 * k] for k in range(1, ELEMENTS + 1)}
         self.data |= {name: k for k, name in enumerate((*NUMBERS, *COUNTERS), 1)} | {"frame": [0, 0, 0]}
+        self.beside = [] if program.beside is None else program.beside.body
         self.block(program.routines[-1].body)
 
     def value(self, node: Node) -> int:
@@ -234,6 +244,10 @@ class Machine:
 
     def block(self, block: Sequence[Statement]) -> None:
         for statement in block:
+            if self.beside and self.sensor() % 3 == 0:
+                beside, self.beside = self.beside, []
+                self.block(beside)
+                self.beside = beside
             self.step(statement)
 
     def step(self, one: Statement) -> None:
@@ -249,6 +263,8 @@ class Machine:
                 self.data[self.key(target)] = self.target(source)
             case "set element", (index, source):
                 self.data[self.index(index)] = self.target(source)
+            case "strange", (target,):
+                self.data[self.key(target)] = [self.sensor() for _ in AXES]
             case "set frame", (axis, node):
                 self.data["frame"][AXES.index(axis)] = self.value(node)
             case "if", (condition,):
@@ -298,8 +314,11 @@ class Writer:
             case _:
                 return str(node)
 
-    def routine(self, routine: Routine) -> None:
-        kind = "main" if routine.name == "main" else "procedure" if routine.result is None else "function"
+    def routine(self, routine: Routine, *, beside: bool = False) -> None:
+        """Write a routine; the main one may start what runs beside it."""
+        kind = (
+            routine.name if routine.name in ("main", "side") else "procedure" if routine.result is None else "function"
+        )
         self.add(f"begin {kind}", routine.name)
         if kind == "main":
             for k, name in enumerate(POINTS, 1):
@@ -309,6 +328,8 @@ class Writer:
             for k, name in enumerate((*NUMBERS, *COUNTERS), 1):
                 self.step(Statement("set number", (name, ("number", k))))
             self.add("first frame")
+            if beside:
+                self.add("start side")
         self.block(routine.body)
         self.add(f"end {kind}", self.text(routine.result))
 
@@ -347,6 +368,7 @@ class Rapid(Writer):
         # the counter of a FOR is not seen outside of it
         "for": "FOR i FROM 1 TO {1} DO|{0}:=i;", "for end": "ENDFOR|{0}:={2};",
         "while": "{0}:=1;|WHILE {0}<={1} DO", "while end": "Incr {0};|ENDWHILE",
+        "begin side": "TRAP {0}", "end side": "ENDTRAP", "start side": "CONNECT iSide WITH side;", "strange": "Elsewhere {0};",
     }  # fmt: skip
     NODES: ClassVar = {
         "number": "{0}", "read": "{0}", "part": "{0}.trans.{1}", "sensor": "AInput(aiAny)", "input": "DInput(diAny)=1",
@@ -361,8 +383,8 @@ class Rapid(Writer):
         numbers = [f"VAR num {name};" for name in (*NUMBERS, *COUNTERS)]
         frame = 'PERS wobjdata w:=[FALSE,TRUE,"",[[0,0,0],[1,0,0,0]],[[7,7,7],[1,0,0,0]]];'
         self.lines = ["MODULE m", *fixed, *points, *numbers, frame]
-        for routine in program.routines:
-            self.routine(routine)
+        for routine in program.all:
+            self.routine(routine, beside=program.beside is not None)
         return [Source.of(Path("m.mod"), "\n".join((*self.lines, "ENDMODULE")).encode())]
 
 
@@ -377,6 +399,8 @@ class Krl(Writer):
         "set part": "{0}.{1}={2}", "set point": "{0}={1}", "set frame": "W.{0}={1}|$BASE=W", "if": "IF {0} THEN", "if else": "ELSE",
         "if end": "ENDIF", "case": "SWITCH {0}|CASE 1,2", "case else": "DEFAULT", "case end": "ENDSWITCH", "call": "{0}({1},{2})",
         "for": "FOR {0}=1 TO {1}", "for end": "ENDFOR|{0}={2}", "while": "{0}=1|WHILE {0}<={1}", "while end": "{0}={0}+1|ENDWHILE",
+        "begin side": "DEF {0}()", "end side": "END", "strange": "ELSEWHERE({0})",
+        "start side": "INTERRUPT DECL 5 WHEN $IN[1] DO SIDE()|INTERRUPT ON 5",
     }  # fmt: skip
     NODES: ClassVar = {
         "number": "{0}", "read": "{0}", "part": "{0}.{1}", "sensor": "$ANIN[1]", "input": "$IN[1]", "wrapped": "{0}",
@@ -388,9 +412,9 @@ class Krl(Writer):
     def program(self, program: Program) -> list[Source]:
         """Each routine in a file of its own, behind as many empty lines as the others have, so that a line has one number."""
         texts: dict[str, list[str]] = {}
-        for routine in reversed(program.routines):
+        for routine in reversed(program.all):
             start = len(self.lines)
-            self.routine(routine)
+            self.routine(routine, beside=program.beside is not None)
             texts[f"{routine.name}.src"] = [*[""] * start, *self.lines[start:]]
         data = [
             "DEFDAT $CONFIG PUBLIC",
