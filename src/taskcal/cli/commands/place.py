@@ -89,14 +89,17 @@ def command(
     region = where.grid()
     model, calibration = of.load()
     from robot_programs.reading import read_program
+    from taskcal.correction.cell import given_frames
 
-    target = taskcal.load_task(what[0]) if is_task else read_program(*what, robot=model.robot)
+    described = taskcal.Cell() if cell is None else taskcal.load_cell(cell)
+    tools, parts = given_frames(described)
+    target = taskcal.load_task(what[0]) if is_task else read_program(*what, robot=model.robot, tools=tools, parts=parts)
     with bar_over(["placements"], len(region.grid())) as begin:
         found = taskcal.correction.place(
             calibration or model.robot,
             target,
             region,
-            cell=None if cell is None else taskcal.load_cell(cell),
+            cell=described,
             force=force,
             touched_off=touched_off,
             accept_uncertain=accept_uncertain,
