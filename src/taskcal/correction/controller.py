@@ -171,6 +171,7 @@ FEW_STEPS = 10
 """Of Newton's; from a seed near by four are enough."""
 
 UNREACHABLE = "is out of reach, or reached outside the joint limits only"
+UNSOUGHT = f"is not reached from the posture before, and was not looked for in others, as {MAX_IN_VAIN} of this program were in vain"
 
 
 class _Simulation:
@@ -371,7 +372,7 @@ class _Simulation:
         """Find the joint positions of a pose that is not reached along a known path."""
         move = self.motions[i]
         if self.in_vain >= MAX_IN_VAIN and not self._within_reach[i]:
-            self._reject_as_lost(i)
+            self._reject_as_lost(i, UNSOUGHT)
             return
         T = self.nominal.robot_tool(np.array([i]), self.segments.end[[i]])[0]
         if move.end.posture is None and np.isfinite(self.near[i, 0]):
@@ -400,8 +401,8 @@ class _Simulation:
         else:
             self.end[i] = agreeing[np.argmin(np.abs(agreeing - seed).max(axis=1))]
 
-    def _reject_as_lost(self, i: int) -> None:
-        self.rejected[i] = UNREACHABLE
+    def _reject_as_lost(self, i: int, why: str = UNREACHABLE) -> None:
+        self.rejected[i] = why
         self.out_of_reach.append(i)
 
     @cached_property
