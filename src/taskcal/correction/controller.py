@@ -171,7 +171,7 @@ FEW_STEPS = 10
 """Of Newton's; from a seed near by four are enough."""
 
 UNREACHABLE = "is out of reach, or reached outside the joint limits only"
-UNSOUGHT = f"is not reached from the posture before, and was not looked for in others, as {MAX_IN_VAIN} of this program were in vain"
+UNSOUGHT = f"is not reached from the posture before, and was not looked for in others, as {MAX_IN_VAIN} such searches were in vain"
 
 
 class _Simulation:

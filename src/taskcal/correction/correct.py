@@ -16,6 +16,7 @@ from taskcal.correction.cell import Cell, ask_for_base, base_statement, mount
 from taskcal.correction.controller import (
     TURN_SPEED_RAD_S,
     UNREACHABLE,
+    UNSOUGHT,
     ControllerTrajectory,
     JointMotion,
     drive_directions,
@@ -809,7 +810,11 @@ def _correct(
     written_moves, written = rewritten.motions, np.isin(np.arange(len(motions)), list(waypoints))
     near = trajectory.end[[number for number, _, _ in rewritten.origin]]
     # what no posture reached before is not looked for again: its target is as it was
-    lost = {k: UNREACHABLE for k, (i, _, _) in enumerate(rewritten.origin) if trajectory.rejected.get(i) == UNREACHABLE}
+    lost = {
+        k: why
+        for k, (i, _, _) in enumerate(rewritten.origin)
+        if (why := trajectory.rejected.get(i)) in (UNREACHABLE, UNSOUGHT)
+    }
     new_trajectory = simulate_controller(robot, written_moves, lost | rewritten.refused, near)
     motion = joint_motion(robot, written_moves, new_trajectory)
     before, after = assess(placed, path, trajectory), assess(placed, path, new_trajectory, rewritten.origin)
