@@ -12,7 +12,7 @@ from taskcal.report.placement import (
     SHOWN,
     draw_placements,
     placement_page,
-    state_cost,
+    state_trade,
     tabulate_obstacles,
     tabulate_placements,
     varied_axes,
@@ -90,8 +90,10 @@ def test_tables_and_words_of_placements_are_their_figures():
     np.testing.assert_allclose(rows, wanted[:SHOWN], atol=0.06)
     assert tabulate_obstacles(found).rows == (("square.csv:2: out of reach", "4"),)
     assert tabulate_obstacles(PartPlacements(name="square", now=placed(0.0), all=tuple(possible))) is None
-    best = replace(placed(-0.2, 0.0, 0.5), shift=np.array([-0.2, 0.1, 0.2]))
-    moved, turned, less = (float(number) for number in re.findall(r"\d+(?:\.\d+)?", state_cost(found.now, best)))
+    best = replace(placed(-0.2, 0.0, 0.5), shift=np.array([-0.2, 0.1, 0.2]), margin=0.2)
+    moved, turned, less, cost, *_ = (float(number) for number in re.findall(r"\d+(?:\.\d+)?", state_trade(found, best)))
     assert (moved, turned) == pytest.approx((300.0, np.degrees(0.5)), abs=0.06)
     assert less == round(100 * (1 - best.expected / found.now.expected))
-    assert "%" not in state_cost(replace(found.now, before=np.nan, after=np.nan), best)
+    assert cost == round(np.degrees(found.now.margin - best.margin))
+    unknown = replace(found, now=replace(found.now, before=np.nan, after=np.nan))
+    assert "% less" not in state_trade(unknown, best)

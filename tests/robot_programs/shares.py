@@ -9,6 +9,7 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.apt.syntax import parse as parse_apt
+from robot_programs.core.errors import InputError
 from robot_programs.core.program import Frame, Motion, Program, Waypoint, keep_together, missing_from
 from robot_programs.core.source import Place, Source, read_source
 from robot_programs.krl.data import BUILT_IN
@@ -47,6 +49,8 @@ class Share:
     """Why others are not, without names and numbers."""
     written: int
     """Those of them that are written corrected for `smooth_error`."""
+    helped: int
+    """The same, and those whose targets get a function that corrects them at run time."""
     kept: bool
     """Rewritten without changes every byte is as it was."""
 
@@ -69,16 +73,18 @@ def share_of(files: Sequence[Path], robot: Robot, *, supplied: bool = False) -> 
             motions=motions,
             understood=0,
             written=0,
+            helped=0,
             reasons=Counter([plain(str(error))]),
             kept=True,
         )
     same = all(a.encode() == b.encode() for a, b in zip(program.rewrite(robot, {}), sources, strict=True))
-    written, refused = written_in(program, robot)
+    written, at_run_time, refused = written_in(program, robot)
     return Share(
         files=tuple(files),
         motions=motions,
         understood=len({motion.place for motion in program.motions}),
         written=len(written),
+        helped=len(written | at_run_time),
         reasons=reasons(program) + refused,
         kept=same,
     )
@@ -94,8 +100,10 @@ def smooth_error(T: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " 3"]:
     return 1.5e-3 * np.array([np.sin(2.0 * y), np.sin(2.0 * z), np.sin(2.0 * x)])
 
 
-def written_in(program: Program, robot: Robot) -> tuple[set[Place], Counter[str]]:
-    """Instructions all of whose motions are written corrected, and why others are not; `correct` would ask the kinematics, too.
+def written_in(program: Program, robot: Robot) -> tuple[set[Place], set[Place], Counter[str]]:
+    """Instructions all of whose motions are written corrected, those that a function corrects at run time, and why others are not.
+
+    `correct` would ask the kinematics, too.
 
     As there, text that several motions have in common is written out as often as that lets more of them be corrected.
     """
@@ -106,7 +114,10 @@ def written_in(program: Program, robot: Robot) -> tuple[set[Place], Counter[str]
         if len(written) <= len(best):
             break
         best = written
-    return best, Counter(f"not written: {plain(why)}" for why in left.values())
+    at_run_time: set[Place] = set()
+    with suppress(InputError):  # a language without such a function
+        at_run_time |= set(program.wrap("TaskcalCorrected", None, rejected=left).wrapped)
+    return best, at_run_time, Counter(f"not written: {plain(why)}" for why in left.values())
 
 
 def _written_as_it_is(program: Program, robot: Robot) -> tuple[set[Place], dict[int, str]]:
@@ -245,6 +256,7 @@ def main(arguments: list[str]) -> None:
             motions=share.motions,
             understood=share.understood,
             written=share.written,
+            helped=share.helped,
             changed=not share.kept,
         )
         why.setdefault(language, Counter()).update(share.reasons)
@@ -255,7 +267,8 @@ def main(arguments: list[str]) -> None:
         print(
             f"{language}: {total['understood']} of {total['motions']} motions "
             f"({total['understood'] / max(total['motions'], 1):.1%}), {total['written']} written corrected "
-            f"({total['written'] / max(total['motions'], 1):.1%}), {total['programs']} programs, "
+            f"({total['written'] / max(total['motions'], 1):.1%}), {total['helped']} with a helper "
+            f"({total['helped'] / max(total['motions'], 1):.1%}), {total['programs']} programs, "
             f"{total['changed']} that did not keep every byte"
         )
         if "why" in what:

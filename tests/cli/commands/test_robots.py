@@ -69,8 +69,8 @@ def test_an_unknown_robot_brings_a_suggestion(run: Run) -> None:
     ended = run("robots", "abb-irb6660-205-1.8")
     assert (ended.status, ended.out) == (1, "")
     assert ended.err.startswith(
-        "error: no robot 'abb-irb6660-205-1.8' in the catalogue, nor a robot file (.toml, .urdf, .xacro, .yaml); did you mean "
-        "'abb-irb6660-205-1.9'"
+        "error: no robot 'abb-irb6660-205-1.8' in the catalogue, nor a robot file (.toml, .urdf, .xacro, .xml, .yaml); "
+        "did you mean 'abb-irb6660-205-1.9'"
     )
 
 
