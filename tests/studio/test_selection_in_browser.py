@@ -13,7 +13,7 @@ from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.studio.measured_rows import registered_rows
 from taskcal.virtual.cell import simulate
-from tests.studio.conftest import open_tab, served
+from tests.studio.conftest import comes_true, open_tab, served
 from tests.studio.test_robot_in_browser import serious
 from tests.studio.test_task_in_browser import PIXEL
 
@@ -82,7 +82,7 @@ def test_table_chart_scene_and_slider_select_the_same_row(chromium: Any, tmp_pat
         view.scroll_into_view_if_needed()
         place = page.evaluate(PIXEL, measured.points[17, 0].tolist())
         view.locator("canvas").click(position=place)
-        assert int(slider.input_value()) != 9
+        assert comes_true(page, lambda: slider.input_value() != "9")
         slider.focus()
         slider.press("Home")
         is_selected(0)

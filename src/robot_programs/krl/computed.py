@@ -1,19 +1,25 @@
 """Points that only the running program knows, put through a function: which may be, and where they stand."""
 
+import re
 from collections.abc import Container, Iterator, Sequence
 from typing import NamedTuple
 
 from robot_programs.core.program import Unresolved
 from robot_programs.core.source import TextEdit
-from robot_programs.krl.data import File, Routine, Text
+from robot_programs.krl.data import BUILT_IN, File, Routine, Text
 from robot_programs.krl.syntax import Assignment, Call, Control, Declaration, MotionLine, Reference, Statement
 from robot_programs.krl.values import HERE
 
 MOTIONS = ("PTP", "LIN", "CIRC", "SPTP", "SLIN", "SCIRC")
 """Those to points, of which a function makes others."""
 
-CARRIED = frozenset({"EK", "LK", "EB", "#EX_BASE"})
-"""Functions, and a command, by which a base moves with an external axis, a conveyor or another robot."""
+CARRIED = frozenset({"EK", "LK", "EB"})
+"""Functions by which a base moves with an external axis, another robot or a conveyor; the controller's own BAS has them all."""
+
+_COUPLED = re.compile(
+    r"#(?:EX|LK|EB)_BASE\b|MACHINE_FRAME_DAT(?=\[\d+\]\s*=\s*\{[^}]*MACH_DEF_INDEX\s+[1-9])", re.IGNORECASE
+)
+"""A command by which BAS has them set a base, or a base of ``$config.dat`` that stands on another kinematic system."""
 
 MEASURING = frozenset(
     {*HERE, "$POS_INT", "$AXIS_INT", "$POS_RET", "$AXIS_RET", "$POS_FOR", "$AXIS_FOR", "$POS_BACK", "FORWARD"}
@@ -41,8 +47,10 @@ def wrap(files: Sequence[File], motions: Container[Text], function: str, without
         without: names of tools and bases, in lower case, one of which the program may have active.
     """
     measured = _measured(files)
-    named = {name for file in files for name in file.mentions}
-    carried = next(iter(sorted(named & CARRIED)), "")
+    own = [file for file in files if file.module != BUILT_IN]
+    named = {name for file in own for name in file.mentions}
+    coupled = (match[0] for file in own if (match := _COUPLED.search(file.source.text)))
+    carried = next(iter(sorted(named & CARRIED)), "") or next(coupled, "")
     for file in files:
         for routine in file.sections:
             for line in routine.lines:
