@@ -7,10 +7,8 @@ from PIL import Image
 from tests.studio.conftest import PICTURES
 
 PAGES = ("robot", "measurements", "mistakes", "weight", "plan", "result", "program")
-ROAD = tuple(
-    f"ur5-{page}" for page in ("robot", "measurements", "task", "weight", "plan", "identify", "result", "report")
-)
-"""Pictures of the whole road on one robot, in its order."""
+ROAD = ("robot", "measurements", "task", "weight", "plan", "identify", "result", "report")
+"""Pictures of the whole road, in its order."""
 
 STILL, GAP, ROAD_COLOURS = (480, 360), 8, 256
 """Pixels of one page of the road, between two, and colours of all."""
