@@ -53,7 +53,7 @@ def show_verdict(verdict: Mapping[str, Any], texts: Texts) -> None:
     ):
         around.props["aria-label"] = texts("verdict.title")
         over = texts("verdict.over", task=verdict["task"]) if verdict["task"] else texts("verdict.over_targets")
-        text("caption", over)
+        text("caption", over).classes("long")
         with ui.element("thead"), ui.element("tr"):
             for key in header:
                 words = "words" if key in ("subject", "decision", "largest") else ""
