@@ -88,9 +88,9 @@ def evaluation_of_model_error(calibration: Calibration) -> Evaluation:
 
 UNKNOWN_FROM = 3.0
 """Uncertainty of the tool, as a multiple of what the tolerances make of it, from which on a calibration is not used. A convention:
-of sound campaigns, measured ones too, it is 0.3 to 2.3 all over the joints' ranges; of two joints in motion, or of points about
-one, 60 to 130 all over the ranges, and 0.6 to 2.4 at the measured poses, where such a calibration serves. Of the measured WAM,
-whose joints err by several times its tolerances, it is 5."""
+of sound campaigns, measured ones too, it is 0.3 to 2.3 all over the joints' ranges; of two joints in motion 40 to 61 there, and
+0.6 to 2.4 at the measured poses, where such a calibration serves. Of the measured WAM, whose joints err by several times its
+tolerances, it is 5."""
 
 
 def why_unknown(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> str:
@@ -104,12 +104,12 @@ def why_unknown(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> s
         return ""
     model = calibration.model
     by_tolerance = model.jacobian(q, calibration.estimate)[:, :3] * model.tolerances
-    # What grows beyond the measured range is the error of what is predicted, the measured target: where the tool is beside it, and
-    # the base, is as unknown there as anywhere.
+    # What grows beyond the measured range is the error of what is predicted. Where the tool is beside the target does not grow, nor
+    # where the base is: the one is in the tool's covariance in the base, the other in the target's in the tracker frame.
     growth = calibration.growth_at(q)
-    tool = np.trace(calibration.tool_covariance(q, frame="base")[:, :3, :3], axis1=1, axis2=2) / growth
+    tool = np.trace(calibration.tool_covariance(q, frame="base")[:, :3, :3], axis1=1, axis2=2)
     target = np.trace(calibration.predict_covariance(q, model_error=False)[..., :3, :3], axis1=2, axis2=3).mean(axis=1)
-    stated = float(np.sqrt((tool + (1.0 - 1.0 / growth) * target).mean()))
+    stated = float(np.sqrt((tool / growth + (1.0 - 1.0 / growth) * np.minimum(tool, target)).mean()))
     allowed = float(np.sqrt((by_tolerance**2).sum(axis=(1, 2)).mean()))
     if stated <= UNKNOWN_FROM * allowed:
         return ""
