@@ -1,0 +1,223 @@
+"""What is read while measuring: a controller's joints, and an instrument's points, each a class that enters a registry."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from inspect import isabstract
+from typing import Any, ClassVar, Self, TypeVar
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.errors import TaskcalError, UnknownName
+from taskcal.plugins import load_plugins, state_faults
+from taskcal.robot.robot import Robot
+
+
+class DeviceError(TaskcalError):
+    """A controller or an instrument that cannot be reached, or was lost; the message has its address and what would work."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class JointReading:
+    """Joints as the controller states them."""
+
+    time_s: float
+    """Monotonic, of this computer, when they arrived (`time.monotonic`)."""
+    joints: Float[np.ndarray, " joints"]
+    """In the controller's own order, as the robot file has it: radians, metres where a joint slides."""
+    moving: bool | None = None
+    """What the controller itself says; None where it says nothing."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Shot:
+    """A measurement of the target."""
+
+    time_s: float
+    """Monotonic, of this computer, when it arrived (`time.monotonic`)."""
+    point: Float[np.ndarray, " 3"]
+    """Centre of the target in the instrument's frame, metres; NaN where it is not valid."""
+    reason: str = ""
+    """Why it is not valid, such as ``beam lost``; empty where it is."""
+
+    @property
+    def valid(self) -> bool:
+        """Whether the target was seen."""
+        return not self.reason
+
+
+class Device(ABC):
+    """What controllers and instruments have in common: a name, and a connection that is closed."""
+
+    name: ClassVar[str] = ""
+    """By which the command line knows it. A class that states one enters the registry of its kind as it is defined."""
+    reached: ClassVar[str] = ""
+    """Its address, as help and messages show it, such as ``HOST[:PORT]``; empty for none."""
+    streams: ClassVar[bool] = True
+    """Whether readings come by themselves, again and again. If not, each is made by a person, and counts as standing."""
+    extra: ClassVar[str] = ""
+    """Optional package that it needs, such as ``taskcal[live]``; it is imported when a connection is opened, not before."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End the connection; again does nothing."""
+
+    def __enter__(self) -> Self:
+        """Use it in a `with` statement, which closes it."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+        self.close()
+
+
+class Controller(Device):
+    """A robot's controller."""
+
+    can_move: ClassVar[bool] = False
+    """Whether `move` works."""
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        """Enter the registry."""
+        super().__init_subclass__(**more)
+        _enter(_CONTROLLERS, cls)
+
+    @classmethod
+    @abstractmethod
+    def open(cls, address: str | None, robot: Robot, timeout_s: float) -> Self:
+        """Connect.
+
+        Args:
+            address: as the command line has it; None for its usual one.
+            robot: whose joints are read.
+            timeout_s: how long to wait for it, seconds.
+
+        Raises:
+            DeviceError: it cannot be reached there.
+        """
+
+    @abstractmethod
+    def read(self, timeout_s: float) -> JointReading:
+        """The newest joints, which arrived after the call before.
+
+        Raises:
+            DeviceError: none arrived in time, or the connection is lost.
+        """
+
+    def move(self, joints: Float[np.ndarray, " joints"], speed_fraction: float) -> None:
+        """Begin a motion to joints, all joints at once; it ends when they are read there.
+
+        Args:
+            joints: radians, in the order of `JointReading`.
+            speed_fraction: of the joints' largest speeds, above 0 and at most 1.
+
+        Raises:
+            DeviceError: it refuses, or cannot move a robot.
+        """
+        raise DeviceError(f"the controller '{self.name}' is only read; move the robot by its own means")
+
+
+class Instrument(Device):
+    """An instrument that measures points of one target."""
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        """Enter the registry."""
+        super().__init_subclass__(**more)
+        _enter(_INSTRUMENTS, cls)
+
+    @classmethod
+    @abstractmethod
+    def open(cls, address: str | None, timeout_s: float, columns: str = "") -> Self:
+        """Connect.
+
+        Args:
+            address: as the command line has it; None for its usual one.
+            timeout_s: how long to wait for it, seconds.
+            columns: names of the columns of its lines, such as ``x_mm,y_mm,z_mm``, where it sends lines (`lines.Columns`); empty
+                where their header states them, or where it sends none.
+
+        Raises:
+            DeviceError: it cannot be reached there.
+        """
+
+    @abstractmethod
+    def read(self, timeout_s: float) -> Shot | None:
+        """The next shot, in the order in which they arrived; None if none arrived in time.
+
+        Raises:
+            DeviceError: the connection is lost.
+        """
+
+
+# The registries. A module of Taskcal's own is named here, and is imported when the registry is first asked.
+
+CONTROLLERS_GROUP, INSTRUMENTS_GROUP = "taskcal.controllers", "taskcal.instruments"
+"""Entry points of other packages: subclasses of `Controller` and `Instrument`."""
+
+OWN_MODULES: tuple[str, ...] = ()
+"""Modules of this folder that define controllers and instruments."""
+
+_CONTROLLERS: dict[str, type[Controller]] = {}
+_INSTRUMENTS: dict[str, type[Instrument]] = {}
+
+_Kind = TypeVar("_Kind", bound=Device)
+
+
+def _enter(registry: dict[str, type[_Kind]], kind: type[_Kind]) -> None:
+    """Take a class up under its name; the same class of the same module may be defined again.
+
+    Raises:
+        TaskcalError: another class has its name.
+    """
+    if not kind.name or isabstract(kind):
+        return
+    other = registry.get(kind.name)
+    if other is not None and (other.__module__, other.__qualname__) != (kind.__module__, kind.__qualname__):
+        raise TaskcalError(
+            f"the class {kind.__name__} of the module {kind.__module__} cannot be called '{kind.name}': {other.__name__} of "
+            f"{other.__module__} is; choose another name"
+        )
+    registry[kind.name] = kind
+
+
+def controllers() -> Mapping[str, type[Controller]]:
+    """All controllers by name, those of other packages behind Taskcal's own."""
+    return _loaded(_CONTROLLERS, Controller, CONTROLLERS_GROUP)
+
+
+def instruments() -> Mapping[str, type[Instrument]]:
+    """All instruments by name, those of other packages behind Taskcal's own."""
+    return _loaded(_INSTRUMENTS, Instrument, INSTRUMENTS_GROUP)
+
+
+def _loaded(registry: dict[str, type[_Kind]], kind: type[_Kind], group: str) -> Mapping[str, type[_Kind]]:
+    for module in OWN_MODULES:
+        import_module(f"taskcal.live.{module}")
+    load_plugins(group, kind, registry)
+    return registry
+
+
+def controller_of(name: str) -> type[Controller]:
+    """The controller of a name.
+
+    Raises:
+        UnknownName: there is none.
+    """
+    return _found("controller", name, controllers(), CONTROLLERS_GROUP)
+
+
+def instrument_of(name: str) -> type[Instrument]:
+    """The instrument of a name.
+
+    Raises:
+        UnknownName: there is none.
+    """
+    return _found("instrument", name, instruments(), INSTRUMENTS_GROUP)
+
+
+def _found(kind: str, name: str, known: Mapping[str, type[_Kind]], group: str) -> type[_Kind]:
+    if name not in known:
+        raise UnknownName(kind, name, known, state_faults(group))
+    return known[name]
