@@ -13,7 +13,7 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "reference" / "dependencies.md"
 
-RUNTIME_EXTRAS = ("dask", "mujoco", "pandas", "parquet", "studio", "urdf")
+RUNTIME_EXTRAS = ("dask", "images", "mujoco", "pandas", "parquet", "studio", "urdf")
 """Extras that a user installs; the others are for those who work on Taskcal."""
 
 TERMS = {

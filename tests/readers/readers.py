@@ -15,6 +15,7 @@ from taskcal.export.forms import export_ur_yaml
 from taskcal.identification.calibration import load_calibration
 from taskcal.identification.identify import identify
 from taskcal.io.toml_file import read_toml
+from taskcal.observations.calibration_board import read_boards
 from taskcal.observations.point import load_station
 from taskcal.observations.socket import read_distances
 from taskcal.reading.reader import ReadOptions, read_campaign
@@ -33,6 +34,7 @@ from taskcal.virtual.cell import simulate
 from tests.campaigns.test_cycles import PATH, PATH_ROWS, POSE_ROWS, POSES
 from tests.laws.calibrations import calibrated
 from tests.laws.urdfs import random_urdf
+from tests.observations.test_calibration_board import CHARUCO, CIRCLES
 from tests.observations.test_station import STATION
 from tests.readers.damage import Files
 from tests.readers.packed_readers import PACKED_READERS, read_either
@@ -187,6 +189,7 @@ READERS = {
     ),
     "task": Reader(files=named("task.toml", BOX, CYLINDER), read=load_task),
     "station": Reader(files=named("station.toml", STATION), read=load_station),
+    "boards": Reader(files=named("board.toml", CHARUCO + CIRCLES), read=read_boards),
     "cell": Reader(files=named("cell.toml", CELL), read=load_cell),
     "poses": Reader(files=named("poses.csv", *POSE_TABLES), read=lambda path: read_tool_poses(read_csv(path))),
     "pose-cycles": Reader(files=named("cycles.csv", "\n".join([POSES, *POSE_ROWS])), read=read_pose_cycles),
