@@ -25,6 +25,8 @@ ONE_IMPORTER = {
         "taskcal.diagnosis.drift",
         "taskcal.identification.chunked_fit",
         "taskcal.identification.group_search",
+        "taskcal.live.lines",
+        "taskcal.live.stillness",
         "taskcal.planning.experiment",
         "taskcal.reading.inference",
         "taskcal.studio.cell_editor",
@@ -32,6 +34,9 @@ ONE_IMPORTER = {
         "taskcal.studio.server",
     },
     "one of many alike, which a table names": {
+        "taskcal.live.folder",
+        "taskcal.live.hand",
+        "taskcal.live.virtual",
         "taskcal.robot.importers.mjcf",
         "robot_programs.apt.read",
         "robot_programs.csv_path.read",

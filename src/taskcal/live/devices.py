@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from inspect import isabstract
-from typing import Any, ClassVar, Self, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -48,6 +48,9 @@ class Shot:
         return not self.reason
 
 
+_Kind = TypeVar("_Kind", bound="Device")
+
+
 class Device(ABC):
     """What controllers and instruments have in common: a name, and a connection that is closed."""
 
@@ -64,7 +67,7 @@ class Device(ABC):
     def close(self) -> None:
         """End the connection; again does nothing."""
 
-    def __enter__(self) -> Self:
+    def __enter__(self: _Kind) -> _Kind:
         """Use it in a `with` statement, which closes it."""
         return self
 
@@ -86,7 +89,7 @@ class Controller(Device):
 
     @classmethod
     @abstractmethod
-    def open(cls, address: str | None, robot: Robot, timeout_s: float) -> Self:
+    def open(cls, address: str | None, robot: Robot, timeout_s: float) -> "Controller":
         """Connect.
 
         Args:
@@ -105,6 +108,9 @@ class Controller(Device):
         Raises:
             DeviceError: none arrived in time, or the connection is lost.
         """
+
+    def show(self, joints: Float[np.ndarray, " joints"]) -> None:
+        """The pose to be measured next, in radians, for what shows it to a person who moves the robot; does nothing by default."""
 
     def move(self, joints: Float[np.ndarray, " joints"], speed_fraction: float) -> None:
         """Begin a motion to joints, all joints at once; it ends when they are read there.
@@ -129,7 +135,7 @@ class Instrument(Device):
 
     @classmethod
     @abstractmethod
-    def open(cls, address: str | None, timeout_s: float, columns: str = "") -> Self:
+    def open(cls, address: str | None, timeout_s: float, columns: str = "") -> "Instrument":
         """Connect.
 
         Args:
@@ -156,13 +162,11 @@ class Instrument(Device):
 CONTROLLERS_GROUP, INSTRUMENTS_GROUP = "taskcal.controllers", "taskcal.instruments"
 """Entry points of other packages: subclasses of `Controller` and `Instrument`."""
 
-OWN_MODULES: tuple[str, ...] = ()
+OWN_MODULES = ("folder", "hand", "virtual")
 """Modules of this folder that define controllers and instruments."""
 
 _CONTROLLERS: dict[str, type[Controller]] = {}
 _INSTRUMENTS: dict[str, type[Instrument]] = {}
-
-_Kind = TypeVar("_Kind", bound=Device)
 
 
 def _enter(registry: dict[str, type[_Kind]], kind: type[_Kind]) -> None:

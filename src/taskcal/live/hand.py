@@ -1,0 +1,90 @@
+"""The controller ``hand``: a person moves the robot, and types or pastes the joints that its pendant shows."""
+
+import time
+from collections.abc import Callable
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.errors import shown
+from taskcal.live.devices import Controller, DeviceError, JointReading
+from taskcal.robot.robot import Robot
+
+
+def _ask(text: str) -> str:
+    """Ask on the terminal."""
+    import sys
+
+    print(text, end="", file=sys.stderr, flush=True)
+    line = sys.stdin.readline()
+    if not line:
+        raise DeviceError("the input has ended, and no more joints can be typed; resume in a terminal (--resume)")
+    return line
+
+
+class Hand(Controller):
+    """Joints as a person enters them, in degrees, millimetres where a joint slides."""
+
+    name: ClassVar[str] = "hand"
+    streams: ClassVar[bool] = False
+
+    def __init__(self, robot: Robot, ask: Callable[[str], str] = _ask):
+        self._robot, self._ask = robot, ask
+        slides = robot.prismatic
+        self._shown = ""
+        self._names = [f"{name}_{'mm' if s else 'deg'}" for name, s in zip(robot.joint_names, slides, strict=True)]
+        self._units = np.where(slides, 1e-3, np.pi / 180.0)
+
+    @classmethod
+    def open(cls, address: str | None, robot: Robot, timeout_s: float) -> "Hand":
+        """Ask on the terminal.
+
+        Raises:
+            DeviceError: an address, which it does not have.
+        """
+        if address is not None:
+            raise DeviceError(f"the controller 'hand' has no address, and '{shown(address)}' is given; leave it out")
+        return cls(robot)
+
+    def show(self, joints: Float[np.ndarray, " joints"]) -> None:
+        """Remember the pose, to show it with the question."""
+        self._shown = " ".join(
+            f"{name}={value:.3f}" for name, value in zip(self._names, joints / self._units, strict=True)
+        )
+
+    def read(self, timeout_s: float) -> JointReading:
+        """Ask until joints are entered; a person takes what time it takes.
+
+        Raises:
+            DeviceError: the input has ended.
+        """
+        wrong = ""
+        while True:
+            text = self._ask(f"{wrong}Move to {self._shown}\nand enter the joints as they are: ")
+            joints, wrong = self._parse(text)
+            if joints is not None:
+                return JointReading(time_s=time.monotonic(), joints=joints, moving=False)
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+    def _parse(self, text: str) -> tuple[Float[np.ndarray, " joints"] | None, str]:
+        """Joints of a line, in order or as ``NAME=VALUE``; or what is wrong with it."""
+        cells = text.replace(";", " ").replace("\t", " ").replace(", ", " ").split()
+        if len(cells) == 1:
+            cells = text.strip().split(",")
+        named = dict(cell.split("=", 1) for cell in cells if "=" in cell)
+        if named:
+            if missing := [name for name in self._names if name not in named]:
+                return None, f"{missing[0]} is missing, or is called otherwise.\n"
+            cells = [named[name] for name in self._names]
+        if len(cells) != len(self._names):
+            return None, f"{len(cells)} values; {len(self._names)} are needed, in this order.\n"
+        try:
+            joints = np.array([float(cell.replace(",", ".")) for cell in cells]) * self._units
+        except ValueError:
+            return None, f"'{shown(text.strip())}' are not numbers alone.\n"
+        if not np.isfinite(joints).all() or not self._robot.inside_limits(joints[None])[0]:
+            return None, "beyond the robot's limits; see the order of the joints and their signs.\n"
+        return joints, ""

@@ -1,0 +1,91 @@
+"""Points in lines of text, as tracker software writes or sends them; a header or names of columns state the format once."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.errors import TaskcalError, shown
+from taskcal.reading.columns import meanings
+from taskcal.reading.readings import is_lost
+from taskcal.tables.table import LENGTHS
+from taskcal.tables.text import separator_of, split_line, with_point
+
+_NUMBER = re.compile(r"[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?")
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Columns:
+    """Where a line has its point."""
+
+    names: tuple[str, ...]
+    """Of all columns."""
+    axes: tuple[int, int, int]
+    """Columns of x, y and z."""
+    metres: float
+    """Size of their unit."""
+
+    @classmethod
+    def of(cls, text: str) -> "Columns":
+        """Columns by their names, such as ``id x_mm y_mm z_mm`` or ``x [m];y [m];z [m]``; ``-`` for one to skip.
+
+        Args:
+            text: the names in order, with what parts them: blanks, commas, semicolons or tabs. Each position states its unit.
+
+        Raises:
+            TaskcalError: they do not name one point with its unit.
+        """
+        names = _split(text)
+        known = meanings(names, [""] * len(names), ())
+        places = [(one.index, k, one.unit) for k, one in enumerate(known) if one is not None and one.kind == "position"]
+        if [axis for axis, _, _ in sorted(places)] != [0, 1, 2]:
+            raise TaskcalError(
+                f"'{shown(text)}' does not name the columns of one point; write for example 'x_mm y_mm z_mm', with - for each "
+                "column to skip"
+            )
+        units = {unit for _, _, unit in places}
+        unit = units.pop()
+        if units or unit not in LENGTHS:
+            raise TaskcalError(f"'{shown(text)}' states no unit of the point; write for example 'x_mm y_mm z_mm'")
+        first, second, third = (k for _, k, _ in sorted(places))
+        return cls(names=tuple(names), axes=(first, second, third), metres=LENGTHS[unit])
+
+    def point(self, line: str) -> Float[np.ndarray, " 3"]:
+        """The point of a line, metres; NaN where the beam was lost, for which it has empty cells or zeros.
+
+        Raises:
+            TaskcalError: the line has other columns, or something else than a number.
+        """
+        cells = _split(line, len(self.names))
+        if len(cells) != len(self.names):
+            raise TaskcalError(
+                f"'{shown(line)}' has {len(cells)} fields, {len(self.names)} are stated ({' '.join(self.names)}); state the "
+                "columns as they are (--columns)"
+            )
+        own = [cells[k] for k in self.axes]
+        if all(map(is_lost, own)):
+            return np.full(3, np.nan)
+        comma = any(_DECIMAL_COMMA.fullmatch(cell) for cell in own)
+        try:
+            point = np.array([float(with_point(cell, "," if comma else ".")) for cell in own]) * self.metres
+        except ValueError:
+            wrong = next((cell for cell in own if not _NUMBER.fullmatch(cell)), own[0])
+            raise TaskcalError(f"'{shown(line)}': '{shown(wrong)}' is not a number") from None
+        return point if point.any() and np.isfinite(point).all() else np.full(3, np.nan)
+
+
+def is_header(line: str) -> bool:
+    """Whether a line names columns: none of its cells is a number."""
+    return not any(_NUMBER.fullmatch(cell) for cell in _split(line))
+
+
+def _split(line: str, count: int = 0) -> Sequence[str]:
+    """Cells of a line: by semicolons or tabs where it has them, else by the separator that gives so many, where one does."""
+    plain = next((separator for separator in (";", "\t") if separator in line), None)
+    cells = split_line(line, plain or separator_of([line]))
+    if count and len(cells) != count:
+        cells = next((one for one in (split_line(line, ","), line.split()) if len(one) == count), cells)
+    return cells if len(cells) > 1 else line.replace(",", " ").split()

@@ -1,0 +1,175 @@
+"""Taking a row: joints and target are measured only while both stand, and averaged over the standstill."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.live.devices import Controller, Instrument, JointReading, Shot
+
+
+class StoppedError(Exception):
+    """The person ended the measurement; what was taken before is kept."""
+
+
+class MissedError(Exception):
+    """A row that could not be taken, with the reason in words; the person decides what to do."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rules:
+    """When a row counts."""
+
+    settle_s: float = 1.0
+    """For which the robot has to stand before the first shot, and the readings of which show it, seconds. A convention: arms of
+    industrial robots ring for some tenths."""
+    max_speed: float = 1e-4
+    """Speed of every joint below which it stands, radians or metres per second: 0.1 mm/s at an arm of a metre, and ten times what
+    the noise of an encoder of 10⁻⁵ rad shows over `settle_s`."""
+    arrived: float = float(np.radians(2.0))
+    """From the pose that is shown, within which a person has arrived, radians or metres. Joints are read, not assumed, so that the
+    row is as good there."""
+    shots: int = 3
+    """Valid shots of which a row is the mean."""
+    max_scatter_m: float = 1e-4
+    """Scatter of the shots, rms in space, above which they are taken again: two and a half times what a tracker has at 5 m by its
+    specification (`TrackerNoise`)."""
+    tries: int = 3
+    """Of the shots, before the person is asked."""
+    wait_s: float = 600.0
+    """For the robot to arrive, before the person is asked."""
+    beam_s: float = 30.0
+    """For a shot that is valid, before the person is asked."""
+    read_s: float = 5.0
+    """Limit of each read of a stream."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Taken:
+    """A row: means over the standstill."""
+
+    joints: Float[np.ndarray, " joints"]
+    point: Float[np.ndarray, " 3"]
+    scatter: float
+    """Of the shots, rms in space, metres; 0 for one."""
+    shots: int
+
+
+def stands(readings: Sequence[JointReading], rules: Rules) -> bool:
+    """Whether the newest readings cover the time to settle, and nothing moves in it.
+
+    The speed is the slope of a line through each joint's readings, which the noise of single ones hardly turns, and the whole
+    range must be what such a speed would give, so that a joint that went and came back does not stand.
+    """
+    if not readings or readings[-1].moving:
+        return False
+    begin = readings[-1].time_s - rules.settle_s
+    inside = [one for one in readings if one.time_s >= begin - 1e-9]
+    if len(inside) < 2 or inside[0].time_s - begin > 0.5 * rules.settle_s or readings[0].time_s > begin + 1e-9:
+        return False
+    if any(one.moving for one in inside):
+        return False
+    t, q = np.array([one.time_s for one in inside]), np.stack([one.joints for one in inside])
+    t = t - t.mean()
+    slope = t @ (q - q.mean(axis=0)) / (t @ t)
+    return bool((np.abs(slope) <= rules.max_speed).all() and (np.ptp(q, axis=0) <= 3.0 * rules.max_speed).all())
+
+
+def scatter_of(points: Float[np.ndarray, "shots 3"]) -> float:
+    """Rms distance of shots from their mean, of the degrees of freedom that they have, metres; 0 for one."""
+    off = points - points.mean(axis=0)
+    return float(np.sqrt((off**2).sum() / max(len(points) - 1, 1)))
+
+
+@dataclass(eq=False, kw_only=True)
+class Taker:
+    """Takes rows from a controller and an instrument."""
+
+    controller: Controller
+    instrument: Instrument
+    rules: Rules
+    stopped: Callable[[], bool] = lambda: False
+    """Asked between readings, until the robot stands: a row that has begun is finished."""
+
+    def take(self, pose: Float[np.ndarray, " joints"] | None) -> Taken:
+        """Wait until the robot stands at a pose, then measure.
+
+        Args:
+            pose: radians; None for wherever it is.
+
+        Raises:
+            MissedError: it does not arrive, the beam stays lost, or the shots scatter.
+            StoppedError: the person asked to stop, before the robot stood.
+            DeviceError: a connection is lost.
+        """
+        for _ in range(self.rules.tries):
+            readings = self._standstill(pose)
+            shots = self._shots(readings)
+            if shots is None:
+                continue
+            points = np.stack([shot.point for shot in shots])
+            scatter = scatter_of(points)
+            if scatter <= self.rules.max_scatter_m:
+                joints = np.mean([one.joints for one in readings], axis=0)
+                return Taken(joints=joints, point=points.mean(axis=0), scatter=scatter, shots=len(points))
+        raise MissedError(
+            f"{self.rules.tries} times the robot moved, or {self.rules.shots} shots scattered by more than "
+            f"{self.rules.max_scatter_m * 1e3:g} mm; see that robot, target and tracker stand firmly"
+        )
+
+    def _standstill(self, pose: Float[np.ndarray, " joints"] | None) -> list[JointReading]:
+        """Readings of the standstill, which goes on."""
+        if not self.controller.streams:
+            while not self.instrument.streams and self.instrument.read(0.0) is not None:
+                pass  # what was measured before the pose was asked for
+            return [self.controller.read(self.rules.wait_s)]
+        readings: list[JointReading] = []
+        begun: float | None = None
+        while True:
+            one = self.controller.read(self.rules.read_s)
+            begun = one.time_s if begun is None else begun
+            oldest = one.time_s - 1.5 * self.rules.settle_s
+            readings = [*(old for old in readings if old.time_s >= oldest), one]
+            if stands(readings, self.rules) and (pose is None or self._arrived(one, pose)):
+                begin = one.time_s - self.rules.settle_s
+                return [old for old in readings if old.time_s >= begin - 1e-9]
+            if self.stopped():
+                raise StoppedError
+            if one.time_s - begun > self.rules.wait_s:
+                off = 0.0 if pose is None else float(np.degrees(np.abs(one.joints - pose).max()))
+                raise MissedError(
+                    f"the robot does not stand at the pose after {self.rules.wait_s:g} s ({off:.1f}° off)"
+                )
+
+    def _arrived(self, reading: JointReading, pose: Float[np.ndarray, " joints"]) -> bool:
+        return bool((np.abs(reading.joints - pose) <= self.rules.arrived).all())
+
+    def _shots(self, readings: list[JointReading]) -> list[Shot] | None:
+        """Valid shots, one after another, while the robot stands, whose readings are added; None where it moves."""
+        rules, shots = self.rules, list[Shot]()
+        since = readings[-1].time_s if self.instrument.streams else readings[0].time_s
+        if not (self.instrument.streams or self.controller.streams):
+            since = -np.inf  # a person makes both, in any order
+        waited, lost_since = 0.0, readings[-1].time_s
+        patience = rules.beam_s if self.instrument.streams else rules.wait_s
+        limit = min(rules.read_s, 0.5 * rules.settle_s)
+        while len(shots) < rules.shots:
+            shot = self.instrument.read(limit)
+            if self.controller.streams:
+                readings.append(self.controller.read(rules.read_s))
+                if not stands(readings, rules):
+                    return None
+            if shot is None:
+                waited += limit
+            elif shot.time_s >= since and not shot.valid:
+                shots.clear()
+                waited = max(waited, shot.time_s - lost_since) if self.instrument.streams else 0.0
+            elif shot.time_s >= since:
+                shots.append(shot)
+                waited, lost_since = 0.0, shot.time_s
+            if waited > patience:
+                raise MissedError(f"no valid shot for {waited:.0f} s; see that the tracker sees the target")
+            if self.stopped() and waited > rules.settle_s and not shots:
+                raise StoppedError
+        return shots

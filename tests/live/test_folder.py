@@ -1,0 +1,77 @@
+"""Points in lines: the format is stated once, half-written lines wait, and nothing is guessed."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taskcal.errors import TaskcalError
+from taskcal.live.devices import DeviceError, controllers, instruments
+from taskcal.live.folder import Folder
+from taskcal.live.lines import Columns
+
+HEADERS = [
+    ("x_mm y_mm z_mm", "1.5 -2.5 3.5"),
+    ("id,x_mm,y_mm,z_mm", "p1,1.5,-2.5,3.5"),
+    ("Name;X [m];Y [m];Z [m]", "p1;0,0015;-0,0025;0,0035"),
+    ("Name\tX (mm)\tZ (mm)\tY (mm)\tRMS", "a point\t1.5\t3.5\t-2.5\t0.01"),
+    ("- - x_mm y_mm z_mm", "17 12:00:01 1.5 -2.5 3.5"),
+]
+
+
+@pytest.mark.parametrize(("header", "line"), HEADERS)
+def test_a_format_is_stated_once(header: str, line: str) -> None:
+    """Separators, units, order and decimal commas that people have give the same point."""
+    np.testing.assert_allclose(Columns.of(header).point(line), [0.0015, -0.0025, 0.0035])
+
+
+def test_what_is_no_point_is_refused_or_lost() -> None:
+    """A unit that is not stated, a field too many and a word are refused; empty cells and zeros are a lost beam."""
+    for wrong in ("x y z", "x_mm y_mm", "id"):
+        with pytest.raises(TaskcalError, match="x_mm y_mm z_mm"):
+            Columns.of(wrong)
+    columns = Columns.of("id x_mm y_mm z_mm")
+    for wrong in ("1 2 3", "p 1 two 3"):
+        with pytest.raises(TaskcalError):
+            columns.point(wrong)
+    for lost in ("p,,,", "p;0;0;0"):
+        assert np.isnan(columns.point(lost)).all()
+
+
+@pytest.mark.parametrize("stated", ["", "x_mm y_mm z_mm"])
+def test_lines_that_are_added_are_shots_once_they_are_whole(tmp_path: Path, stated: str) -> None:
+    """What stood there before does not count; half a line waits; a new file of the folder is read, too."""
+    first, second = tmp_path / "a.txt", tmp_path / "b.csv"
+    first.write_text("x_mm y_mm z_mm\n1 1 1\n")
+    with Folder.open(str(tmp_path), 0.0, stated) as folder:
+        assert folder.read(0.0) is None
+        with first.open("a") as file:
+            file.write("2 2 2\n3 3")
+        shot = folder.read(0.0)
+        assert shot is not None
+        np.testing.assert_allclose(shot.point, 0.002)
+        assert folder.read(0.0) is None
+        with first.open("a") as file:
+            file.write(" 3\n0 0 0\n")
+        second.write_text("# run 2\nx_mm y_mm z_mm\n4 4 4\n")
+        read = [folder.read(0.0) for _ in range(4)]
+        assert [
+            None if one is None else (one.valid, round(one.point[0] * 1e3, 9))
+            for one in read
+            if one is None or one.valid
+        ] == [
+            (True, 3.0),
+            (True, 4.0),
+            None,
+        ]
+        first.write_text("x_mm y_mm z_mm\n")
+        with pytest.raises(DeviceError, match="shorter"):
+            folder.read(0.0)
+
+
+def test_registries_know_their_own() -> None:
+    """Every controller and instrument is found by its name."""
+    assert {"hand", "virtual"} <= set(controllers())
+    assert {"folder", "virtual"} <= set(instruments())
+    with pytest.raises(DeviceError, match="instrument-address"):
+        Folder.open("nowhere", 0.0)
