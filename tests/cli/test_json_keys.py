@@ -28,6 +28,7 @@ COMMANDS = {
     "select": "select --robot ROBOT --task TASK",
     "plan": "plan --robot ROBOT --task TASK --count 8 --candidates 60 -o plan.csv",
     "study": "study --robot ROBOT --task TASK --robots 1 --counts 8 --plans random --engine sequential",
+    "board": "board --kind circles --columns 5 --rows 7 --square-mm 20 --marker-mm 9 -o sheet.pdf",
     "convert": "convert one.csv --robot ROBOT -o plain.csv",
     "register": "register --robot ROBOT one.csv",
     "identify": "identify --robot ROBOT one.csv -o again.json --holdout 0.3",

@@ -23,6 +23,8 @@ from taskcal.observations.base import kinds as kinds
 from taskcal.observations.base import refer as refer
 from taskcal.observations.board import BoardInstrument as BoardInstrument
 from taskcal.observations.board import Boards as Boards
+from taskcal.observations.board_drawing import board_pdf as board_pdf
+from taskcal.observations.board_drawing import lay_out_board as lay_out_board
 from taskcal.observations.calibration_board import Board as Board
 from taskcal.observations.calibration_board import read_boards as read_boards
 from taskcal.observations.cube import Cubes as Cubes

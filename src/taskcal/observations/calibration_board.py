@@ -9,14 +9,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
+import tomli_w
 from jaxtyping import Bool, Float, Int
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
-from taskcal.errors import FileError, UnknownName
-from taskcal.io.toml_file import NotNegative, Positive, Section, read_toml
+from taskcal.errors import FileError, UnknownName, WrongValue
+from taskcal.io.toml_file import NotNegative, Positive, Section, explain, read_toml
 from taskcal.short_repr import short_repr
 
 UNMEASURED_SCALE = 5e-3
@@ -352,6 +353,23 @@ class BoardFile(Section):
     """A file of boards."""
 
     board: tuple[BoardSection, ...] = Field(min_length=1, max_length=20)
+
+
+def describe_board(keys: Mapping[str, Any]) -> Board:
+    """A board from the keys of a file's entry.
+
+    Raises:
+        WrongValue: they do not describe one; the message names key and value.
+    """
+    try:
+        return BoardSection.model_validate(keys).board()
+    except ValidationError as error:
+        raise WrongValue(explain(error, BoardSection)) from error
+
+
+def board_text(keys: Mapping[str, Any]) -> str:
+    """The file of one board."""
+    return tomli_w.dumps({"board": [dict(keys)]})
 
 
 def read_boards(path: str | Path) -> tuple[Board, ...]:
