@@ -20,7 +20,6 @@ ONE_IMPORTER = {
         "robot_programs.apt.rewrite",
         "robot_programs.krl.computed",
         "robot_programs.rapid.computed",
-        "robot_programs.urscript.computed",
         "taskcal.correction.run_time",
         "taskcal.correction.subdivision",
         "taskcal.diagnosis.drift",
@@ -29,6 +28,7 @@ ONE_IMPORTER = {
         "taskcal.live.lines",
         "taskcal.live.stillness",
         "taskcal.planning.experiment",
+        "taskcal.reading.detection",
         "taskcal.reading.inference",
         "taskcal.studio.cell_editor",
         "taskcal.studio.column_editor",
@@ -59,7 +59,11 @@ ONE_IMPORTER = {
         "taskcal.report.selection",
         "taskcal.report.study",
     },
-    "arithmetic that knows no robot": {"taskcal.estimation.trimmed_squares", "taskcal.geometry.polyline"},
+    "arithmetic that knows no robot": {
+        "taskcal.kernels.projection",
+        "taskcal.estimation.trimmed_squares",
+        "taskcal.geometry.polyline",
+    },
     "entered by name": {"robot_programs.__main__", "taskcal.__main__", "taskcal.effects", "taskcal.performance"},
 }
 """Modules that fewer than two others import and that have no public name, by the reason for which they are there."""

@@ -296,9 +296,9 @@ class Campaign:
         for t, one in enumerate(self.observations):
             seen = self.valid[:, t]
             stated = None if self.uncertainty is None else self.uncertainty[seen, t]
-            part = self.read(t).take(seen)
+            part, own = self.read(t).take(seen), one if one.of is None else replace(one, of=one.of[seen])
             rows, block = np.flatnonzero(seen), np.array(one.block())
-            out[rows[:, None, None], t, block[:, None], block] = one.covariance(part, stated, noise)
+            out[rows[:, None, None], t, block[:, None], block] = own.covariance(part, stated, noise)
         return out
 
     def read(self, target: int) -> Measured:

@@ -38,6 +38,7 @@ from taskcal.observations.instrument import instrument_classes as instrument_cla
 from taskcal.observations.instrument import load_fixtures as load_fixtures
 from taskcal.observations.landmark import CameraInstrument as CameraInstrument
 from taskcal.observations.landmark import Landmarks as Landmarks
+from taskcal.observations.pixels import Pixels as Pixels
 from taskcal.observations.plane import Planes as Planes
 from taskcal.observations.point import Point as Point
 from taskcal.observations.pose import Pose as Pose

@@ -280,6 +280,8 @@ class Observation(ABC):
     """What lengths may be stated of it beside its rows, in words; empty for none."""
     touched: ClassVar[bool] = False
     """Whether no number is read, but the robot is brought to where something touches."""
+    pictured: ClassVar[bool] = False
+    """Whether its rows only name pictures, which are looked at afterwards."""
     quick: ClassVar[bool] = False
     """Whether it is placed in a millisecond, so that all mistakes of a campaign and their pairs can be tried."""
     columns: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})

@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -16,8 +17,8 @@ from taskcal.reading.readings import MAX_TARGETS, AngleForm, Readings, no_joint,
 from taskcal.reading.rows import average_shots, side_by_side, with_targets_in_names, without_means
 from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.robot import Robot
-from taskcal.tables.forms import TableForm
-from taskcal.tables.table import LENGTHS
+from taskcal.tables.forms import TableForm, read_table
+from taskcal.tables.table import LENGTHS, Table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +35,12 @@ class ReadOptions:
     """Another file with stated distances of sockets."""
     wire_scale: bool = False
     """Whether the scale of measured lengths (`d_mm`) is unknown."""
+    board: str | Path | None = None
+    """File of the boards that images show."""
+    images: str | Path | None = None
+    """Folder of the images, or file of the corners in them; None where the campaign's own file has the corners."""
+    lens: Literal["pinhole", "fisheye"] = "pinhole"
+    """Of the camera that took them."""
 
 
 @checked
@@ -82,6 +89,8 @@ def read_campaign(
     paths = [path] if isinstance(path, (str, Path)) else path
     if not paths:
         raise WrongValue("path names no file; give one or several")
+    if options is not None and options.board is not None:
+        return _read_pictures(paths, robot, options)
     parts = [
         (name, campaign_of(part, robot, targets, reference_points))
         for name, part in _by_station(paths, robot, options or ReadOptions())
@@ -140,6 +149,34 @@ def _by_station(paths: Sequence[str | Path], robot: Robot, options: ReadOptions)
             yield name, _one_row_a_pose(part, robot, options)
 
 
+def _read_pictures(paths: Sequence[str | Path], robot: Robot, options: ReadOptions) -> Campaign:
+    """A campaign of images.
+
+    Raises:
+        FileError: several files are named, or there are no images.
+    """
+    from taskcal.observations.calibration_board import read_boards
+    from taskcal.reading import detection, pictures
+
+    assert options.board is not None
+    if len(paths) > 1:
+        raise FileError(Path(paths[1]), "is a second file; images belong to the rows of one")
+    table = read_table(paths[0], options.form)
+    own, corners = pictures.has_corners(table), None
+    boards = read_boards(options.board)
+    if options.images is not None:
+        corners = detection.corners_of(Path(options.images), boards)
+    elif own:
+        corners = pictures.read_corners(table)
+    if corners is None:
+        raise FileError(
+            table.path, "has no corners (columns image, corner, u_px, v_px); give the images, --images FOLDER"
+        )
+    readings = _of_file(pictures.one_row_an_image(table) if own else table, robot, options.form, options.angles)
+    readings = _one_row_a_pose(pictures.with_images(readings, robot, corners), robot, options)
+    return pictures.with_pictures(campaign_of(readings, robot), corners, boards, robot, options.lens)
+
+
 def _joined(parts: Sequence[tuple[str, Campaign]], robot: Robot) -> Campaign:
     """The campaign of all stations, rows of one file in its order."""
     from taskcal.registration.stations import join_stations  # fits, and so imports the compiler
@@ -175,7 +212,7 @@ def _one_row_a_pose(readings: Readings, robot: Robot, options: ReadOptions) -> R
     return readings
 
 
-def _of_file(path: str | Path, robot: Robot, form: TableForm, angles: AngleForm | None) -> Readings:
+def _of_file(path: str | Path | Table, robot: Robot, form: TableForm, angles: AngleForm | None) -> Readings:
     """Readings of one file, in the units that it states."""
     readings = read_readings(path, robot, form, angles)
     if not _states_units(readings):
@@ -230,6 +267,8 @@ def campaign_of(
         else _among(readings, reference_points, points)
     )
     observed = _observed(readings, targets)
+    if points:  # a tracker's campaign may name images that were taken beside it
+        observed = [one for one in observed if not one.observation.pictured]
     if observed and targets is not None:
         targets = [name for name in targets if name.casefold() not in {one.target for one in observed}]
     chosen = [n for n in points if n not in fixed] if targets is None else _among(readings, targets, points)

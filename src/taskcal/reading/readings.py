@@ -1010,12 +1010,12 @@ _BY_ROW = (
 
 
 def read_readings(
-    path: str | Path, robot: Robot, form: TableForm | None = None, angles: AngleForm | None = None
+    path: str | Path | Table, robot: Robot, form: TableForm | None = None, angles: AngleForm | None = None
 ) -> Readings:
     """Read what one file says, whatever its form and its columns' names.
 
     Args:
-        path: the file.
+        path: the file, or its table.
         robot: the robot that was measured.
         form: what is stated of the table.
         angles: what three angles of a pose mean, where their names do not say.
@@ -1023,7 +1023,8 @@ def read_readings(
     Raises:
         FileError: with all that is wrong in it, the first twenty faults.
     """
-    table = with_positions(name_columns(read_table(path, form), robot))
+    table = path if isinstance(path, Table) else read_table(path, form)
+    table = with_positions(name_columns(table, robot))
     known = meanings(table.header, table.units, robot.joint_names, _numbered_parts(table))
     measured = without_summaries(MeasuredTable(table=table, known=tuple(known), robot=robot))
     table, faults = measured.table, Faults()

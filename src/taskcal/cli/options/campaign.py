@@ -59,12 +59,19 @@ class TableOptions:
     wire_scale: bool = option(
         False, help="Fit the scale of measured lengths (d_mm) too; the robot's size is then nominal."
     )
+    images: Path | None = option(
+        None, "FOLDER|CORNERS.csv", "Images of a board, one for each row of the campaign, or the corners found in them."
+    )
+    board: Path | None = option(None, "BOARD.toml", "The boards that the images show.")
+    lens: Literal["pinhole", "fisheye"] = option("pinhole", help="Lens of the camera that took the images.")
 
     @property
     def read_options(self) -> "taskcal.reading.ReadOptions":
         """Stated options, as the reader takes them."""
         marks: dict[str | None, DecimalMark | None] = {None: None, "point": ".", "comma": ","}
         columns = None if self.columns is None else tuple(self.columns.split())
+        if self.images is not None and self.board is None:
+            raise typer.BadParameter("requires --board, the file of the boards that they show", param_hint="--images")
         return taskcal.reading.ReadOptions(
             form=taskcal.tables.TableForm(
                 columns=columns, decimal=marks[self.decimal], sheet=self.sheet, hidden_rows=self.hidden_rows
@@ -73,6 +80,9 @@ class TableOptions:
             points=self.points,
             distances=self.distances,
             wire_scale=self.wire_scale,
+            board=self.board,
+            images=self.images,
+            lens=self.lens,
         )
 
 

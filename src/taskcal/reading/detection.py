@@ -1,0 +1,312 @@
+"""Corners of printed boards in images, by OpenCV, and what is wrong with boards that are not found."""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.errors import FileError, TaskcalError
+from taskcal.observations.calibration_board import Board
+from taskcal.observations.camera import FEWEST_CORNERS
+from taskcal.reading.pictures import CORNER_COLUMNS, Corners, has_corners, in_words, natural_order, read_corners
+from taskcal.tables.forms import read_table
+
+SUFFIXES = frozenset((".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm"))
+"""Of images that OpenCV reads."""
+
+LOOKED_AT = 3
+"""Images, evenly among all, on which other boards are tried where one is not found."""
+
+TRIED = (
+    "4X4_250",
+    "5X5_250",
+    "6X6_250",
+    "7X7_250",
+    "ARUCO_ORIGINAL",
+    "APRILTAG_36h11",
+    "APRILTAG_25h9",
+    "APRILTAG_16h5",
+)
+"""Dictionaries that are tried: those that boards are printed with; shorter and longer ones begin alike."""
+
+BLURRED_PX, BLURRED_TIMES = 6.0, 2.0
+"""Width of an edge, pixels, and times the usual one of a campaign, from which on an image is called blurred: edges of sharp
+pictures are 2 to 3 pixels wide, and corners of ones twice as wide scatter about twice as much."""
+
+WINDOW = 6
+"""Pixels about a corner in which edges are measured: less than a square of any picture that a board is found in."""
+
+
+class Found(NamedTuple):
+    """Corners of one board in an image."""
+
+    id: Int[np.ndarray, " c"]
+    pixel: Float[np.ndarray, "c 2"]
+
+
+NOTHING = Found(np.zeros(0, dtype=int), np.zeros((0, 2)))
+
+
+def corners_of(path: Path, boards: Sequence[Board]) -> Corners:
+    """Corners in the images of a folder, or as a file has them.
+
+    Raises:
+        FileError: there is neither, or no image.
+        TaskcalError: OpenCV is not installed.
+    """
+    if path.is_dir():
+        return detect_corners(path, boards)
+    table = read_table(path)
+    if not has_corners(table):
+        raise FileError(path, f"is not a file of corners: it needs columns {', '.join(CORNER_COLUMNS[:5])}", line=1)
+    return read_corners(table)
+
+
+def _opencv() -> Any:
+    try:
+        import cv2
+    except ImportError as error:
+        raise TaskcalError(
+            "corners of boards are found by OpenCV, which is not installed: pip install 'taskcal[images]'"
+        ) from error
+    return cv2
+
+
+def detect_corners(folder: Path, boards: Sequence[Board]) -> Corners:
+    """Find the corners of boards in all images of a folder.
+
+    Raises:
+        FileError: there are no images, one cannot be read, they differ in size, or show no board; the message says which board
+            they show instead.
+        TaskcalError: OpenCV is not installed.
+    """
+    cv2 = _opencv()
+    paths = sorted(
+        (path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES),
+        key=lambda path: natural_order(path.name),
+    )
+    if not paths:
+        raise FileError(folder, f"has no images ({', '.join(sorted(SUFFIXES))})")
+    finders = [_finder(board) for board in boards]
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)  # an image in each thread, where two threads in one image wait for each other
+    try:
+        with ThreadPoolExecutor(min(os.cpu_count() or 1, 8)) as workers:
+            seen = list(workers.map(lambda path: _look(path, finders), paths))
+    finally:
+        cv2.setNumThreads(before)
+    (height, width), first = seen[0][0], paths[0].name
+    for path, (size, *_) in zip(paths, seen, strict=True):
+        if size != (height, width):
+            raise FileError(
+                path,
+                f"has {size[1]} × {size[0]} pixels, and {first} {width} × {height}: a camera has other numbers for another size; "
+                "calibrate each by itself",
+            )
+    parts = [(k, b, one) for k, (_, found, _) in enumerate(seen) for b, one in enumerate(found) if len(one.id)]
+    if not any(len(one.id) >= FEWEST_CORNERS for *_, one in parts):
+        some = [paths[k] for k in np.unique(np.linspace(0, len(paths) - 1, LOOKED_AT).astype(int))]
+        raise FileError(folder, f"no board of the file is seen in {len(paths)} images{_what_else(some, boards)}")
+    widths = np.array([width for *_, width in seen])
+    usual = float(np.nanmedian(widths))
+    blurred = [paths[k].name for k in np.flatnonzero(widths > max(BLURRED_PX, BLURRED_TIMES * usual))]
+    notes = (
+        [f"{in_words(blurred)}: blurred, edges of more than {BLURRED_TIMES:g} times the usual {usual:.1f} pixels"]
+        if blurred
+        else []
+    )
+    return Corners(
+        source=folder.name,
+        images=tuple(path.name for path in paths),
+        width=width,
+        height=height,
+        image=np.concatenate([np.full(len(one.id), k) for k, _, one in parts]),
+        board=tuple(boards[b].name for _, b, one in parts for _ in one.id),
+        id=np.concatenate([one.id for *_, one in parts]),
+        pixel=np.concatenate([one.pixel for *_, one in parts]),
+        notes=tuple(notes),
+    )
+
+
+def _read(path: Path) -> np.ndarray:
+    cv2 = _opencv()
+    image = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+    if image is None:
+        raise FileError(path, "is not an image that OpenCV reads; save it as PNG")
+    return image
+
+
+def _look(path: Path, finders: Sequence[Callable[[np.ndarray], Found]]) -> tuple[tuple[int, int], list[Found], float]:
+    """Size of an image, what it shows, and how wide the edges at its corners are, pixels."""
+    image = _read(path)
+    found = [find(image) for find in finders]
+    pixel = np.concatenate([one.pixel for one in found])
+    return (image.shape[0], image.shape[1]), found, _edge_width(image, pixel)
+
+
+def _edge_width(image: np.ndarray, pixel: Float[np.ndarray, "c 2"]) -> float:
+    """Contrast over the steepest slope, in the middle of what the corners show; NaN of none."""
+    out: list[float] = []
+    for u, v in np.rint(pixel).astype(int):
+        part = image[max(v - WINDOW, 0) : v + WINDOW + 1, max(u - WINDOW, 0) : u + WINDOW + 1].astype(float)
+        if min(part.shape) < WINDOW:
+            continue
+        slope = np.hypot(*np.gradient(part)).max()
+        out.append(float(np.ptp(part)) / max(float(slope), 1e-9))
+    return float(np.median(out)) if out else np.nan
+
+
+# One finder for each kind of board.
+
+
+def _finder(board: Board) -> Callable[[np.ndarray], Found]:
+    finders = {
+        "charuco": _charuco,
+        "aprilgrid": _tags,
+        "checkerboard": _checkerboard,
+        "circles": _circles,
+        "asymmetric_circles": _circles,
+    }
+    return finders[board.kind](board)
+
+
+def _dictionary(name: str) -> Any:
+    cv2 = _opencv()
+    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
+
+
+def _charuco(board: Board) -> Callable[[np.ndarray], Found]:
+    cv2 = _opencv()
+    numbers = board.first_marker + np.arange(board.markers)
+    size = board.columns, board.rows
+    pattern = cv2.aruco.CharucoBoard(size, board.square_m, board.marker_m, _dictionary(board.dictionary), numbers)
+    pattern.setLegacyPattern(board.legacy)
+    detector = cv2.aruco.CharucoDetector(pattern)
+
+    def find(image: np.ndarray) -> Found:
+        pixel, ids, _, _ = detector.detectBoard(image)
+        return NOTHING if ids is None else Found(ids.reshape(-1).astype(int), pixel.reshape(-1, 2).astype(float))
+
+    return find
+
+
+def _marker_detector(dictionary: str, border_bits: int = 1, *, refined: bool = True) -> Any:
+    cv2 = _opencv()
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX if refined else cv2.aruco.CORNER_REFINE_NONE
+    parameters.markerBorderBits = border_bits
+    return cv2.aruco.ArucoDetector(_dictionary(dictionary), parameters)
+
+
+def _tags(board: Board) -> Callable[[np.ndarray], Found]:
+    detector, own = _marker_detector(board.dictionary, board.border_bits), set(board.ids().tolist())
+
+    def find(image: np.ndarray) -> Found:
+        corners, ids, _ = detector.detectMarkers(image)
+        if ids is None:
+            return NOTHING
+        number = (4 * ids.reshape(-1, 1) + np.arange(4)).reshape(-1)
+        here = np.array([int(one) in own for one in number])
+        return Found(number[here].astype(int), np.concatenate(corners).reshape(-1, 2)[here].astype(float))
+
+    return find
+
+
+def _checkerboard(board: Board) -> Callable[[np.ndarray], Found]:
+    cv2 = _opencv()
+    size = board.columns - 1, board.rows - 1
+    flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
+
+    def find(image: np.ndarray) -> Found:
+        there, pixel = cv2.findChessboardCornersSB(image, size, flags=flags)
+        return Found(board.ids(), pixel.reshape(-1, 2).astype(float)) if there else NOTHING
+
+    return find
+
+
+def _circles(board: Board) -> Callable[[np.ndarray], Found]:
+    cv2 = _opencv()
+    form = cv2.CALIB_CB_ASYMMETRIC_GRID if board.kind == "asymmetric_circles" else cv2.CALIB_CB_SYMMETRIC_GRID
+
+    def find(image: np.ndarray) -> Found:
+        there, pixel = cv2.findCirclesGrid(image, (board.columns, board.rows), flags=form | cv2.CALIB_CB_CLUSTERING)
+        if not there:
+            return NOTHING
+        pixel = pixel.reshape(-1, 2).astype(float)
+        if board.big_dot is not None and not board.same_after_half_turn:
+            own = board.big_dot[1] * board.columns + board.big_dot[0]
+            area = [_dot_area(image, u, v) for u, v in pixel[[own, len(pixel) - 1 - own]]]
+            pixel = pixel if area[0] >= area[1] else pixel[::-1]
+        return Found(board.ids(), pixel)
+
+    return find
+
+
+def _dot_area(image: np.ndarray, u: float, v: float) -> int:
+    """Pixels of the dot about a point that are nearer to its shade than to that of the surroundings."""
+    cv2 = _opencv()
+    level = (float(image.min()) + float(image.max())) / 2.0
+    dark = (image < level).astype(np.uint8)
+    seed = min(max(round(v), 0), image.shape[0] - 1), min(max(round(u), 0), image.shape[1] - 1)
+    _, labels = cv2.connectedComponents(dark if dark[seed] else 1 - dark)
+    return int((labels == labels[seed]).sum())
+
+
+# Boards that are not found: what the images show instead.
+
+
+def _what_else(paths: Sequence[Path], boards: Sequence[Board]) -> str:
+    """What would be found in some images: another dictionary, layout or order of the counts, or a mirrored print."""
+    images = [_read(path) for path in paths]
+
+    def count(board: Board, pictures: Sequence[np.ndarray] = images) -> int:
+        find = _finder(board)
+        return sum(len(find(image).id) for image in pictures)
+
+    for board in boards:
+        mirrored = [np.ascontiguousarray(image[:, ::-1]) for image in images]
+        if board.dictionary and count(board, mirrored):
+            return f": it is seen in the mirrored images, so '{board.name}' was printed mirrored, or the camera mirrors its images"
+        tried: list[tuple[str, Board]] = [
+            ("columns and rows are swapped", replace(board, columns=board.rows, rows=board.columns))
+        ]
+        if board.kind == "charuco":
+            other = "the old layout, legacy = true" if not board.legacy else "the present layout, legacy = false"
+            tried += [
+                (f"it is printed in {other}", replace(board, legacy=not board.legacy)),
+                (
+                    f"columns and rows are swapped, and it is printed in {other}",
+                    replace(board, columns=board.rows, rows=board.columns, legacy=not board.legacy),
+                ),
+            ]
+        for what, trial in tried:
+            if count(trial) >= FEWEST_CORNERS:
+                return f": {what} ('{board.name}' is found with {trial.columns} columns and {trial.rows} rows then)"
+        if board.dictionary:
+            own = _markers(board.dictionary, images)
+            if own:
+                return (
+                    f": the markers {min(own)} to {max(own)} in them are of its dictionary; check columns, rows and "
+                    f"first_marker of '{board.name}'"
+                )
+            numbers = {name: _markers(name, images) for name in TRIED}
+            best = max(numbers, key=lambda name: len(numbers[name]))
+            if numbers[best]:
+                return (
+                    f": they show markers {min(numbers[best])} to {max(numbers[best])} of dictionary {best} (or another one of "
+                    f"{best.split('_')[0]}), where '{board.name}' has {board.dictionary}"
+                )
+    return "; check the board's file, and that the whole board is lit and in focus"
+
+
+def _markers(dictionary: str, images: Sequence[np.ndarray]) -> set[int]:
+    """Markers of a dictionary that images show, each in two images or in the only one."""
+    detector = _marker_detector(dictionary, refined=False)
+    seen = [ids.reshape(-1).tolist() for image in images if (ids := detector.detectMarkers(image)[1]) is not None]
+    every = [number for one in seen for number in set(one)]
+    return {number for number in every if len(images) == 1 or every.count(number) > 1}

@@ -1,0 +1,342 @@
+"""Pictures of a campaign: the corners that they show, from a folder or a file, and which row each of them belongs to."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.campaigns.campaign import Campaign
+from taskcal.errors import CampaignError, FileError, TaskcalError, shown
+from taskcal.geometry import se3
+from taskcal.geometry.euler import to_angles
+from taskcal.observations import ObservedColumns, Pixels
+from taskcal.observations.calibration_board import Board
+from taskcal.observations.camera import FEWEST_CORNERS, Lens, calibrate_camera
+from taskcal.observations.pixels import hand_eye_place, hand_eye_rotation
+from taskcal.reading.readings import Readings
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot import Robot
+from taskcal.tables.table import Table
+
+CORNER_COLUMNS = ("image", "board", "corner", "u_px", "v_px", "width_px", "height_px")
+"""Of a file of corners; joints and other columns of a campaign may follow."""
+
+MAX_NAMED = 6
+"""Images that a message names."""
+
+SURE = 2.0
+"""By how much poses of the board fit better with the camera where it is than where it is not."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Corners:
+    """Corners of boards as they were seen in images."""
+
+    source: str
+    """File or folder."""
+    images: tuple[str, ...]
+    """All that were looked at."""
+    width: int
+    """Of an image, pixels."""
+    height: int
+    image: Int[np.ndarray, " c"]
+    """Number of each corner's image."""
+    board: tuple[str, ...]
+    """Name of each corner's board; empty where there is one."""
+    id: Int[np.ndarray, " c"]
+    """Number of each corner on its board."""
+    pixel: Float[np.ndarray, "c 2"]
+    """Where it was seen, the middle of the first pixel at zero."""
+    notes: tuple[str, ...] = ()
+
+    def table(self) -> dict[str, list[str]]:
+        """Columns of a file from which `read_corners` reads the same; an image without a board has a line of its own."""
+        without = np.setdiff1d(np.arange(len(self.images)), self.image)
+        order = np.argsort(np.concatenate([self.image, without]), kind="stable")
+        whole = [str(self.width)] * len(order), [str(self.height)] * len(order)
+        rows = {
+            "image": [self.images[k] for k in (*self.image, *without)],
+            "board": [*self.board, *("" for _ in without)],
+            "corner": [*map(str, self.id), *("" for _ in without)],
+            "u_px": [*(f"{u:.4f}" for u in self.pixel[:, 0]), *("" for _ in without)],
+            "v_px": [*(f"{v:.4f}" for v in self.pixel[:, 1]), *("" for _ in without)],
+        }
+        sorted_rows = {name: [cells[k] for k in order] for name, cells in rows.items()}
+        return {**sorted_rows, "width_px": whole[0], "height_px": whole[1]}
+
+
+def has_corners(table: Table) -> bool:
+    """Whether a file has a row for each corner."""
+    return all(name in table for name in ("image", "corner", "u_px", "v_px"))
+
+
+def read_corners(table: Table) -> Corners:
+    """Read a file of corners: ``image``, ``board``, ``corner``, ``u_px``, ``v_px``, ``width_px``, ``height_px``.
+
+    Raises:
+        FileError: a cell is not what it must be, a corner is there twice, or the sizes of images differ.
+    """
+    names = table.texts("image")
+    images = tuple(dict.fromkeys(names))
+    number = {name: k for k, name in enumerate(images)}
+    ids, pixel = table.numbers("corner", empty=True), table.side_by_side(("u_px", "v_px"), empty=True)
+    seen = np.isfinite(ids)
+    for row in np.flatnonzero(seen & ~np.isfinite(pixel).all(axis=1)):
+        raise table.error("a corner that was seen needs u_px and v_px", int(row), "u_px")
+    boards = table.texts("board") if "board" in table else [""] * len(names)
+    found: dict[tuple[str, str, float], int] = {}
+    for row in np.flatnonzero(seen):
+        key = names[row], boards[row], float(ids[row])
+        if key in found or ids[row] != round(ids[row]):
+            line = table.lines[found[key]] if key in found else 0
+            what = f"is in line {line} already" if key in found else "is not a whole number"
+            raise table.error(f"corner {ids[row]:g} of image '{shown(names[row])}' {what}", int(row), "corner")
+        found[key] = int(row)
+    sizes = [_size(table, name, pixel[seen, k]) for k, name in enumerate(("width_px", "height_px"))]
+    rows = np.flatnonzero(seen)
+    return Corners(
+        source=table.path.name,
+        images=images,
+        width=sizes[0],
+        height=sizes[1],
+        image=np.array([number[names[row]] for row in rows], dtype=int),
+        board=tuple(boards[row] for row in rows),
+        id=ids[rows].astype(int),
+        pixel=pixel[rows],
+    )
+
+
+def _size(table: Table, name: str, pixel: Float[np.ndarray, " c"]) -> int:
+    """Of the images; as far as corners are seen where that is not stated."""
+    if name not in table:
+        return int(np.ceil(pixel.max(initial=1.0) + max(pixel.min(initial=0.0), 0.0)))
+    values = table.numbers(name)
+    other = np.flatnonzero(values != values[0])
+    if len(other):
+        raise table.error(
+            f"image '{shown(table.texts('image')[other[0]])}' is {values[other[0]]:g} pixels, those before it {values[0]:g}: "
+            "a camera has other numbers for another size; calibrate each by itself",
+            int(other[0]),
+            name,
+        )
+    return int(values[0])
+
+
+def one_row_an_image(table: Table) -> Table:
+    """A file of corners as a campaign: its first line of each image, without what is of single corners."""
+    names = table.texts("image")
+    first = np.zeros(len(names), dtype=bool)
+    first[list({name: row for row, name in reversed(list(enumerate(names)))}.values())] = True
+    left = [k for k, name in enumerate(table.header) if name.lower() not in CORNER_COLUMNS[1:]]
+    rows = table.take(first)
+    cells = [tuple(row[k] for k in left) for row in rows.rows]
+    units = tuple(table.units[k] for k in left) if table.units else ()
+    return replace(rows, header=tuple(table.header[k] for k in left), rows=cells, units=units)
+
+
+# Rows and their images.
+
+
+def with_images(readings: Readings, robot: Robot, corners: Corners) -> Readings:
+    """Readings whose rows name images, and hold nothing else that was measured.
+
+    Positions and rotations beside joints are the controller's own; without joints they are those of a wrist that a robot of three
+    slides and three turns can have as its joints.
+
+    Raises:
+        FileError: there are neither joints nor poses of such a wrist, or rows and images cannot be paired.
+    """
+    if readings.q is None:
+        readings = _wrist_as_joints(readings, robot)
+    readings = replace(readings, points={}, rotations={}, uncertainty={}, open_angles=None, length_unit_stated=True)
+    if readings.observed is not None and "image" in readings.observed:
+        return readings
+    ids = readings.ids or tuple(str(number) for number in range(1, len(readings) + 1))
+    cells, names = ids, {Path(name).stem.casefold() for name in corners.images}
+    if not any(Path(text).stem.casefold() in names for text in ids):
+        if len(corners.images) != len(readings):
+            raise FileError(
+                readings.path,
+                f"names no images, and has {len(readings)} rows where {corners.source} has {len(corners.images)} images; add a "
+                "column image with the name of each row's file",
+                line=1,
+            )
+        cells = tuple(sorted(corners.images, key=natural_order))
+        readings = readings.noted(
+            f"no column image: rows and images are paired in their order, from {cells[0]} to {cells[-1]}"
+        )
+    observed = ObservedColumns(
+        path=readings.path, lines=readings.lines, cells={"image": cells}, headers={"image": "id"}, units={"image": None}
+    )
+    return replace(readings, observed=observed)
+
+
+def natural_order(name: str) -> list[tuple[int, int, str]]:
+    """In the order in which people count: 2 before 10."""
+    return [
+        (0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", name.casefold()) if part
+    ]
+
+
+def _wrist_as_joints(readings: Readings, robot: Robot) -> Readings:
+    """Poses of a wrist as the joints of a robot that has three slides and turns about z, y and x."""
+    free = list(robot.prismatic) == [True] * 3 + [False] * 3
+    if not free or not readings.rotations or len(readings.points) != 1:
+        what = (
+            "poses of the wrist need qx qy qz qw"
+            if free
+            else "joints are lacking; with poses of the wrist alone take --robot wrist"
+        )
+        raise FileError(readings.path, f"{what}, beside x y z", line=1)
+    (points,), (rotations,) = readings.points.values(), list(readings.rotations.values())[:1]
+    q = np.concatenate([points, to_angles("rpy", rotations)[:, ::-1]], axis=1)
+    return replace(readings, q=q, joint_unit_stated=True)
+
+
+def with_pictures(campaign: Campaign, corners: Corners, boards: Sequence[Board], robot: Robot, model: str) -> Campaign:
+    """A campaign whose rows name images, with what these show.
+
+    Args:
+        campaign: as read.
+        corners: in the images.
+        boards: that were printed.
+        robot: whose nominal poses tell whether the camera moves, or the board.
+        model: of the lens, ``pinhole`` or ``fisheye``.
+
+    Raises:
+        CampaignError: images are not there, too few show a board, or neither fits.
+    """
+    blank = next(one for one in campaign.observations if isinstance(one, Pixels))
+    number = _numbers(campaign, blank, corners)
+    by_name = {board.name: k for k, board in enumerate(boards)}
+    shown_board = np.array([_board(name, by_name, corners) for name in corners.board], dtype=int)
+    places = [(dict(zip(board.ids().tolist(), board.corners(), strict=True))) for board in boards]
+    shapes: list[tuple[str, int, np.ndarray, np.ndarray]] = []
+    of, twice, few = np.full(len(campaign), -1), list[str](), list[str]()
+    for row in np.flatnonzero(number >= 0):
+        own = np.flatnonzero(corners.image == number[row])
+        seen = np.bincount(shown_board[own], minlength=len(boards))
+        board, name = int(seen.argmax()), corners.images[number[row]]
+        if (seen > 0).sum() > 1:
+            twice.append(name)
+        if seen[board] < FEWEST_CORNERS:
+            few.append(name)
+            continue
+        own = own[shown_board[own] == board]
+        for k in own:
+            if int(corners.id[k]) not in places[board]:
+                raise CampaignError(
+                    f"{corners.source}: corner {corners.id[k]} in image '{name}' is not on board '{boards[board].name}', whose "
+                    f"corners are {min(places[board])} to {max(places[board])}; check rows and columns of the board"
+                )
+        of[row] = len(shapes)
+        shapes.append((name, board, np.stack([places[board][int(k)] for k in corners.id[own]]), corners.pixel[own]))
+    if not shapes:
+        raise CampaignError(
+            f"{corners.source}: no image of the rows shows {FEWEST_CORNERS} corners of a board; check the board's file"
+        )
+    pictures = calibrate_camera(
+        Lens(model=model, width=corners.width, height=corners.height),
+        tuple(name for name, *_ in shapes),
+        np.array([board for _, board, *_ in shapes]),
+        np.concatenate([[0], np.cumsum([len(corner) for _, _, corner, _ in shapes])]),
+        np.concatenate([corner for _, _, corner, _ in shapes]),
+        np.concatenate([pixel for *_, pixel in shapes]),
+    )
+    notes = list(corners.notes)
+    if few:
+        notes.append(f"no board is seen in {in_words(few)}")
+    if twice:
+        notes.append(f"several boards are seen in {in_words(twice)}; the one with most corners counts in each")
+    kind = Pixels(
+        images=pictures.names,
+        of=of,
+        boards=tuple(board.name for board in boards),
+        u_scale=tuple(board.u_scale for board in boards),
+        lens=pictures.lens,
+        pictures=pictures,
+    )
+    kind = replace(kind, on_wrist=_is_on_wrist(kind, campaign, robot))
+    M = np.tile(np.eye(4), (len(campaign), 1, 1))
+    M[:, :3, 3] = np.nan
+    M[of >= 0] = kind.measured(pictures.settle(pictures.camera))[of[of >= 0]]
+    return replace(
+        campaign,
+        targets=("camera" if kind.on_wrist else "board",),
+        points=M[:, None, :3, 3],
+        rotations=np.ascontiguousarray(M[:, :3, :3]),
+        observations=(kind,),
+        source=f"{campaign.source} with {corners.source}" if corners.source != campaign.source else campaign.source,
+        notes=(*campaign.notes, *notes),
+    )
+
+
+def _numbers(campaign: Campaign, blank: Pixels, corners: Corners) -> Int[np.ndarray, " n"]:
+    """Number of each row's image; −1 where it names none."""
+    assert blank.of is not None
+    whole = {name.casefold(): k for k, name in enumerate(corners.images)}
+    stems = {Path(name).stem.casefold(): k for k, name in enumerate(corners.images)}
+    out, missing = np.full(len(campaign), -1), list[str]()
+    for row in np.flatnonzero(blank.of >= 0):
+        text = blank.images[blank.of[row]]
+        name = Path(text.replace("\\", "/")).name.casefold()
+        found = whole.get(text.casefold(), whole.get(name, stems.get(Path(name).stem)))
+        if found is None:
+            missing.append(text)
+        else:
+            out[row] = found
+    if missing:
+        others = shown(", ".join(sorted(corners.images, key=natural_order)[:3]), 80)
+        raise CampaignError(
+            f"{campaign.source}: {corners.source} has no image {in_words(missing)}; its images are {others} …: correct the column "
+            "image, or leave out the rows"
+        )
+    return out
+
+
+def in_words(names: Sequence[str]) -> str:
+    """Some names for a message, and how many more."""
+    more = f" and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
+    return f"{shown(', '.join(names[:MAX_NAMED]), 200)}{more}"
+
+
+def _board(name: str, numbers: dict[str, int], corners: Corners) -> int:
+    if name in numbers:
+        return numbers[name]
+    if not name and len(numbers) == 1:
+        return 0
+    raise TaskcalError(
+        f"{corners.source}: names a board '{shown(name)}', where the file of boards has {', '.join(numbers)}"
+    )
+
+
+def _is_on_wrist(kind: Pixels, campaign: Campaign, robot: Robot) -> bool:
+    """Whether the camera moves and the board stands, by which of both fits the nominal robot better.
+
+    Raises:
+        CampaignError: the poses do not tell.
+    """
+    assert kind.of is not None
+    assert kind.pictures is not None
+    rows = np.flatnonzero(kind.of >= 0)
+    counts = np.bincount(kind.board_of[rows])
+    rows = rows[kind.board_of[rows] == counts.argmax()]
+    T = ErrorModel(robot).poses(campaign.q[rows])
+    settled = kind.pictures.settle(kind.pictures.camera)
+    left: list[float] = []
+    for on_wrist in (True, False):
+        M = replace(kind, on_wrist=on_wrist).measured(settled)[kind.of[rows]]
+        R = hand_eye_rotation(T, M)
+        L = T @ se3.pose(R, hand_eye_place(T, M, R)) @ se3.inverse(M)
+        apart = se3.log(L[:, :3, :3] @ se3.nearest_rotation(np.median(L[:, :3, :3], axis=0)).T)
+        left.append(float(np.median(np.linalg.norm(apart, axis=1))))
+    if len(kind.boards) == 1 and max(left) < SURE * min(left):
+        raise CampaignError(
+            f"{campaign.source}: the poses of the board in the images follow the robot neither with the camera on the wrist (off "
+            f"by {np.degrees(left[0]):.2g}°, median) nor beside the robot ({np.degrees(left[1]):.2g}°): check that rows and images "
+            "belong together, and the joints' units and signs; or turn the wrist more from image to image"
+        )
+    return len(kind.boards) > 1 or left[0] < left[1]

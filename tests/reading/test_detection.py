@@ -1,0 +1,72 @@
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.errors import FileError
+from taskcal.observations import Board
+from taskcal.reading.detection import detect_corners
+
+cv2 = pytest.importorskip("cv2")
+BOARD = Board(kind="charuco", columns=7, rows=6, square_m=0.03, marker_m=0.022, dictionary="5X5_100", name="bench")
+SCALE = 2000.0
+"""Pixels a metre of the flat print."""
+VIEWS = {
+    "1.png": [[0.9, 0.1, 60.0], [-0.15, 1.0, 90.0], [1e-4, 2e-4, 1.0]],
+    "2.png": [[1.1, -0.2, 130.0], [0.2, 0.9, 40.0], [-1e-4, 1e-4, 1.0]],
+}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    pattern = cv2.aruco.CharucoBoard((7, 6), 0.03, 0.022, cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100))
+    flat = pattern.generateImage((round(0.21 * SCALE), round(0.18 * SCALE)), marginSize=0)
+    for name, H in VIEWS.items():
+        seen = cv2.warpPerspective(flat, np.array(H), (640, 560), borderValue=200)
+        cv2.imwrite(str(tmp_path / name), cv2.GaussianBlur(seen, (3, 3), 0.7))
+    cv2.imwrite(str(tmp_path / "10.png"), np.full((560, 640), 128, np.uint8))
+    return tmp_path
+
+
+def test_corners_are_found_where_they_are_printed(folder):
+    found = detect_corners(folder, [BOARD])
+    assert found.images == ("1.png", "2.png", "10.png")
+    assert (found.width, found.height) == (640, 560)
+    for k, name in enumerate(found.images[:2]):
+        own = found.image == k
+        assert sorted(found.id[own]) == list(range(30))
+        # a pixel of the flat print ends where the next begins, and has its middle half a pixel before
+        printed = BOARD.corners()[found.id[own], :2] * SCALE - 0.5
+        expected = cv2.perspectiveTransform(printed[None], np.array(VIEWS[name]))[0]
+        np.testing.assert_allclose(found.pixel[own], expected, atol=0.2)
+    assert not (found.image == 2).any()
+
+
+WRONG = {
+    "dictionary": ({"dictionary": "4X4_100"}, "they show markers 0 to 20 of dictionary 5X5_250"),
+    "counts": (
+        {"columns": 6, "rows": 7},
+        "columns and rows are swapped ('bench' is found with 7 columns and 6 rows then)",
+    ),
+    "layout": ({"legacy": True}, "it is printed in the present layout, legacy = false"),
+}
+
+
+@pytest.mark.parametrize(("change", "message"), WRONG.values(), ids=WRONG)
+def test_what_is_wrong_with_a_board_is_named(folder, change, message):
+    with pytest.raises(FileError, match=re.escape(message)):
+        detect_corners(folder, [replace(BOARD, **change)])
+
+
+def test_a_mirrored_print_is_named(folder):
+    for name in VIEWS:
+        cv2.imwrite(str(folder / name), cv2.imread(str(folder / name))[:, ::-1])
+    with pytest.raises(FileError, match="was printed mirrored"):
+        detect_corners(folder, [BOARD])
+
+
+def test_images_of_other_sizes_are_refused(folder):
+    cv2.imwrite(str(folder / "3.png"), np.full((480, 640), 128, np.uint8))
+    with pytest.raises(FileError, match=r"3\.png: has 640 × 480 pixels, and 1\.png 640 × 560"):
+        detect_corners(folder, [BOARD])

@@ -1,0 +1,129 @@
+import csv
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taskcal.errors import TaskcalError
+from taskcal.reading.pictures import read_corners
+from taskcal.reading.reader import ReadOptions, read_campaign
+from taskcal.tables.forms import read_table
+from tests.observations.pictured import COLUMNS, CORNERS, LENS, MODEL, ROWS, SQUARE, take_pictures
+
+SEEN = take_pictures(2, 8)
+JOINTS = {f"J{j + 1}_deg": [f"{q:.9f}" for q in np.degrees(SEEN.q[:, j])] for j in range(6)}
+ROBOT = MODEL.robot
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Files of a board and of corners; ``write`` writes further tables."""
+    (tmp_path / "board.toml").write_text(
+        f'[[board]]\nname = "floor"\nkind = "checkerboard"\ncolumns = {COLUMNS}\nrows = {ROWS}\nsquare_mm = {SQUARE * 1e3}\n'
+    )
+    write(tmp_path / "seen.corners.csv", corners())
+    return tmp_path
+
+
+def corners(**more):
+    """Columns of a file of corners."""
+    image, corner = np.divmod(np.arange(len(SEEN.pixel)), len(CORNERS))
+    return {
+        "image": [f"{k}.png" for k in image],
+        "board": ["floor"] * len(image),
+        "corner": corner,
+        "u_px": SEEN.pixel[:, 0],
+        "v_px": SEEN.pixel[:, 1],
+        "width_px": [LENS.width] * len(image),
+        "height_px": [LENS.height] * len(image),
+        **{name: [cells[k] for k in image] for name, cells in more.items()},
+    }
+
+
+def write(path, columns):
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows([columns, *zip(*columns.values(), strict=True)])
+    return path
+
+
+def read(folder, columns, images="seen.corners.csv"):
+    options = ReadOptions(board=folder / "board.toml", images=images and folder / images)
+    return read_campaign(write(folder / "joints.csv", columns), ROBOT, options=options)
+
+
+def test_rows_and_images_are_paired_by_column_id_or_order(folder):
+    """One file of corners with the joints, or rows that name images, or whose ids are their names, or as many of them."""
+    names = [f"{k}.png" for k in range(8)]
+    backwards = slice(None, None, -1)
+    turned = {name: cells[backwards] for name, cells in JOINTS.items()}
+    whole = read(folder, corners(**JOINTS), images=None)
+    assert whole.targets == ("camera",)
+    assert len(whole) == 8
+    np.testing.assert_allclose(whole.q, SEEN.q, atol=1e-9)
+    for columns in ({"image": names[backwards], **turned}, {"id": list("76543210"), **turned}):
+        found = read(folder, columns)
+        np.testing.assert_allclose(found.points[backwards], whole.points)
+        np.testing.assert_allclose(found.q[backwards], SEEN.q, atol=1e-9)
+    found = read(folder, JOINTS | {"id": list("abcdefgh")})
+    np.testing.assert_allclose(found.points, whole.points)
+    assert any("in their order, from 0.png to 7.png" in note for note in found.notes)
+
+
+def test_corners_are_written_as_they_are_read(folder):
+    found = read_corners(read_table(folder / "seen.corners.csv"))
+    blank = replace(found, images=("nothing.png", *found.images), image=found.image + 1)
+    again = read_corners(read_table(write(folder / "again.corners.csv", blank.table())))
+    assert (again.images, again.board, again.width) == (blank.images, blank.board, 1600)
+    np.testing.assert_array_equal(again.image, blank.image)
+    np.testing.assert_allclose(again.pixel, found.pixel, atol=1e-4)
+
+
+def test_images_without_a_board_are_named_and_their_rows_not_used(folder):
+    seen = {
+        name: [cell for cell, k in zip(cells, corners()["image"], strict=True) if k != "3.png"]
+        for name, cells in corners().items()
+    }
+    blank = {"image": "3.png", "width_px": LENS.width, "height_px": LENS.height}
+    write(folder / "seen.corners.csv", {name: [*cells, blank.get(name, "")] for name, cells in seen.items()})
+    campaign = read(folder, {"image": [f"{k}.png" for k in range(8)], **JOINTS})
+    assert campaign.valid[:, 0].tolist() == [k != 3 for k in range(8)]
+    assert "no board is seen in 3.png" in campaign.notes
+
+
+WRONG = {
+    "no such image": ({"image": ["x.png", *(f"{k}.png" for k in range(1, 8))], **JOINTS}, {}, "no image x.png"),
+    "image twice": ({"image": ["1.png", *(f"{k}.png" for k in range(1, 8))], **JOINTS}, {}, "named in two rows"),
+    "rows and images differ in number": (
+        {"id": list("abcdefg"), **{name: cells[1:] for name, cells in JOINTS.items()}},
+        {},
+        "has 7 rows where seen.corners.csv has 8 images",
+    ),
+    "size changes": (
+        {"image": [f"{k}.png" for k in range(8)], **JOINTS},
+        {"width_px": (-1, 800)},
+        "'7.png' is 800 pixels",
+    ),
+    "corner twice": ({"image": [f"{k}.png" for k in range(8)], **JOINTS}, {"corner": (1, 0)}, "is in line 2 already"),
+    "corner beyond the board": (
+        {"image": [f"{k}.png" for k in range(8)], **JOINTS},
+        {"corner": (1, 99)},
+        "are 0 to 53",
+    ),
+}
+
+
+@pytest.mark.parametrize(("columns", "changes", "message"), WRONG.values(), ids=WRONG)
+def test_what_cannot_be_paired_is_refused(folder, columns, changes, message):
+    cells = {name: list(values) for name, values in corners().items()}
+    for name, (row, value) in changes.items():
+        cells[name][row] = value
+    write(folder / "seen.corners.csv", cells)
+    with pytest.raises(TaskcalError, match=re.escape(message)):
+        read(folder, columns)
+
+
+def test_joints_that_do_not_follow_the_board_are_refused(folder):
+    order = np.random.default_rng(0).permutation(8)
+    with pytest.raises(TaskcalError, match="follow the robot neither"):
+        read(folder, {"image": [f"{k}.png" for k in order], **JOINTS})
