@@ -8,16 +8,20 @@ os.environ.pop(
     "PYTHONDONTWRITEBYTECODE", None
 )  # dozens of processes are started, each of which would compile the package
 
+import atexit
 import gc
 import shutil
 import sys
 import tempfile
 from collections import defaultdict
 from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
+import psutil
 import pytest
 from hypothesis import HealthCheck, settings
 from threadpoolctl import threadpool_limits
@@ -27,6 +31,7 @@ from tests.checked_calls import begin_test, install_checks
 sys.dont_write_bytecode = False  # for what this process is yet to import, and the workers to load
 
 os.environ["TASKCAL_STATE_DIR"] = tempfile.mkdtemp(prefix="taskcal-state-")  # not the user's own
+atexit.register(shutil.rmtree, os.environ["TASKCAL_STATE_DIR"], ignore_errors=True)
 
 threadpool_limits(1)  # a pytest plugin may have loaded NumPy, and its BLAS, before this file
 
@@ -124,9 +129,65 @@ def data_folder() -> Path:
     return DATA
 
 
+OPEN_S, CLOSING_S = 900.0, 60.0
+"""That a window may be open, and take to close, on a busy machine."""
+
+
+class Chromium:
+    """A browser without a window. One that hangs is killed and begun again: Playwright would wait for it without end."""
+
+    def __init__(self, playwright: Any, program: str) -> None:
+        self._playwright, self._program = playwright, program
+        self._browser: Any = None
+
+    @contextmanager
+    def window(self, **options: Any) -> Generator[Any, None, None]:
+        """A window of its own, without the cookies of others; what hangs in it ends with an error of Playwright."""
+        if self._browser is None or not self._browser.is_connected():
+            arguments = ["--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader"]
+            self._browser = self._playwright.chromium.launch(executable_path=self._program, args=arguments)
+        context = self._browser.new_context(**{"viewport": {"width": 1440, "height": 900}, **options})
+        try:
+            with killed_after(OPEN_S):
+                yield context
+        finally:
+            _close(context)
+
+    def close(self) -> None:
+        """End it."""
+        if self._browser is not None:
+            _close(self._browser)
+
+
+def _close(opened: Any) -> None:
+    """Close a window or a browser; one that is gone is closed."""
+    from playwright.sync_api import Error
+
+    with killed_after(CLOSING_S), suppress(Error):
+        opened.close()
+
+
+@contextmanager
+def killed_after(seconds: float) -> Generator[None, None, None]:
+    """Kill the browsers of this process if what is done with them takes longer; what waited for them goes on."""
+    timer = Timer(seconds, _kill_browsers)
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+def _kill_browsers() -> None:
+    for process in psutil.Process().children(recursive=True):
+        with suppress(psutil.Error):
+            if process.name().startswith(("chrom", "headless")):
+                process.kill()
+
+
 @pytest.fixture(scope="session")
-def chromium() -> Generator[Any, None, None]:
-    """A browser without a window; one for the tests of all folders, since Playwright has one in a process."""
+def chromium() -> Generator[Chromium, None, None]:
+    """One browser for the tests of all folders, since Playwright has one in a process."""
     from playwright.sync_api import sync_playwright
 
     program = os.environ.get("TASKCAL_CHROMIUM") or shutil.which("chromium")
@@ -135,7 +196,6 @@ def chromium() -> Generator[Any, None, None]:
             pytest.fail("no chromium is installed; pages have not been looked at")
         pytest.skip("no chromium is installed")
     with sync_playwright() as playwright:
-        options = ["--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader"]
-        browser = playwright.chromium.launch(executable_path=program, args=options)
+        browser = Chromium(playwright, program)
         yield browser
         browser.close()

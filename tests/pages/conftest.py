@@ -50,13 +50,13 @@ def tab(chromium: Any) -> Any:
 @contextmanager
 def quiet_tab(chromium: Any) -> Generator[Any, None, None]:
     """A tab as wide as on a desk, in which no page may complain."""
-    context = chromium.new_context(viewport={"width": 1440, "height": 900})
-    page, complaints = context.new_page(), list[str]()
-    page.set_default_timeout(120_000)
-    page.on("console", lambda said: complaints.append(said.text) if _is_a_complaint(said) else None)
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    yield page
-    context.close()
+    complaints = list[str]()
+    with chromium.window() as window:
+        page = window.new_page()
+        page.set_default_timeout(120_000)
+        page.on("console", lambda said: complaints.append(said.text) if _is_a_complaint(said) else None)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        yield page
     assert complaints == []
 
 

@@ -109,11 +109,8 @@ class Tab:
 @contextmanager
 def open_tab(browser: Any, address: str, **options: Any) -> Iterator[Tab]:
     """A tab in a window of its own, without the cookies of others."""
-    context = browser.new_context(viewport={"width": 1440, "height": 900}, **options)
-    try:
-        yield Tab(context, address)
-    finally:
-        context.close()
+    with browser.window(**options) as window:
+        yield Tab(window, address)
 
 
 @pytest.fixture

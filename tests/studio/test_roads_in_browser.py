@@ -200,9 +200,8 @@ def _lasting(text: str) -> set[str]:
 
 def test_two_projects_side_by_side_do_not_disturb_each_other(chromium: Any, tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
-    with served(first) as one, served(second) as other:
-        context = chromium.new_context(viewport={"width": 1440, "height": 900})
-        a, b = Tab(context, one), Tab(context, other)  # one browser, with the cookies of both
+    with served(first) as one, served(second) as other, chromium.window() as window:
+        a, b = Tab(window, one), Tab(window, other)  # one browser, with the cookies of both
         a.open("robot").get_by_label("Robot", exact=True).select_option("ur5")
         a.page.get_by_text("Joints of Universal Robots UR5").wait_for()
         b.open("robot").get_by_label("Robot", exact=True).select_option("abb-irb120")
@@ -218,4 +217,3 @@ def test_two_projects_side_by_side_do_not_disturb_each_other(chromium: Any, tmp_
         assert "ABB IRB 120" in b.open("robot").inner_text("main")
         assert files_of(second) == before
         assert a.complaints == b.complaints == []
-        context.close()
