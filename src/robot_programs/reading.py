@@ -266,14 +266,11 @@ def motions_to_joints(
         Motion(
             kind="axes",
             end=Target(name="", T=None, q=posture, posture=None, place=place),
-            via=None,
             tool=tool,
             part=part,
-            part_in_hand=False,
             speed=None if speeds is None else speeds[k],
             stops=stops is None or stops[k],
             follows=k - 1 if k else None,
-            routine="",
             place=place,
             waits=waits is None or waits[k],
         )

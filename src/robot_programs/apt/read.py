@@ -409,7 +409,6 @@ class Resolver:
         *,
         half: bool = False,
     ) -> None:
-        """A motion whose numbers are known."""
         # a cycle goes to its points by ways that are not written, as a motion of all joints does
         kind: MotionKind = "joint" if self.cycle else "linear" if via is None else "circular"
         self.reading.motions.append(
@@ -419,7 +418,6 @@ class Resolver:
                 via=None if via is None else self._target(statement, via),
                 tool=self.tools.loaded,
                 part=self.reading.part,
-                part_in_hand=False,
                 speed=None if self.rapid or self.cycle else self.feed.speed,
                 stops=False,
                 follows=self.previous,
@@ -491,7 +489,6 @@ class Resolver:
             self.position = self.previous = None
 
     def _frame(self, statement: Statement) -> None:
-        """A frame by CSYS or TRNTYP."""
         word, line, before = statement.word, self.place(statement).line, self.frames.moved_since
         why = (self.frames.read_csys if word == "CSYS" else self.frames.read_trntyp)(statement, line)
         self.blocked.pop(word, None)

@@ -56,7 +56,6 @@ class AptProgram(Program):
 def _start(
     move: Motion, instruction: Instruction, waypoints: Mapping[int, tuple[Waypoint, ...]]
 ) -> Float[np.ndarray, " 3"] | None:
-    """Start of a motion in the rewritten program."""
     if move.follows is None or move.follows not in waypoints:
         return instruction.begin
     T = waypoints[move.follows][-1].T
@@ -104,7 +103,6 @@ class _Writing:
         return waypoint.T[:3, 3]
 
     def _statement(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> str:
-        """A waypoint as a statement of its own."""
         own = self.instruction
         if waypoint.via is None:
             return self._point(waypoint)
@@ -118,7 +116,6 @@ class _Writing:
         return "GOTO/" + ",".join(texts)
 
     def _own(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> list[TextEdit]:
-        """Edits of the motion's own statements."""
         own, end = self.instruction, self._end(waypoint)
         if own.circle is not None or own.record is not None:
             if waypoint.via is not None:
@@ -140,7 +137,6 @@ class _Writing:
         return out + [self._edit(token, -was[a, 2], -waypoint.T[a, 2], AXIS) for a, token in enumerate(axes)]
 
     def _arc_edits(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> list[TextEdit]:
-        """Edits of the numbers of an arc."""
         own = self.instruction
         if own.circle is None and own.record is None:
             raise InputError(f"{self.place}: a line cannot become an arc here; write the program in another language")
@@ -175,7 +171,6 @@ class _Writing:
         return out
 
     def _record_edits(self, arc: Arc, begin: Float[np.ndarray, " 3"], waypoint: Waypoint) -> list[TextEdit]:
-        """Edits of a circle's record, and of the end behind it."""
         own = self.instruction
         assert own.record is not None
         assert waypoint.T is not None

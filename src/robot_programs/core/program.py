@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Container, Hashable, Iterable,
 from dataclasses import dataclass, field, replace
 from math import atan2, copysign, cos, degrees, hypot, inf, radians, sin
 from pathlib import Path
-from typing import Literal, Protocol, TypeVar, runtime_checkable
+from typing import Any, Literal, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -162,19 +162,19 @@ class Motion:
 
     kind: MotionKind
     end: Target
-    via: Target | None
+    via: Target | None = None
     """Via point of an arc."""
     tool: Frame
     part: Frame
-    part_in_hand: bool
+    part_in_hand: bool = False
     """The robot holds the part, and the tool stands still."""
-    speed: float | None
+    speed: float | None = None
     """Programmed speed of the TCP, metres per second; None where it is not known or not meant."""
     stops: bool
     """It comes to rest in its target instead of passing by."""
-    follows: int | None
+    follows: int | None = None
     """Number of the motion that ends where this one begins; None where the text does not tell."""
-    routine: str
+    routine: str = ""
     place: Place
     turn_speed: float | None = None
     """Programmed speed of the tool's reorientation, radians per second; None where it is not known."""
@@ -549,6 +549,54 @@ class Wrapping:
     """Motions that have it."""
     left: tuple[Diagnostic, ...]
     """Motions that could not be given it, and why."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Wrapped:
+    """A motion that is given a function, or not."""
+
+    place: Place
+    name: str
+    """Of its instruction."""
+    edits: tuple[TextEdit, ...] = ()
+    obstacle: str = ""
+    """Why it is not."""
+
+
+def wrapping(
+    program: Program,
+    found: Iterable[Wrapped],
+    added: Source | None,
+    cleared: Callable[[Any], tuple[Program, Container[Place]]],
+) -> Wrapping:
+    """A program whose motions are given a function; of those that have it nothing is to be said any more.
+
+    Args:
+        program: the program.
+        found: its motions, as far as they are to have the function.
+        added: the file that declares it; see `Program.wrap`.
+        cleared: of the program as it is read again, what is left of it, and the places of the motions that have the function.
+    """
+    edits: dict[Path, list[TextEdit]] = {source.path: [] for source in program.sources}
+    wrapped, left = list[Place](), list[Diagnostic]()
+    for one in found:
+        if one.obstacle:
+            left.append(Diagnostic(place=one.place, text=f"{one.name} is not corrected at run time: {one.obstacle}"))
+        else:
+            wrapped.append(one.place)
+            edits[one.place.path] += one.edits
+
+    def read(sources: tuple[Source, ...]) -> Program:
+        again, having = cleared(program.reread(sources))
+        said = tuple(d for d in again.diagnostics if d.place not in having or "stays as it is" not in d.text)
+        return replace(again, read=read, backup=program.backup, base_from=program.base_from, diagnostics=said)
+
+    sources = tuple(source.edited(edits[source.path]) for source in program.sources)
+    return Wrapping(
+        program=read(sources if added is None else (*sources, added)) if wrapped else program,
+        wrapped=tuple(wrapped),
+        left=tuple(left),
+    )
 
 
 # What a language of robot programs can do.

@@ -67,11 +67,9 @@ class _NoRobot:
     T_flange_tool: Float[np.ndarray, "4 4"] = field(default_factory=lambda: np.eye(4))
 
     def joint_frames(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n joints 4 4"]:
-        """Nowhere."""
         return np.full((len(q), JOINTS, 4, 4), np.nan)
 
     def tool_poses(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
-        """Nowhere."""
         return np.full((len(q), 4, 4), np.nan)
 
 

@@ -116,30 +116,59 @@ class Copy:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class WritingOut:
+class Repeated:
+    """A routine of which some calls get a copy of their own."""
+
+    source: Source
+    at: int
+    """Place of the copies."""
+    before: str
+    span: tuple[int, int]
+    """Its text."""
+    name: tuple[int, int]
+    """Place of its name there."""
+    calls: tuple[tuple[Source, tuple[int, int]], ...]
+    """Places at which these calls name it."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Plan:
     """What is written out in one file."""
 
-    turns: tuple[Turns, ...] = ()
-    copies: tuple[Copy, ...] = ()
-    named: Named = field(default_factory=dict[tuple[int, int], str])
-    fresh: FreshNames | None = None
-    """For labels; None where no loop has any."""
+    fresh: FreshNames
+    turns: list[Turns] = field(default_factory=list[Turns])
+    copies: list[Copy] = field(default_factory=list[Copy])
+    named: dict[tuple[int, int], str] = field(default_factory=dict[tuple[int, int], str])
 
 
-def written_out(sources: Sequence[Source], plans: Sequence[WritingOut]) -> tuple[Source, ...] | None:
-    """Files with their loops and copies written out; None where nothing can be.
+def written_out(
+    sources: Sequence[Source],
+    turns: Iterable[tuple[Source, Turns]],
+    repeated: Iterable[Repeated],
+    fresh: FreshNames,
+) -> tuple[Source, ...] | None:
+    """Files with loops written turn by turn, or where there are none with copies of routines; None where nothing can be.
 
     A file that would get too long stays as it is; routines get copies in all files or in none.
     """
-    new = [_written_out(source, plan) for source, plan in zip(sources, plans, strict=True)]
-    together = any(plan.copies or plan.named for plan in plans)
-    if (None in new and together) or not any(plan.turns or plan.copies for plan in plans):
+    plans = {source.path: _Plan(fresh=fresh) for source in sources}
+    for source, loop in turns:
+        plans[source.path].turns.append(loop)
+    together = not any(plan.turns for plan in plans.values())
+    for one in repeated if together else ():
+        for source, place in one.calls:
+            new = fresh.like(one.source.text[slice(*one.name)])
+            plans[source.path].named[place] = new
+            copy = Copy(at=one.at, before=one.before, span=one.span, named={one.name: new})
+            plans[one.source.path].copies.append(copy)
+    new = [_written_out(source, plans[source.path]) for source in sources]
+    if None in new and together:
         return None
     kept = tuple(old if made is None else made for old, made in zip(sources, new, strict=True))
     return None if all(a is b for a, b in zip(kept, sources, strict=True)) else kept
 
 
-def _written_out(source: Source, plan: WritingOut) -> Source | None:
+def _written_out(source: Source, plan: _Plan) -> Source | None:
     """The file with loops and copies written out, each line counted as the one that it comes from; None where it gets too long."""
     if not (plan.turns or plan.copies or plan.named):
         return source
@@ -155,14 +184,13 @@ def _written_out(source: Source, plan: WritingOut) -> Source | None:
 @dataclass(eq=False, kw_only=True)
 class _Writer:
     source: Source
-    plan: WritingOut
+    plan: _Plan
     parts: list[str] = field(default_factory=list[str])
     lines: list[int] = field(default_factory=list[int])
     fresh: bool = True
     """The next character begins a line."""
 
     def write(self, start: int, end: int, named: Named) -> None:
-        """Write a part of the text."""
         inside: list[tuple[int, int, str | Turns | Copy]] = [(*span, text) for span, text in named.items()]
         inside += [(one.start, one.end, one) for one in self.plan.turns]
         if (start, end) == (0, len(self.source.text)):  # copies are not copied again
@@ -188,8 +216,6 @@ class _Writer:
         self._put(self.source.text[at:end], at)
 
     def _labels(self, turns: Turns) -> Named:
-        if self.plan.fresh is None:
-            return {}
         names = {label: self.plan.fresh.like(label) for label in turns.labels}
         return {place: names[label] for label, places in turns.labels.items() for place in places}
 

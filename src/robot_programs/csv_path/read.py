@@ -201,7 +201,6 @@ def _check_quotes(table: Table) -> None:
 
 
 def _delimiter_of(text: str) -> str:
-    """Separator of the cells, by the header."""
     # one after another: of a large file all lines take far more memory than its text
     lines = (line[0] for line in _LINE.finditer(_SEPARATOR_LINE.sub("", text, count=1)))
     header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
@@ -526,13 +525,11 @@ def rewrite(path_table: PathTable, written: Written, path: Sequence[Waypoint]) -
 
 
 def _copied(path_table: PathTable, row: int, edits: Sequence[TextEdit]) -> str:
-    """A row's line with some of its cells edited."""
     source, place = path_table.source, path_table.rows[row]
     return source.piece(place.start, place.end, edits) + source.newline
 
 
 def _rows_for(path_table: PathTable, written: Written, waypoint: Waypoint) -> list[tuple[int, list[TextEdit]]]:
-    """The rows that hold a waypoint, with the edits of their cells."""
     if waypoint.via is None:
         return [(written.row, _edits(path_table, written.row, waypoint, waypoint.kind))]
     if written.via is None:
@@ -544,7 +541,6 @@ def _rows_for(path_table: PathTable, written: Written, waypoint: Waypoint) -> li
 
 
 def _edits(path_table: PathTable, row: int, waypoint: Waypoint, word: str) -> list[TextEdit]:
-    """Edits of a row's cells that are to hold a waypoint."""
     columns = path_table.columns
     values: dict[str, tuple[float, float, int]] = {}
     if word == "axes":
@@ -680,7 +676,6 @@ def resolve_move(
         via=None if via is None else _target(path_table, via),
         tool=tool,
         part=part,
-        part_in_hand=False,
         speed=None if np.isnan(path_table.speed[row]) else float(path_table.speed[row]),
         stops=_stops(path_table, row),
         follows=before,

@@ -321,11 +321,8 @@ def _field_text(name: str, text: str, was: float, value: float) -> str:
 
 
 def _integer(old: str, value: int) -> str:
-    if old[:2].upper() == "'B":
-        return f"{old[:2]}{value:0{len(old) - 3}b}'"
-    if old[:2].upper() == "'H":
-        return f"{old[:2]}{value:0{len(old) - 3}X}'"
-    return str(value)
+    base = {"'B": "b", "'H": "X"}.get(old[:2].upper())
+    return str(value) if base is None else f"{old[:2]}{value:0{len(old) - 3}{base}}'"
 
 
 def edits_for(aggregate: Aggregate, values: Mapping[str, float]) -> list[TextEdit]:

@@ -16,7 +16,6 @@ from robot_programs.krl.syntax import (
     Aggregate,
     Assignment,
     Call,
-    Field,
     Operand,
     Word,
     arguments_of,
@@ -34,6 +33,8 @@ from robot_programs.krl.values import (
     evaluated,
     name_of,
     number_of,
+    structure,
+    values_of,
     with_values,
 )
 
@@ -129,15 +130,11 @@ def _function(words: Sequence[Word]) -> str:
 
 
 def _structure(words: Sequence[Word]) -> Aggregate | None:
-    """The structure that a value is; None where it is anything else."""
     return aggregate_of(parse_operand(words))
 
 
 def _size(words: Sequence[Word], known: Known) -> float | None:
-    try:
-        return _positive(number_of(words, known))
-    except Unresolved:
-        return None
+    return _positive(_number(words, known))
 
 
 def _positive(value: float | bool | None) -> float | None:
@@ -340,7 +337,6 @@ class Frames:
         return pose(value)
 
     def _base(self, words: Sequence[Word], known: Known) -> FrameVariable:
-        """Value of $BASE."""
         inside = coupled(words)
         if inside is None or isinstance(inside, FrameVariable):
             return self.of(words, "$BASE", known) if inside is None else inside
@@ -493,18 +489,14 @@ class Frames:
             return _unknown(trouble)
 
     def _with_parameters(self, state: State, value: Operand) -> State:
+        part = value.parts[0] if len(value.parts) == 1 else None
+        if part is None:
+            return replace(state, parameters=None, parameters_reason="FDAT_ACT is not set to a set of parameters")
         try:
-            return replace(state, parameters=self._parameters(value))
+            stated = part if isinstance(part, Aggregate) else self._stated(part.name)
+            return replace(state, parameters=stated)
         except Unresolved as trouble:
             return replace(state, parameters=None, parameters_reason=str(trouble))
-
-    def _parameters(self, value: Operand) -> Aggregate:
-        if len(value.parts) != 1:
-            raise Unresolved("FDAT_ACT is not set to a set of parameters")
-        part = value.parts[0]
-        if isinstance(part, Aggregate):
-            return part
-        return self._stated(part.name)
 
     def after_bas(self, state: State, line: Call) -> State:
         """The state behind a call of BAS, the controller's routine for motion parameters (bas.src)."""
@@ -605,16 +597,8 @@ class Frames:
 
 def _with_component(parameters: Aggregate, line: Assignment, known: Known) -> Aggregate:
     """A set of parameters with one component as a line sets it: a number, or something that the text does not tell."""
-    name = line.name.partition(".")[2]
-    new = Field(
-        name=name,
-        text=line.text,
-        value=_number(line.words, known),
-        start=0,
-        end=0,
-        touches=False,
-    )
-    return replace(parameters, fields=(*(old for old in parameters.fields if old.name != name), new))
+    name, number = line.name.partition(".")[2], _number(line.words, known)
+    return structure(parameters.type, {**values_of(parameters), name: line.text if number is None else number})
 
 
 def _number(words: Sequence[Word], lookup: Lookup) -> float | None:

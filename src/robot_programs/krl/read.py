@@ -324,7 +324,6 @@ class Resolver:
             turn_speed=_turn_speed(state) if kind in ("linear", "circular") else None,
             stops=not line.passing,
             zone=state.approximation.zone(line.passing, kind),
-            follows=None,
             routine=self.routine.name,
             place=self.routine.file.source.place(line.start),
             external=_external(written[-1].aggregates[0], line),

@@ -3,35 +3,34 @@
 import re
 from collections import Counter, defaultdict
 from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from dataclasses import dataclass, field
 from math import isnan
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from robot_programs.core import se3
 from robot_programs.core.errors import InputError
 from robot_programs.core.flow import Block, Loop
 from robot_programs.core.program import (
     Composition,
-    Diagnostic,
     Motion,
     MotionKind,
     Program,
     Target,
     Visit,
     Waypoint,
+    Wrapped,
     Wrapping,
     reject_in_turn,
+    wrapping,
 )
-from robot_programs.core.robot import Robot, meeting_point
+from robot_programs.core.robot import Robot, arm_bends
 from robot_programs.core.source import FreshNames, Place, Source, TextEdit, numeral
 from robot_programs.core.written_out import (
-    Copy,
+    Repeated,
     Shared,
     Turns,
-    WritingOut,
     least_worst,
     loops_to_write,
     reaching,
@@ -81,10 +80,7 @@ ACCURATE_BIT = 0b10000
 """Of S, where the controller's own correction was on."""
 
 BORDER_TOLERANCE = 1e-6
-"""Nearer to the border between two values of a bit than this, radians or metres, either value is right."""
-
-PROBE_TURN_RAD = 1e-3
-"""Of axis 3, by which it is seen about which side of its z axis it counts, radians."""
+"""Nearer to the border between two values of a bit than this, radians, either value is right."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,46 +150,9 @@ def _with_bits(value: int, positive: Float[np.ndarray, " bits"]) -> int:
 
 
 def _beyond(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3"] | None:
-    """Quantities that are positive where bits 0, 1 and 2 of S are set; None for a robot without such a wrist."""
-    geometry = _geometry(robot)
-    if geometry is None:
-        return None
-    ahead = q.copy()
-    ahead[:, 0] = 0.0  # seen from a frame that turns with axis 1
-    turned, frames = np.split(robot.joint_frames(np.concatenate([ahead, q])), 2)
-    overhead = -geometry.wrist(turned)[:, 0]
-    second, third = frames[:, 1], frames[:, 2]
-    arm, forearm = third[:, :3, 3] - second[:, :3, 3], geometry.wrist(frames) - third[:, :3, 3]
-    elbow = np.einsum("ni,ni->n", third[:, :3, 2], np.cross(arm, forearm)) * geometry.elbow_sign
-    return np.stack([overhead, elbow, -np.sin(q[:, 4])], axis=1)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Geometry:
-    centre: Float[np.ndarray, " 3"]
-    """Of the wrist, in the frame behind joint 4."""
-    elbow_sign: float
-    """Whether axis 3 counts about its z axis or against it."""
-
-    def wrist(self, frames: Float[np.ndarray, "n joints 4 4"]) -> Float[np.ndarray, "n 3"]:
-        """Centres of the wrist in the base."""
-        return se3.apply(frames[:, 3], self.centre)
-
-
-@lru_cache(maxsize=8)
-def _geometry(robot: Robot) -> _Geometry | None:
-    """The arm's geometry; None unless axes 2 and 3 are parallel and axes 4, 5 and 6 meet in one point."""
-    if len(robot.joint_names) != JOINTS or any(robot.prismatic):
-        return None
-    home = np.mean(np.clip(robot.limits, -np.pi, np.pi), axis=1)
-    T, turned = robot.joint_frames(np.stack([home, home + PROBE_TURN_RAD * np.eye(JOINTS)[2]]))
-    centre, distance = meeting_point(T[3:])
-    if distance > BORDER_TOLERANCE or np.linalg.norm(np.cross(T[1, :3, 2], T[2, :3, 2])) > BORDER_TOLERANCE:
-        return None
-    return _Geometry(
-        centre=T[3, :3, :3].T @ (centre - T[3, :3, 3]),
-        elbow_sign=float(np.sign((T[1, :3, :3].T @ T[2, :3, 1]) @ (turned[1, :3, :3].T @ turned[2, :3, 0]))),
-    )
+    """Angles, or the sine of one, that are positive where bits 0, 1 and 2 of S are set; None for a robot without such an arm."""
+    bends = arm_bends(robot, q)
+    return None if bends is None else np.column_stack([-bends[:, 0], bends[:, 1], -np.sin(q[:, 4])])
 
 
 MAX_NAME_LENGTH = 24
@@ -251,21 +210,12 @@ class Site:
         return (self.file.number, self.motion.start)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Use:
-    """A variable that gets other numbers for some motions."""
-
-    datum: Datum
-    changes: tuple[TextEdit, ...]
-    points: list[Written] = field(default_factory=list[Written])
-
-
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class KrlProgram(Program):
     """KRL program read from ``.src`` and ``.dat`` files."""
 
     sites: tuple[Site, ...]
-    """Of the moves, in their order."""
+    """Of the motions, in their order."""
     files: tuple[File, ...] = ()
     bodies: Mapping[Routine, Block] = field(default_factory=dict[Routine, Block])
     """Nodes of the routines."""
@@ -282,36 +232,21 @@ class KrlProgram(Program):
             raise InputError(f"{self.sources[0].path}: has a function {function} already")
         staying = {site.text for i, site in enumerate(self.sites) if i not in rejected}
         motions = self.unresolved | {site.text for site in self.sites}.difference(staying)
-        found = list(wrap(self.files, motions, function, without))
-        edits: dict[int, list[TextEdit]] = defaultdict(list)
-        for one in found:
-            edits[one.file.number] += one.edits
-
-        def read(sources: tuple[Source, ...]) -> Program:
-            """The program, of whose motions with the function nothing is to be said any more."""
-            again = self.reread(sources)
-            assert isinstance(again, KrlProgram)
-            having = {
-                file.source.place(line.start)
-                for file in again.files
-                for line in file.statements
-                if calls_function(line, function)
-            }
-            said = tuple(d for d in again.diagnostics if d.place not in having or "stays as it is" not in d.text)
-            return replace(again, read=read, backup=self.backup, base_from=self.base_from, diagnostics=said)
-
-        wrapped = tuple(one.file.source.place(one.line.start) for one in found if one.edits)
-        sources = tuple(file.source.edited(edits.get(file.number, ())) for file in self.files)
-        left = (
-            Diagnostic(
+        found = (
+            Wrapped(
                 place=one.file.source.place(one.line.start),
-                text=f"{one.line.keyword} is not corrected at run time: {one.obstacle}",
+                name=one.line.keyword,
+                edits=one.edits,
+                obstacle=one.obstacle,
             )
-            for one in found
-            if one.obstacle
+            for one in wrap(self.files, motions, function, without)
         )
-        program = read((*sources, added) if added is not None else sources) if wrapped else self
-        return Wrapping(program=program, wrapped=wrapped, left=tuple(left))
+
+        def cleared(again: KrlProgram) -> tuple[KrlProgram, set[Place]]:
+            lines = ((file, line) for file in again.files for line in file.statements if calls_function(line, function))
+            return again, {file.source.place(line.start) for file, line in lines}
+
+        return wrapping(self, found, added, cleared)
 
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
@@ -335,20 +270,20 @@ class KrlProgram(Program):
         rewriting = _Rewriting(robot=robot, files=_files(self.sites))
         changed = {number for number, path in waypoints.items() if not self.motions[number].stays(path)}
         done: set[tuple[int, int]] = set()
-        for number, (site, move) in enumerate(zip(self.sites, self.motions, strict=True)):
+        for number, (site, motion) in enumerate(zip(self.sites, self.motions, strict=True)):
             path = waypoints.get(number)
             if site.leans:
                 leaned_on = number in changed or changed.intersection(site.before)
-                path = (path or (move.own_waypoint(),)) if leaned_on else None
+                path = (path or (motion.own_waypoint(),)) if leaned_on else None
             if path is None:
                 continue
             if number in elements:
-                rewriting.elements(site, move, path)
-            elif move.texts_motions == 1:
-                rewriting.motion(site, move, path)
-            elif not move.stays(path) and site.text not in done:
+                rewriting.elements(site, motion, path)
+            elif motion.texts_motions == 1:
+                rewriting.motion(site, motion, path)
+            elif not motion.stays(path) and site.text not in done:
                 done.add(site.text)
-                rewriting.motion(site, move, path)
+                rewriting.motion(site, motion, path)
         rewriting.variables()
         return tuple(source.edited(rewriting.edits.get(i, ())) for i, source in enumerate(self.sources))
 
@@ -356,14 +291,28 @@ class KrlProgram(Program):
         self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float = 0.0
     ) -> dict[int, str]:
         """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
-        return Sharing(sites=self.sites, motions=self.motions, robot=robot).unwritable(waypoints)
+        return reject_in_turn(waypoints, lambda rest: _conflicts(self, robot, rest))
 
     def least_worst(
         self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], numbers: Collection[int], tolerance: float
     ) -> dict[int, tuple[Waypoint, ...]]:
         """One value where motions share their numbers; see `Program.least_worst`."""
-        sharing = Sharing(sites=self.sites, motions=self.motions, robot=robot)
-        return sharing.least_worst(waypoints, numbers, tolerance)
+        groups: dict[object, list[Shared]] = defaultdict(list)
+        elements = in_data_list(self.sites, self.motions, waypoints)
+        for i, (site, motion) in enumerate(zip(self.sites, self.motions, strict=True)):
+            datum, T = site.written[-1].datum, motion.end.T
+            if len(site.written) > 1 or site.leans or T is None:
+                continue
+            if i in elements and datum is not None:
+                groups[datum.file.number, datum.start].append(Shared(number=i))
+            elif motion.texts_motions > 1:
+                groups[site.text, T.tobytes()].append(Shared(number=i))
+        out: dict[int, tuple[Waypoint, ...]] = {}
+        for group in groups.values():
+            whole = len(group) in (1, self.motions[group[0].number].texts_motions) or group[0].number in elements
+            if whole and any(one.number in numbers for one in group):
+                out |= least_worst(group, waypoints, tolerance)
+        return out
 
     def written_out(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
         """The program's files with shared text written out; see `Program.written_out`."""
@@ -380,14 +329,13 @@ class KrlProgram(Program):
         reached = reaching(
             motions, {other: [((r.file.number, x.start), r) for x, r in own] for other, own in calls.items()}
         )
-        turns: dict[int, list[Turns]] = defaultdict(list)
-        for routine, nodes in self.bodies.items():
-            turns[routine.file.number] += _turns_of(routine, nodes, self.turns, reached, by_name)
+        turns = (
+            (routine.file.source, loop)
+            for routine, nodes in self.bodies.items()
+            for loop in _turns_of(routine, nodes, self.turns, reached, by_name)
+        )
         fresh = FreshNames((name for file in self.files for name in file.mentions), longest=MAX_NAME_LENGTH)
-        plans = {number: WritingOut(turns=tuple(own), fresh=fresh) for number, own in turns.items() if own}
-        if not plans:
-            plans = _copies(calls, {routine for _, routine in motions}, self.files)
-        return written_out(self.sources, [plans.get(i, WritingOut()) for i in range(len(self.sources))])
+        return written_out(self.sources, turns, _repeated(calls, {routine for _, routine in motions}), fresh)
 
     def visits(self) -> Iterable[Visit]:
         """Motions of one routine that name one point; see `Program.visits`."""
@@ -464,38 +412,28 @@ def _labels_of(lines: Sequence[Statement]) -> dict[str, tuple[tuple[int, int], .
     return {label: tuple(places) for label, places in found.items() if label in own}
 
 
-def _copies(
-    calls: Mapping[Routine, Sequence[tuple[Statement, Routine]]], shared: Iterable[Routine], files: Iterable[File]
-) -> dict[int, WritingOut]:
-    """A copy of routines with shared lines for each call in their file but the first; by number of the file."""
-    fresh = FreshNames((name for file in files for name in file.mentions), longest=MAX_NAME_LENGTH)
-    copies: dict[int, list[Copy]] = defaultdict(list)
-    named: dict[int, dict[tuple[int, int], str]] = defaultdict(dict)
+def _repeated(
+    calls: Mapping[Routine, Sequence[tuple[Statement, Routine]]], shared: Iterable[Routine]
+) -> Iterator[Repeated]:
+    """Routines with shared lines, of which each call in their file but the first gets a copy."""
     for routine in sorted(shared, key=lambda one: (one.file.number, one.head.start if one.head else 0)):
-        head, file = routine.head, routine.file
-        own = [line for line, by in calls.get(routine, ()) if by.file is file and isinstance(line, Call)]
+        head, file, everywhere = routine.head, routine.file, calls.get(routine, ())
+        if head is None or any(by is routine for _, by in everywhere):
+            continue
         text = file.source.text
-        end = next(
-            (line for line in file.statements if head and isinstance(line, End) and line.start > head.start), None
-        )
-        if head is None or end is None or any(by is routine for _, by in calls.get(routine, ())):
-            continue
+        end = next((line for line in file.statements if isinstance(line, End) and line.start > head.start), None)
         name = re.search(rf"\b{re.escape(routine.name)}\b", text[head.start : head.end], re.IGNORECASE)
-        if name is None:
+        if end is None or name is None:
             continue
-        start, at = text.rfind("\n", 0, head.start) + 1, text.find("\n", end.end) + 1 or len(text)
-        for line in own[len(own) == len(calls.get(routine, ())) :]:
-            new = fresh.like(name[0])
-            named[file.number][line.start, line.start + len(routine.name)] = new
-            copies[file.number].append(
-                Copy(
-                    at=at,
-                    before=file.source.newline,
-                    span=(start, at),
-                    named={(head.start + name.start(), head.start + name.end()): new},
-                )
-            )
-    return {number: WritingOut(copies=tuple(own), named=named[number]) for number, own in copies.items()}
+        own = [line for line, by in everywhere if by.file is file and isinstance(line, Call)]
+        first, at = text.rfind("\n", 0, head.start) + 1, text.find("\n", end.end) + 1 or len(text)
+        yield Repeated(
+            source=file.source, at=at, before=file.source.newline, span=(first, at),
+            name=(head.start + name.start(), head.start + name.end()),
+            calls=tuple(
+                (file.source, (line.start, line.start + len(name[0]))) for line in own[len(own) == len(everywhere) :]
+            ),
+        )  # fmt: skip
 
 
 def _files(sites: Sequence[Site]) -> tuple[File, ...]:
@@ -509,39 +447,35 @@ class _Rewriting:
     files: tuple[File, ...]
     edits: dict[int, list[TextEdit]] = field(default_factory=dict[int, list[TextEdit]])
     """By number of the file."""
-    uses: dict[tuple[int, int, tuple[TextEdit, ...]], _Use] = field(
-        default_factory=dict[tuple[int, int, tuple[TextEdit, ...]], _Use]
-    )
-    """By file and position of the variable, and by what changes."""
+    uses: dict[Datum, dict[tuple[TextEdit, ...], list[Written]]] = field(default_factory=dict[Datum, Any])
+    """By variable and what changes of it: the points that are to have it so."""
 
     def _edit(self, file: File, edit: TextEdit) -> None:
         self.edits.setdefault(file.number, []).append(edit)
 
-    def motion(self, site: Site, move: Motion, path: tuple[Waypoint, ...]) -> None:
-        """Rewrite a motion, with motions of their own for all waypoints but the last."""
+    def motion(self, site: Site, motion: Motion, path: tuple[Waypoint, ...]) -> None:
         *before, last = path
-        self._before(site, move, before)
+        self._before(site, motion, before)
         start = site.motion.start
-        if last.kind != move.kind or site.leans:
-            text = self._instruction(site, move, last, passing=not move.stops)
+        if last.kind != motion.kind or site.leans:
+            text = self._instruction(site, motion, last, passing=not motion.stops)
             self._edit(site.file, TextEdit(start=start, end=site.motion.end, text=text))
             return
         self._point(site.written[-1], last)
         if last.via is not None:
             self._point(site.written[0], last.via)
 
-    def _before(self, site: Site, move: Motion, path: Sequence[Waypoint]) -> None:
-        """Put motions of their own before a motion."""
+    def _before(self, site: Site, motion: Motion, path: Sequence[Waypoint]) -> None:
         source, start = site.file.source, site.motion.start
         line = source.text.rfind("\n", 0, start) + 1
         for waypoint in path:
-            text = self._instruction(site, move, waypoint, passing=True)
+            text = self._instruction(site, motion, waypoint, passing=True)
             self._edit(site.file, TextEdit(start=line, end=line, text=f"{source.indent(start)}{text}{source.newline}"))
 
-    def elements(self, site: Site, move: Motion, path: tuple[Waypoint, ...]) -> None:
+    def elements(self, site: Site, motion: Motion, path: tuple[Waypoint, ...]) -> None:
         """Give the elements to which a motion goes their new numbers, in the data list."""
         *before, last = path
-        self._before(site, move, before)
+        self._before(site, motion, before)
         points = (last,) if last.via is None else (last.via, last)
         for written, waypoint in zip(site.written, points, strict=True):
             datum = written.datum
@@ -551,8 +485,7 @@ class _Rewriting:
             changes = edits_for(datum.aggregate, values_at(self.robot, written, waypoint))
             edits += [change for change in changes if (change.start, change.end) not in known]
 
-    def _instruction(self, site: Site, move: Motion, waypoint: Waypoint, *, passing: bool) -> str:
-        """A motion instruction to a waypoint, with all else that the motion says."""
+    def _instruction(self, site: Site, motion: Motion, waypoint: Waypoint, *, passing: bool) -> str:
         keyword = KEYWORDS[waypoint.kind]
         spline = site.motion.keyword.startswith("S")
         if spline:
@@ -565,14 +498,13 @@ class _Rewriting:
         if site.motion.along:
             rest = _ALONG.sub("", rest)
         along_path = waypoint.kind in ("linear", "circular")
-        if not spline and along_path != (move.kind in ("linear", "circular")):
+        if not spline and along_path != (motion.kind in ("linear", "circular")):
             rest = ""  # C_PTP is not for paths, C_DIS not for PTP alone
-        if passing and (move.stops or not rest):
+        if passing and (motion.stops or not rest):
             rest += " C_SPL" if spline else " C_DIS" if along_path else " C_PTP"
         return f"{keyword} {', '.join(points)}{rest}"
 
     def _point(self, written: Written, waypoint: Waypoint) -> None:
-        """Give a point of a motion its new numbers."""
         first, operand = written.aggregates[0], written.operand
         if has_axes(first) == (waypoint.T is None):
             changes = edits_for(first, values_at(self.robot, written, waypoint))
@@ -582,8 +514,7 @@ class _Rewriting:
                 return
             datum = written.listed
             if datum is not None and not written.computed:
-                key = (datum.file.number, datum.start, tuple(changes))
-                self.uses.setdefault(key, _Use(datum=datum, changes=key[2])).points.append(written)
+                self.uses.setdefault(datum, {}).setdefault(tuple(changes), []).append(written)
                 return
             if not changes and len(operand.parts) < 2:
                 return
@@ -617,47 +548,38 @@ class _Rewriting:
 
     def variables(self) -> None:
         """Change variables where all motions that use one agree, and copy them where they do not."""
-        by_datum: dict[tuple[int, int], list[_Use]] = {}
-        for (file, start, _), use in self.uses.items():
-            by_datum.setdefault((file, start), []).append(use)
         if not self.uses:
             return
         names = FreshNames((name for file in self.files for name in file.mentions), longest=MAX_NAME_LENGTH)
         modules: dict[str, list[File]] = defaultdict(list)
         for file in self.files:
             modules[file.module].append(file)
-        for uses in by_datum.values():
-            datum = uses[0].datum
-            rewritten = {(w.file.number, w.operand.start) for use in uses for w in use.points}
+        for datum, uses in self.uses.items():
+            rewritten = {(w.file.number, w.operand.start) for points in uses.values() for w in points}
             rewritten.add((datum.file.number, datum.start))
             mentions = {
                 (file.number, at) for file in modules[datum.file.module] for at in file.mentions.get(datum.name, ())
             }
-            stays = any(not use.changes for use in uses) or mentions - rewritten
-            for use in uses:
-                if not stays and use is uses[0]:
-                    for change in use.changes:
-                        self._edit(datum.file, change)
-                    name = _name(datum)
-                else:
-                    name = self._copied(use, names) if use.changes else _name(datum)
-                for written in use.points:
-                    operand = written.operand
-                    if (
-                        len(operand.parts) > 1
-                        or written.file.source.text[operand.start : operand.end].upper() != name.upper()
-                    ):
-                        self._edit(written.file, TextEdit(start=operand.start, end=operand.end, text=name))
+            stays = () in uses or bool(mentions - rewritten)
+            for changes, points in uses.items():
+                name = self._copied(datum, changes, names) if changes and stays else _name(datum)
+                for change in changes if not stays else ():
+                    self._edit(datum.file, change)
+                stays = True
+                for written in points:
+                    start, end = written.operand.start, written.operand.end
+                    own = written.file.source.text[start:end]
+                    if len(written.operand.parts) > 1 or own.upper() != name.upper():
+                        self._edit(written.file, TextEdit(start=start, end=end, text=name))
 
-    def _copied(self, use: _Use, names: FreshNames) -> str:
+    def _copied(self, datum: Datum, changes: Iterable[TextEdit], names: FreshNames) -> str:
         """Put a copy of a variable with other numbers behind its line."""
-        datum, source = use.datum, use.datum.file.source
-        name = names.like(_name(datum))
+        source, name = datum.file.source, names.like(_name(datum))
         start = source.text.rfind("\n", 0, datum.start) + 1
         end = source.text.find("\n", datum.start) + 1
         renamed = TextEdit(start=datum.start, end=datum.start + len(_name(datum)), text=name)
         at = end or len(source.text)
-        line = source.piece(start, at, [renamed, *use.changes])
+        line = source.piece(start, at, [renamed, *changes])
         self._edit(datum.file, TextEdit(start=at, end=at, text=line if end else source.newline + line))
         return name
 
@@ -678,7 +600,6 @@ def values_at(robot: Robot, written: Written, waypoint: Waypoint) -> dict[str, f
 
 
 def _name(datum: Datum) -> str:
-    """A variable's name as its declaration writes it."""
     return datum.file.source.text[datum.start : datum.start + len(datum.name)]
 
 
@@ -703,11 +624,13 @@ def in_data_list(
     They go to elements of arrays of the program's own to which a text leads that stands for several motions.
     """
     arrays = [_arrays(site) for site in sites]
-    shared = frozenset[str]().union(*(own for own, move in zip(arrays, motions, strict=True) if move.texts_motions > 1))
+    shared = frozenset[str]().union(
+        *(own for own, motion in zip(arrays, motions, strict=True) if motion.texts_motions > 1)
+    )
     return frozenset(
         i
-        for i, (own, move) in enumerate(zip(arrays, motions, strict=True))
-        if own & shared and all(point.kind == move.kind for point in waypoints.get(i, ())[-1:])
+        for i, (own, motion) in enumerate(zip(arrays, motions, strict=True))
+        if own & shared and all(point.kind == motion.kind for point in waypoints.get(i, ())[-1:])
     )
 
 
@@ -727,128 +650,84 @@ def _array(written: Written) -> str:
     return f"{datum.file.module}:{datum.name.partition('[')[0]}"
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Sharing:
-    """The motions of a program."""
-
-    sites: Sequence[Site]
-    motions: Sequence[Motion]
-    robot: Robot
-
-    def unwritable(self, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> dict[int, str]:
-        """Motions that cannot be rewritten as they should, by number, and why."""
-        return reject_in_turn(waypoints, self._conflicts)
-
-    def least_worst(
-        self, waypoints: Mapping[int, tuple[Waypoint, ...]], numbers: Collection[int], tolerance: float
-    ) -> dict[int, tuple[Waypoint, ...]]:
-        """New waypoints of motions that share their numbers; see `Program.least_worst`."""
-        groups: dict[object, list[Shared]] = defaultdict(list)
-        elements = in_data_list(self.sites, self.motions, waypoints)
-        for i, (site, move) in enumerate(zip(self.sites, self.motions, strict=True)):
-            datum, T = site.written[-1].datum, move.end.T
-            if len(site.written) > 1 or site.leans or T is None:
-                continue
-            if i in elements and datum is not None:
-                groups[datum.file.number, datum.start].append(Shared(number=i))
-            elif move.texts_motions > 1:
-                groups[site.text, T.tobytes()].append(Shared(number=i))
-        out: dict[int, tuple[Waypoint, ...]] = {}
-        for group in groups.values():
-            whole = len(group) in (1, self.motions[group[0].number].texts_motions) or group[0].number in elements
-            if whole and any(one.number in numbers for one in group):
-                out |= least_worst(group, waypoints, tolerance)
-        return out
-
-    def _conflicts(self, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> Iterator[tuple[int, str]]:
-        texts: dict[tuple[int, int], list[int]] = defaultdict(list)
-        elements = in_data_list(self.sites, self.motions, waypoints)
-        for i, (site, move) in enumerate(zip(self.sites, self.motions, strict=True)):
-            if move.texts_motions == 1:
-                continue
-            yield from self._alone(i, waypoints)
-            if i not in elements:
-                texts[site.text].append(i)
-        for group in texts.values():
-            yield from self._of_text(group, waypoints)
-        yield from self._of_elements(sorted(elements), waypoints)
-
-    def _alone(self, i: int, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> Iterator[tuple[int, str]]:
-        """Conflicts of one of several motions of a text, and of those that it affects."""
-        site, move = self.sites[i], self.motions[i]
-        path = waypoints.get(i)
-        if path is not None and move.stays(path):
-            path = None
-        other = path is not None and (len(path) != 1 or any(waypoint.kind != move.kind for waypoint in path))
-        if other or (path is not None and site.leans):
-            yield i, f"its text stands for {move.texts_motions} motions, and cannot become other ones for one of them"
+def _conflicts(
+    program: KrlProgram, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]
+) -> Iterator[tuple[int, str]]:
+    """Motions that cannot be rewritten as they should, by number, and why."""
+    sites, motions = program.sites, program.motions
+    elements = in_data_list(sites, motions, waypoints)
+    wanted = {
+        i: _wanted(robot, sites[i], motions[i], path)
+        for i, path in waypoints.items()
+        if motions[i].texts_motions > 1 or i in elements
+    }
+    texts: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for i, (site, motion) in enumerate(zip(sites, motions, strict=True)):
+        if motion.texts_motions == 1:
+            continue
+        path = waypoints.get(i, ())
+        several = f"its text stands for {motion.texts_motions} motions"
+        if path and not motion.stays(path) and (len(path) != 1 or path[0].kind != motion.kind or site.leans):
+            yield i, f"{several}, and cannot become other ones for one of them"
         if site.leans:
-            why = f"{move.place} counts from where it ends, and its text stands for {move.texts_motions} motions"
-            yield from ((before, why) for before in site.before)
+            yield from ((k, f"{motion.place} counts from where it ends, and {several}") for k in site.before)
+        if i not in elements:
+            texts[site.text].append(i)
+    for group in texts.values():
+        changing, first = [i for i in group if i in waypoints], motions[group[0]]
+        wants = [wanted.get(i, (None,) * len(sites[i].written)) for i in group]
+        if changing and not all(_agree(wants[0], want) for want in wants):
+            ends = {np.asarray(end.q if end.T is None else end.T).tobytes() for end in (motions[i].end for i in group)}
+            apart = " to different places" if len(ends) > 1 else ", which need different numbers"
+            yield from ((i, f"its text stands for {first.texts_motions} motions{apart}") for i in changing)
+    yield from _of_elements(program, sorted(elements), wanted)
 
-    def _of_text(
-        self, group: Sequence[int], waypoints: Mapping[int, tuple[Waypoint, ...]]
-    ) -> Iterator[tuple[int, str]]:
-        """Motions of one text, which has to be the same for all of them."""
-        changing = [i for i in group if i in waypoints]
-        wants = [self._wanted(i, waypoints.get(i)) for i in group]
-        if not changing or all(_agree(wants[0], want) for want in wants):
-            return
-        places = {
-            np.asarray(end.T if end.T is not None else end.q).tobytes() for end in (self.motions[i].end for i in group)
-        }
-        count = self.motions[group[0]].texts_motions
-        apart = " to different places" if len(places) > 1 else ", which need different numbers"
-        why = f"its text stands for {count} motions{apart}"
-        yield from ((i, why) for i in changing)
 
-    def _of_elements(
-        self, numbers: Sequence[int], waypoints: Mapping[int, tuple[Waypoint, ...]]
-    ) -> Iterator[tuple[int, str]]:
-        """Motions to elements of arrays, each of which has one set of numbers for all that go there."""
-        users: dict[tuple[int, int], list[tuple[int, dict[str, float] | None]]] = defaultdict(list)
-        data: dict[tuple[int, int], Datum] = {}
-        for i in numbers:
-            for written, values in zip(self.sites[i].written, self._wanted(i, waypoints.get(i)), strict=True):
-                datum = written.datum
-                assert datum is not None
-                key = (datum.file.number, datum.start)
-                data[key] = datum
-                users[key].append((i, values))
-        own = {(w.file.number, w.operand.start) for i in numbers for w in self.sites[i].written}
-        for key, wants in users.items():
-            changing = [i for i, values in wants if values is not None]
-            if not changing:
-                continue
-            other = self._other_reading(data[key], own)
-            if other is not None:
-                why = f"its target {data[key].name} is read for something else in {other}, too"
-                yield from ((i, why) for i in changing)
-            elif not all(_agree((wants[0][1],), (values,)) for _, values in wants):
-                places = ", ".join(dict.fromkeys(str(self.motions[i].place) for i, _ in wants))
-                why = f"has its target {data[key].name} in common with {places}, which need other numbers"
-                yield from ((i, why) for i in changing)
+def _of_elements(
+    program: KrlProgram, numbers: Sequence[int], wanted: Mapping[int, Values]
+) -> Iterator[tuple[int, str]]:
+    """Motions to elements of arrays, each of which has one set of numbers for all that go there."""
+    users: dict[tuple[int, int], list[tuple[int, dict[str, float] | None]]] = defaultdict(list)
+    data: dict[tuple[int, int], Datum] = {}
+    points = [(i, written) for i in numbers for written in program.sites[i].written]
+    values = (value for i in numbers for value in wanted.get(i, (None,) * len(program.sites[i].written)))
+    for (i, written), value in zip(points, values, strict=True):
+        assert written.datum is not None
+        key = (written.datum.file.number, written.datum.start)
+        data[key] = written.datum
+        users[key].append((i, value))
+    own = {(written.file.number, written.operand.start) for _, written in points}
+    for key, wants in users.items():
+        changing = [i for i, value in wants if value is not None]
+        if not changing:
+            continue
+        name, other = data[key].name, _other_reading(program.sites, data[key], own)
+        if other is not None:
+            yield from ((i, f"its target {name} is read for something else in {other}, too") for i in changing)
+        elif not all(_agree((wants[0][1],), (value,)) for _, value in wants):
+            places = ", ".join(dict.fromkeys(str(program.motions[i].place) for i, _ in wants))
+            yield from (
+                (i, f"has its target {name} in common with {places}, which need other numbers") for i in changing
+            )
 
-    def _other_reading(self, datum: Datum, own: set[tuple[int, int]]) -> Place | None:
-        """Place at which code names an array beside the motions to its elements."""
-        array = datum.name.partition("[")[0]
-        for file in _files(self.sites):
-            for position in (
-                file.mentions.get(array, ()) if file.module == datum.file.module and not file.holds_data else ()
-            ):
-                if (file.number, position) not in own:
-                    return file.source.place(position)
-        return None
 
-    def _wanted(self, i: int, path: tuple[Waypoint, ...] | None) -> Values:
-        site = self.sites[i]
-        if path is None or self.motions[i].stays(path):
-            return (None,) * len(site.written)
-        last = path[-1]
-        points = (last,) if last.via is None or len(site.written) == 1 else (last.via, last)
-        if len(points) < len(site.written):
-            return (None,) * len(site.written)
-        return tuple(values_at(self.robot, w, p) for w, p in zip(site.written, points, strict=True))
+def _other_reading(sites: Sequence[Site], datum: Datum, own: set[tuple[int, int]]) -> Place | None:
+    """Place at which code names an array beside the motions to its elements."""
+    array = datum.name.partition("[")[0]
+    for file in _files(sites):
+        mentions = file.mentions.get(array, ()) if file.module == datum.file.module and not file.holds_data else ()
+        for position in mentions:
+            if (file.number, position) not in own:
+                return file.source.place(position)
+    return None
+
+
+def _wanted(robot: Robot, site: Site, motion: Motion, path: tuple[Waypoint, ...]) -> Values:
+    last = path[-1]
+    points = (last,) if last.via is None or len(site.written) == 1 else (last.via, last)
+    if motion.stays(path) or len(points) < len(site.written):
+        return (None,) * len(site.written)
+    return tuple(values_at(robot, w, p) for w, p in zip(site.written, points, strict=True))
 
 
 def _agree(one: Values, other: Values) -> bool:
@@ -892,7 +771,6 @@ def visits_of(sites: Sequence[Site], motions: Sequence[Motion], files: Iterable[
 
 
 def _named(motion: MotionLine) -> Iterator[str]:
-    """Variables in the points of a motion."""
     for operand in motion.operands:
         yield from (part.name for part in operand.parts if isinstance(part, Reference))
 
@@ -923,7 +801,7 @@ def compose_krl(program: Composition) -> Source:
         "INTERRUPT ON 3",
         "BAS (#INITMOV,0 )",
         f"BAS (#VEL_PTP,{program.joint_speed_percent:g} )",
-        *(nearest if any(not move.stops for move in program.motions) else ()),
+        *(nearest if any(not motion.stops for motion in program.motions) else ()),
         *_motions(program),
         "END",
     ]
@@ -932,38 +810,38 @@ def compose_krl(program: Composition) -> Source:
 
 def _motions(program: Composition) -> Iterator[str]:
     before: dict[str, str] = {}
-    for i, move in enumerate(program.motions):
+    for i, motion in enumerate(program.motions):
         if program.notes:
             yield f"; {program.note(i)}"
-        for name, text in _settings(i, move).items():
+        for name, text in _settings(i, motion).items():
             if before.get(name) != text:
                 before[name] = text
                 yield f"{name} = {text}"
-        status = _status(program, i) if move.kind == "joint" else None
-        points = [_point(move.end, status)]
-        if move.via is not None:
-            points.insert(0, _point(move.via, None))
-        along_path = move.kind in ("linear", "circular")
-        passing = "" if move.stops else " C_DIS" if along_path else " C_PTP"
-        yield f"{KEYWORDS[move.kind]} {','.join(points)}{passing}"
+        status = _status(program, i) if motion.kind == "joint" else None
+        points = [_point(motion.end, status)]
+        if motion.via is not None:
+            points.insert(0, _point(motion.via, None))
+        along_path = motion.kind in ("linear", "circular")
+        passing = "" if motion.stops else " C_DIS" if along_path else " C_PTP"
+        yield f"{KEYWORDS[motion.kind]} {','.join(points)}{passing}"
         if waits_s := program.waits_s(i):
             yield f"WAIT SEC {waits_s:g}"
 
 
-def _settings(number: int, move: Motion) -> dict[str, str]:
+def _settings(number: int, motion: Motion) -> dict[str, str]:
     """System variables that must hold for a motion, and their values."""
-    if move.kind == "axes":
+    if motion.kind == "axes":
         return {}
-    if move.part_in_hand:
+    if motion.part_in_hand:
         raise InputError(
             f"motion {number} has its part in the robot's hand; in KRL that needs frames of TOOL_DATA and BASE_DATA by number"
         )
     out = {
-        "$TOOL": _braces(pose_values(move.tool.T)),
-        "$BASE": _braces(pose_values(move.part.T)),
+        "$TOOL": _braces(pose_values(motion.tool.T)),
+        "$BASE": _braces(pose_values(motion.part.T)),
     }
-    if move.speed is not None:
-        out["$VEL.CP"] = f"{move.speed:g}"
+    if motion.speed is not None:
+        out["$VEL.CP"] = f"{motion.speed:g}"
     return out
 
 

@@ -450,7 +450,6 @@ def _text(routine: Routine, line: Statement) -> Text:
 
 
 def _called_by_action(line: Beside) -> tuple[str, ...]:
-    """Names that an action calls."""
     return () if line.action is None else calls_of(line.action)
 
 

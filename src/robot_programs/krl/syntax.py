@@ -564,8 +564,7 @@ def parse(text: str, read: set[str] | None = None) -> list[Statement]:
 
 def parse_operand(words: Sequence[Word]) -> Operand:
     """An operand on its own."""
-    cursor = Cursor(words)
-    return cursor.operand()
+    return Cursor(words).operand()
 
 
 def _statement(words: list[Word]) -> Statement:
@@ -891,7 +890,6 @@ def _arm(opening: Control, line: Control, body: Block) -> Arm:
 
 
 def _name_of_label(line: Control) -> str:
-    """Name of a label or a GOTO, in capitals."""
     return line.words[0].upper if line.words else ""
 
 

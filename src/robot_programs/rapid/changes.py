@@ -1,6 +1,7 @@
 """Which statements of a RAPID program move the robot, which routines they call, and which data they name and may change."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 from robot_programs.core.flow import Node, bodies_of, lines_in, with_called
@@ -28,10 +29,8 @@ from robot_programs.rapid.syntax import (
     Argument,
     Assignment,
     Call,
-    Component,
     Control,
     Expression,
-    Index,
     Instruction,
     Label,
     Line,
@@ -46,7 +45,7 @@ from robot_programs.rapid.syntax import (
     inside,
     parts,
 )
-from robot_programs.rapid.values import Values
+from robot_programs.rapid.values import Values, steps
 
 # Which statements of a routine move the robot, and which call what.
 
@@ -61,15 +60,10 @@ def is_motion(instruction: Instruction, scope: Scope) -> bool:
     key = instruction.name.key
     if key in MOTIONLESS or key in scope.routines:
         return False
-    return key.startswith(MOVING) or gets_target(instruction, scope)
+    return key.startswith(MOVING) or any(_is_target(argument.value, scope) for argument in instruction.arguments)
 
 
-def gets_target(instruction: Instruction, scope: Scope) -> bool:
-    """Whether some argument of an instruction is a target."""
-    return any(a.value is not None and _is_target(a.value, scope) for a in instruction.arguments)
-
-
-def _is_target(node: Expression, scope: Scope) -> bool:
+def _is_target(node: Expression | None, scope: Scope) -> bool:
     match node:
         case Call():
             return node.name.key in ("offs", "reltool")
@@ -83,14 +77,10 @@ def moves(lines: Iterable[Line], scope: Scope) -> bool:
     """Whether some line may move the robot, or be reached from elsewhere."""
     return any(
         isinstance(line, Label | Unparsed)
-        or (isinstance(line, Instruction) and _may_move(line.name.key, scope))
+        or (isinstance(line, Instruction) and (line.name.key not in MOTIONLESS or line.name.key in scope.routines))
         or any(calls(expression, scope) for expression in expressions_of(line))
         for line in lines
     )
-
-
-def _may_move(key: str, scope: Scope) -> bool:
-    return key not in MOTIONLESS or key in scope.routines
 
 
 def calls(node: Expression, scope: Scope) -> bool:
@@ -161,18 +151,20 @@ _CALIBRATING = ("mtool", "wobjcalib")
 """How instructions begin that change a tool or a work object."""
 
 
-def instruction_may_change(instruction: str, type_: str) -> bool:
-    """Whether an instruction may change data of a type that it is given.
+def may_change(called: str, type_: str, *, function: bool) -> bool:
+    """Whether an instruction or a function of the system, by its key, may change data of a type that it is given.
 
     The system's motions take tools and work objects as persistent data, so that these could be changed, but are not; what
     searches or calibrates says so in its name. A routine that is not in the files may change all that it is given.
     """
-    if instruction.startswith(_CALIBRATING) or instruction in CHANGING:
+    if function:
+        return called not in FUNCTIONS or called in CHANGING
+    if called.startswith(_CALIBRATING) or called in CHANGING:
         return True
     if type_ in ("tooldata", "wobjdata"):
-        return instruction not in INSTRUCTIONS and SYSTEM_MOTION.fullmatch(instruction) is None
-    moves = instruction in MOTION_FORMS or instruction == ONLY_EXTERNAL
-    return instruction not in MOTIONLESS and (not moves or instruction in CHANGED_BY)
+        return called not in INSTRUCTIONS and SYSTEM_MOTION.fullmatch(called) is None
+    moves = called in MOTION_FORMS or called == ONLY_EXTERNAL
+    return called not in MOTIONLESS and (not moves or called in CHANGED_BY)
 
 
 def _only_reads(instruction: Instruction, scope: Scope) -> bool:
@@ -191,13 +183,6 @@ def _only_reads(instruction: Instruction, scope: Scope) -> bool:
             )
         )
     )
-
-
-def may_change(called: str, type_: str, *, function: bool) -> bool:
-    """Whether an instruction or a function of the system may change data of a type that it is given."""
-    if function:
-        return called not in FUNCTIONS or called in CHANGING
-    return instruction_may_change(called, type_)
 
 
 def is_strange(called: str, scope: Scope) -> bool:
@@ -419,21 +404,16 @@ def _note(own: dict[tuple[int, ...], str], path: tuple[int, ...], mention: Menti
 def _stated_path(reference: Reference, symbol: Symbol, scope: Scope) -> tuple[int, ...]:
     """Component or element that a reference names, as far as its indices are numbers."""
     path: list[int] = []
-    type_ = symbol.type
-    for selector in reference.selectors:
-        match selector:
-            case Index():
-                indices = [item.value for item in selector.items if isinstance(item, Number)]
-                if len(indices) < len(selector.items) or not all(index >= 1.0 for index in indices):
-                    break
-                path += [int(index) - 1 for index in indices]
-            case Component():
-                names = [name for name, _ in scope.types.get(type_, ())]
-                if selector.key not in names:
-                    break
-                path.append(names.index(selector.key))
-                type_ = scope.types[type_][path[-1]][1]
+    with suppress(Unresolved):
+        for at, _, _ in steps(reference, symbol, scope, _stated):
+            path.append(at)
     return tuple(path)
+
+
+def _stated(index: Expression) -> float:
+    if not isinstance(index, Number):
+        raise Unresolved("which element is meant is computed")
+    return index.value
 
 
 def _assignment(mention: Mention) -> str:
@@ -514,7 +494,6 @@ class _Walker:
                 yield from self.nodes(body, own)
 
     def unparsed(self, unparsed: Unparsed, scope: Scope) -> Iterator[Mention]:
-        """Names in text that was not understood."""
 
         def may(key: str, function: bool, type_: str) -> bool:
             if key not in scope.routines:
@@ -528,7 +507,6 @@ class _Walker:
     def arguments(
         self, arguments: Iterable[Argument], name: Token, scope: Scope, *, function: bool = False
     ) -> Iterator[Mention]:
-        """References in the arguments of an instruction or a function."""
         key = name.key
         routines = scope.routines.get(key, ())  # several of one name: what any of them does
         required = [iter([p for p in routine.parameters if not p.optional]) for routine in routines]
@@ -552,7 +530,6 @@ class _Walker:
                     yield from self.read(value, scope)
 
     def sets(self, key: str, parameter: Parameter) -> bool:
-        """Whether a routine changes what it is given for a parameter."""
         return parameter.changed and (key, parameter.name.key) in self.changed
 
     def read(self, expression: Expression, scope: Scope) -> Iterator[Mention]:

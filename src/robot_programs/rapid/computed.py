@@ -1,10 +1,9 @@
 """Targets that only the running program knows, put through a function: which may be, and the edits that do so."""
 
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
-from robot_programs.core.program import Unresolved
-from robot_programs.core.source import Place, TextEdit
+from robot_programs.core.program import Unresolved, Wrapped
+from robot_programs.core.source import TextEdit
 from robot_programs.rapid.changes import is_read
 from robot_programs.rapid.names import SHIFTING, Context, Scope, Symbol
 from robot_programs.rapid.resolve import CHANGED_BY, MOTION_FORMS, layout
@@ -31,18 +30,6 @@ Measured = frozenset[Symbol | str]
 """Data that come from where the robot stood, and the keys of functions that do."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Wrapped:
-    """A motion that is given a function, or not."""
-
-    path: str
-    place: Place
-    name: str
-    edits: tuple[TextEdit, ...] = ()
-    obstacle: str = ""
-    """Why it is not."""
-
-
 def wrap(
     everywhere: Sequence[Context], motions: Container[Instruction], function: str, without: Container[str]
 ) -> Iterator[Wrapped]:
@@ -61,13 +48,12 @@ def wrap(
         source = context.file.source
         for line in context.lines:
             if isinstance(line, Instruction) and line in motions and is_read(line, context.scope):
-                place, path, name = source.place(line.start), str(source.path), line.name.text
+                edits, obstacle = tuple[TextEdit, ...](), ""
                 try:
                     edits = tuple(_edits(line, context, measured, function, shift, without))
                 except Unresolved as reason:
-                    yield Wrapped(path=path, place=place, name=name, obstacle=str(reason))
-                else:
-                    yield Wrapped(path=path, place=place, name=name, edits=edits)
+                    obstacle = str(reason)
+                yield Wrapped(place=source.place(line.start), name=line.name.text, edits=edits, obstacle=obstacle)
 
 
 def calls_function(instruction: Instruction, function: str) -> bool:

@@ -472,7 +472,6 @@ class StatementParser(ExpressionParser):
                 return self._simple()
 
     def _simple(self) -> Node:
-        """An instruction, an assignment or a label."""
         plain = self._plain()
         if plain is not None:
             return Step(line=plain)
@@ -749,7 +748,7 @@ class _Parser(StatementParser):
                     case "record":
                         records.append(self._record())
                     case "alias":
-                        self._to_semicolon()
+                        self.recover(first, ())
                     case _:
                         raise self.problem("a declaration or a routine is missing before")
             except NotUnderstood as problem:
@@ -770,10 +769,6 @@ class _Parser(StatementParser):
         except NotUnderstood as problem:
             self.note(problem.position, problem.text)
             return Token("name", "", "", problem.position)
-
-    def _to_semicolon(self) -> None:
-        while self.next.kind != "end" and self.take().key != ";":
-            pass
 
     # declarations
 

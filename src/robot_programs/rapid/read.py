@@ -89,7 +89,16 @@ from robot_programs.rapid.syntax import (
     inside,
     parts,
 )
-from robot_programs.rapid.values import UNREACHED, AbstractValue, PassedArgument, State, Values, pose_numbers, replaced
+from robot_programs.rapid.values import (
+    UNREACHED,
+    AbstractValue,
+    PassedArgument,
+    State,
+    Values,
+    pose_numbers,
+    replaced,
+    steps,
+)
 
 # What assignments and calls make of data.
 
@@ -119,10 +128,11 @@ def _assigned(assignment: Assignment, symbol: Symbol, scope: Scope, values: Valu
     value = values.partly(node, scope)
     whole = Reference(start=target.start, end=target.end, name=target.name, selectors=())
     try:
-        path, _ = values.path(target, symbol, scope)
+        path = [
+            (at, record) for at, record, _ in steps(target, symbol, scope, lambda one: values.number(one, scope, 1))
+        ]
         if path:
-            levels = values.levels(target, symbol, scope)
-            value = replaced(_before(whole, symbol, scope, values), path, value, levels, scope.types)
+            value = replaced(_before(whole, symbol, scope, values), path, value, scope.types)
     except Unresolved:
         return None
     if isinstance(value, Lost):
@@ -335,15 +345,12 @@ class _Walk(form.Walk[State, Routine]):
 
     @property
     def unreached(self) -> State:
-        """State of places that control does not reach."""
         return UNREACHED
 
     def between(self, state: State) -> State:
-        """State where an error handler may have moved the robot."""
         return replace(state, last=None, reached=True) if self.resumes else state
 
     def at_error(self, entry: State) -> State:
-        """State where an error handler begins."""
         return replace(entry, last=None).forgotten(self.flow.effects.of_routine[self.routine])
 
     def unknown(self, line: Line, state: State) -> State:
@@ -352,7 +359,6 @@ class _Walk(form.Walk[State, Routine]):
         return self._lost(state)
 
     def turn(self, loop: form.Loop, state: State) -> State:
-        """State after one turn of a loop; see `form.Walk.turn`."""
         outside, self.scope = self.scope, self.flow.inside(loop, self.scope)
         state = super().turn(loop, state)
         self.scope = outside
@@ -367,7 +373,6 @@ class _Walk(form.Walk[State, Routine]):
     # Conditions, and loops that count.
 
     def asked(self, line: Line, state: State, node: form.Node) -> State:
-        """State after the functions in the expressions of a statement."""
         expressions = expressions_of(line)
         if not isinstance(node, form.Branches):
             # the bounds of a FOR are read once, while they are asked for in every turn
@@ -420,7 +425,6 @@ class _Walk(form.Walk[State, Routine]):
         return self.flow.values.at(state.variables, noted[1] if noted and noted[0] is state.variables else {})
 
     def returned(self, line: Line, state: State) -> AbstractValue | None:
-        """Value of a RETURN."""
         for node in expressions_of(line):
             values = self._values(state)
             try:
@@ -430,7 +434,6 @@ class _Walk(form.Walk[State, Routine]):
         return None
 
     def truth(self, condition: Expression, state: State) -> bool | None:
-        """Whether a condition holds; None where the text does not tell."""
         if self.flow.all_ways:
             return None
         values = self._values(state)
@@ -441,11 +444,9 @@ class _Walk(form.Walk[State, Routine]):
         return value if isinstance(value, bool) else None
 
     def reads_data(self, condition: Expression) -> bool:
-        """Whether a condition names any data."""
         return any(isinstance(part, Reference) for part in parts(condition))
 
     def widened(self, state: State, nodes: Sequence[form.Node], why: str) -> State:
-        """State after lines that may have changed all that they change."""
         state = state.forgotten(frozenset[Symbol]().union(*self._all_changed_by(nodes, self.scope)))
         return replace(state, last=None) if moves(form.lines_in(nodes), self.scope) else state
 
@@ -456,7 +457,6 @@ class _Walk(form.Walk[State, Routine]):
                 yield from self._all_changed_by(body, self.flow.inside(node, scope))
 
     def counts(self, loop: form.Loop, state: State) -> form.Counts | None:
-        """Bounds and step of a FOR; None where the text does not tell."""
         bounds = expressions_of(loop.line)
         values = self._values(state)
         try:
@@ -469,7 +469,6 @@ class _Walk(form.Walk[State, Routine]):
         return form.Counts(first=first, last=last, step=by) if by else None
 
     def counting(self, loop: form.Loop, state: State, count: float | None) -> State:
-        """State in which the counter of a FOR has a value; None for any."""
         if loop.kind != "counted":
             return state
         (counter,) = self.flow.inside(loop, self.scope).own[loop.line.counter.key]
@@ -481,7 +480,6 @@ class _Walk(form.Walk[State, Routine]):
     # Statements.
 
     def step(self, line: Line, state: State) -> State:
-        """State after an instruction or an assignment."""
         if not (isinstance(line, Instruction) and line.plain):
             state = self._after_functions(expressions_of(line), state)
             if not state.reached:

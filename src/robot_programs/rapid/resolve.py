@@ -202,13 +202,8 @@ class TargetArgument:
         return self if self.base is None else self.base.root
 
     def carried(self, T_base: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "4 4"]:
-        """Pose that it would have if the target that it shifts were somewhere else.
-
-        Raises:
-            ValueError: it shifts nothing.
-        """
-        if self.base is None:
-            raise ValueError("only a target under Offs or RelTool goes with another one")
+        """Pose that it would have if the target that it shifts were somewhere else."""
+        assert self.base is not None
         if not self.along_part:
             return T_base @ se3.inverse(self.base.T) @ self.T
         T = T_base.copy()
@@ -217,8 +212,7 @@ class TargetArgument:
 
     def uncarried(self, T: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "4 4"]:
         """Pose of the target that it shifts for a pose of its own: the inverse of `carried`."""
-        if self.base is None:
-            raise ValueError("only a target under Offs or RelTool goes with another one")
+        assert self.base is not None
         if not self.along_part:
             return T @ se3.inverse(self.T) @ self.base.T
         T_base = T.copy()
@@ -274,13 +268,11 @@ def resolve_target(argument: Argument, type_: TargetType, scope: Scope, values: 
     Raises:
         Unresolved: the text does not say.
     """
-    if argument.value is None:
-        raise Unresolved("the target is missing")
     return _resolve(argument.value, argument, type_, scope, values, file)
 
 
 def _resolve(
-    node: Expression, argument: Argument, type_: TargetType, scope: Scope, values: Values, file: File
+    node: Expression | None, argument: Argument, type_: TargetType, scope: Scope, values: Values, file: File
 ) -> TargetArgument:
     match node:
         case Aggregate():
@@ -300,6 +292,8 @@ def _resolve(
                 argument=argument, argument_file=file, type=type_, origin=None, literal=None, file=file,
                 shifted=True, meant=meant, external=external,
             )  # fmt: skip
+        case None:
+            raise Unresolved("the target is missing")
         case _:
             raise Unresolved(f"the target is not a {type_}")
 
@@ -336,7 +330,6 @@ def _named(
 
 
 def _shifted(call: Call, argument: Argument, scope: Scope, values: Values, file: File) -> TargetArgument:
-    """Shift a target by Offs or RelTool."""
     required = [a.value for a in call.arguments if not a.option and a.value is not None]
     options = {a.option: a.value for a in call.arguments if a.option and not a.conditional and a.value is not None}
     if len(required) != 4 or len(required) + len(options) != len(call.arguments):
@@ -356,7 +349,6 @@ def _shifted(call: Call, argument: Argument, scope: Scope, values: Values, file:
 
 
 def _numbers(value: Value, type_: TargetType, what: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Numbers of a target, and of its external axes."""
     if type_ == "jointtarget":
         robax, extax = parts(value, 2, what)
         angles = numbers(robax, JOINTS, f"the robot's axes of {what}")

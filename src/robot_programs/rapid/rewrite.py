@@ -5,8 +5,8 @@ from bisect import bisect_left, bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import islice, pairwise, zip_longest
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -16,7 +16,6 @@ from robot_programs.core.errors import InputError
 from robot_programs.core.flow import Loop, lines_in
 from robot_programs.core.program import (
     Composition,
-    Diagnostic,
     Frame,
     Motion,
     MotionKind,
@@ -27,15 +26,15 @@ from robot_programs.core.program import (
     Waypoint,
     Wrapping,
     reject_in_turn,
+    wrapping,
 )
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import FreshNames, Place, Source, TextEdit
 from robot_programs.core.written_out import (
     MAX_SHARED_TURN_RAD,
-    Copy,
+    Repeated,
     Shared,
     Turns,
-    WritingOut,
     least_worst,
     loops_to_write,
     reaching,
@@ -171,40 +170,36 @@ def _quaternion_texts(target: TargetArgument, texts: Texts) -> Texts:
 def fresh_text(type_: TargetType, waypoint: Waypoint, robot: Robot, like: TargetArgument) -> str:
     """An aggregate for a waypoint, with the external axes of a target."""
     if type_ == "jointtarget":
-        numbers = [real(float(v), DEG_DECIMALS) for v in np.degrees(waypoint.q)]
-        return _aggregate([numbers, external_texts(like, waypoint.external)])
-    pose = pose_numbers(_pose(waypoint))
-    stated = like.meant[3:] if like.type == "robtarget" else None
-    sign = 1.0 if stated is None or np.dot(pose[3:], stated[:4]) >= 0.0 else -1.0
-    cf = Configuration.of(robot, waypoint.q, configuration(stated[4:]) if stated else None)
-    return _aggregate(
-        [
-            [real(v, MM_DECIMALS) for v in pose[:3]],
-            list(quaternion_texts(tuple(sign * v for v in pose[3:]))),
-            [str(v) for v in (cf.cf1, cf.cf4, cf.cf6, cf.cfx)],
-            external_texts(like, waypoint.external),
-        ]
-    )
+        numbers = _axes_written(np.degrees(waypoint.q))
+    else:
+        pose = pose_numbers(_pose(waypoint))
+        stated = like.meant[3:] if like.type == "robtarget" else None
+        sign = 1.0 if stated is None or np.dot(pose[3:], stated[:4]) >= 0.0 else -1.0
+        cf = Configuration.of(robot, waypoint.q, configuration(stated[4:]) if stated else None)
+        numbers = _pose_written((*pose[:3], *(sign * v for v in pose[3:])), cf)
+    return _aggregate(type_, numbers, external_texts(like, waypoint.external))
+
+
+def _axes_written(degrees: Iterable[float]) -> list[str]:
+    return [real(float(angle), DEG_DECIMALS) for angle in degrees]
+
+
+def _pose_written(pose: tuple[float, ...], cf: Configuration) -> list[str]:
+    own = [*(real(v, MM_DECIMALS) for v in pose[:3]), *quaternion_texts(pose[3:])]
+    return [*own, *(str(number) for number in (cf.cf1, cf.cf4, cf.cf6, cf.cfx))]
 
 
 def _pose(waypoint: Waypoint) -> Float[np.ndarray, "4 4"]:
-    if waypoint.T is None:
-        raise ValueError("a motion to a pose needs one")
+    assert waypoint.T is not None
     return waypoint.T
 
 
 def meant_text(target: TargetArgument, texts: Texts) -> str:
     """An aggregate for a target, its numbers replaced where there are new ones."""
     meant = target.meant
-    if target.type == "jointtarget":
-        own = [real(v, DEG_DECIMALS) for v in meant]
-        groups = [6]
-    else:
-        own = [*(real(v, MM_DECIMALS) for v in meant[:3]), *quaternion_texts(meant[3:7])]
-        own += [str(int(v)) for v in meant[7:]]
-        groups = [3, 4, 4]
-    numbers = iter([new if new is not None else old for new, old in zip(texts, own, strict=True)])
-    return _aggregate([*([next(numbers) for _ in range(count)] for count in groups), external_texts(target)])
+    own = _axes_written(meant) if target.type == "jointtarget" else _pose_written(meant[:7], configuration(meant[7:]))
+    numbers = [new if new is not None else old for new, old in zip(texts, own, strict=True)]
+    return _aggregate(target.type, numbers, external_texts(target))
 
 
 def external_texts(target: TargetArgument, positions: tuple[float, ...] = ()) -> list[str]:
@@ -220,7 +215,13 @@ def external_texts(target: TargetArgument, positions: tuple[float, ...] = ()) ->
     ]
 
 
-def _aggregate(groups: list[list[str]]) -> str:
+_GROUPS: Mapping[TargetType, tuple[int, ...]] = {"robtarget": (3, 4, 4), "jointtarget": (6,)}
+"""Numbers of the records in a target, before its external axes."""
+
+
+def _aggregate(type_: TargetType, numbers: Iterable[str], external: Iterable[str]) -> str:
+    coming = iter(numbers)
+    groups = [*(tuple(islice(coming, count)) for count in _GROUPS[type_]), tuple(external)]
     return "[" + ",".join("[" + ",".join(group) + "]" for group in groups) + "]"
 
 
@@ -233,11 +234,15 @@ def _aggregate(groups: list[list[str]]) -> str:
 Home = tuple[object, ...]
 """Where the numbers of a target stand."""
 
+Datum = tuple[Symbol, tuple[int, ...] | None]
+"""Data, or a component or element of them; None where it is not known which."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Want:
-    """New numbers for a target argument."""
+    """New numbers for a target argument of a motion."""
 
+    number: int
     target: TargetArgument
     motion: Site
     texts: Texts
@@ -263,8 +268,7 @@ class Want:
     @property
     def carrier(self) -> TargetArgument:
         """Target that it shifts."""
-        if self.target.base is None:
-            raise ValueError("only a target under Offs or RelTool goes with another one")
+        assert self.target.base is not None
         return self.target.base
 
     @property
@@ -285,214 +289,6 @@ class Want:
         return agree(self.target, self.texts, other.texts)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Sharing:
-    """The motions of a program, and what reads its data."""
-
-    sites: Sequence[Site]
-    uses: Mapping[Symbol, tuple[Use, ...]]
-    robot: Robot
-    tolerance: float
-    """How far a target may be from where it should be that goes with another one, metres."""
-
-    def unwritable(self, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> dict[int, str]:
-        """Motions that cannot be rewritten as they should, by number, and why."""
-        sharing = self._sharing()
-        ends: dict[TargetArgument, Waypoint] = {}
-        for i in sharing:
-            motion, last = self.sites[i], waypoints[i][-1] if i in waypoints else None
-            if last is not None and last.kind == motion.move.kind:
-                ends[motion.end] = last
-                if motion.via is not None and last.via is not None:
-                    ends[motion.via] = last.via
-        texts = new_texts(ends, self.robot)
-        return reject_in_turn(waypoints, lambda rest: self._conflicts(rest, sharing, texts))
-
-    def least_worst(
-        self, waypoints: Mapping[int, tuple[Waypoint, ...]], numbers: Collection[int]
-    ) -> dict[int, tuple[Waypoint, ...]]:
-        """New waypoints of motions that share their numbers; see `Program.least_worst`."""
-        groups: dict[object, list[Shared]] = defaultdict(list)
-        for i in self._sharing():
-            site, target = self.sites[i], self.sites[i].end
-            want = Want(target=target, motion=site, texts=())
-            if target.type != "robtarget" or site.via is not None or (target.shifted and not want.is_carried):
-                continue
-            if want.is_carried:
-                one, own = Shared(number=i, base=target.uncarried, target=target.carried), want.carrier
-            else:
-                one, own = Shared(number=i), target
-            groups[_shared_place(own)].append(one)
-        out: dict[int, tuple[Waypoint, ...]] = {}
-        for group in groups.values():
-            if any(one.number in numbers for one in group):
-                out |= least_worst(group, waypoints, self.tolerance)
-        return out
-
-    def _sharing(self) -> list[int]:
-        """Motions whose texts stand for several or are given by calls, and all that have a target in common with these."""
-        others = [motion for motion in self.sites if not _stands_alone(motion)]
-        homes = {
-            home_of(one) for motion in others for target in _targets(motion) for one in (target, target.base or target)
-        }
-        return [
-            i
-            for i, motion in enumerate(self.sites)
-            if homes and (not _stands_alone(motion) or any(home_of(target) in homes for target in _targets(motion)))
-        ]
-
-    def _conflicts(
-        self,
-        waypoints: Mapping[int, tuple[Waypoint, ...]],
-        sharing: Sequence[int],
-        texts: Mapping[TargetArgument, Texts],
-    ) -> Iterator[tuple[int, str]]:
-        for i in sharing:
-            motion = self.sites[i]
-            count = motion.move.texts_motions
-            (*before, last) = waypoints.get(i, (None,))
-            if count > 1 and (before or (last is not None and last.kind != motion.move.kind)):
-                yield i, f"its text stands for {count} motions, and cannot become other ones for one of them"
-        by_argument: dict[object, list[tuple[int, Want]]] = defaultdict(list)
-        by_home: dict[Home, list[tuple[int, Want]]] = defaultdict(list)
-        carried: list[tuple[int, Want]] = []
-        for i in sharing:
-            for want in _wants(self.sites[i], texts if i in waypoints else {}):
-                if want.is_carried:
-                    carried.append((i, want))
-                else:
-                    by_argument[want.target.argument].append((i, want))
-                    by_home[want.home].append((i, want))
-        followed, lost = self._carried(carried, by_home)
-        yield from lost
-        replaced = _within(
-            want
-            for group in by_argument.values()
-            for _, want in group
-            if want.changes
-            and want.target.origin is None
-            and want.target.shifted
-            and want.target.root.passed is not None
-        )
-        going: dict[object, list[Want]] = defaultdict(list)
-        for want in followed:
-            going[want.carrier.argument].append(want)
-            going[home_of(want.carrier)].append(want)
-        for argument, group in by_argument.items():
-            yield from self._in_argument(group, going.get(argument, ()), replaced)
-        for home, group in by_home.items():
-            yield from self._of_home(group, going.get(home, ()))
-
-    def _carried(
-        self, carried: Sequence[tuple[int, Want]], by_home: Mapping[Home, Sequence[tuple[int, Want]]]
-    ) -> tuple[list[Want], list[tuple[int, str]]]:
-        """Targets that go with those that they shift: those that come to where they should be, and why others cannot."""
-        followed: list[Want] = []
-        lost: list[tuple[int, str]] = []
-        stuck: set[tuple[object, Home]] = set()
-        # those whose target no motion goes to itself, which may be anywhere
-        alone: dict[tuple[object, Home], list[tuple[int, Want]]] = defaultdict(list)
-        for i, want in carried:
-            base = want.carrier
-            direct = [w for _, w in by_home.get(home_of(base), ()) if w.changes and not w.target.shifted]
-            if base.passed is not None:
-                direct = [w for w in direct if w.target.argument is base.argument]
-            if not direct and _is_free(base):
-                alone[_shared_place(base)].append((i, want))
-                continue
-            why = _misses(want, direct[0].T if direct else base.T, self.tolerance)
-            if not why:
-                followed.append(want)
-            else:
-                lost.append((i, why))
-                stuck.add(_shared_place(base))
-        for group in alone.values():
-            if not any(want.changes for _, want in group):
-                continue
-            T_base = group[0][1].target.uncarried(group[0][1].T)
-            why = next(filter(None, (_misses(want, T_base, WANTED_TOLERANCE_MM / 1e3) for _, want in group)), "")
-            other = self._read_beside(group)
-            if other is not None and not why:
-                place = other.file.source.place(other.start)
-                why = f"its target {_name_of(group[0][1].carrier)} is read for something else in {place}, too"
-            if why:
-                lost += _all_of(group, why)
-            else:
-                followed += [want for _, want in group]
-        return [want for want in followed if _shared_place(want.carrier) not in stuck], lost
-
-    def _read_beside(self, group: Sequence[tuple[int, Want]]) -> Use | None:
-        """Reference that reads a target beside motions that shift it."""
-        origin = group[0][1].carrier.origin
-        if origin is None:
-            return None
-        return other_use(self.uses.get(origin.symbol, ()), origin.path, (), _within(want for _, want in group))
-
-    def _in_argument(
-        self, group: Sequence[tuple[int, Want]], going: Iterable[Want], replaced: Callable[[Use], bool]
-    ) -> Iterator[tuple[int, str]]:
-        """Motions that get their targets from one argument, each target from one place.
-
-        What reads a parameter in text that numbers take the place of reads it no longer.
-        """
-        if not any(want.changes for _, want in group):
-            return
-        of_home: dict[Home, list[tuple[int, Want]]] = defaultdict(list)
-        for i, want in group:
-            of_home[want.home].append((i, want))
-        for same in of_home.values():
-            if not all(want.agrees(same[0][1]) for _, want in same[1:]):
-                yield from _all_of(same, f"has its target in common with {_places(same)}, which need other numbers")
-        first = group[0][1]
-        computed = first.target.literal is None or first.target.shifted
-        if computed and len({i for i, _ in group}) > 1 and len(of_home) > 1:
-            count = first.motion.move.texts_motions
-            yield from _all_of(group, f"its text stands for {count} motions to different places")
-            return
-        if first.target.passed is None:
-            return
-        other = self._other_reading(group, going, replaced)
-        if other is not None:
-            place = other.file.source.place(other.start)
-            yield from _all_of(group, f"what the call gives it is read for something else in {place}, too")
-
-    def _other_reading(
-        self, group: Sequence[tuple[int, Want]], going: Iterable[Want], replaced: Callable[[Use], bool]
-    ) -> Use | None:
-        """Reference that reads a parameter beside the motions that go to it."""
-        known = {(want.motion.file, want.target.read_at) for want in going}
-        parameters: dict[Symbol, None] = {}
-        for _, want in group:
-            passed = want.target.passed
-            if passed is not None:
-                known |= {*passed.reads, (want.motion.file, want.target.read_at)}
-                parameters |= dict.fromkeys(passed.parameters)
-        uses = (use for symbol in parameters for use in self.uses.get(symbol, ()))
-        return next((use for use in uses if (use.file, use.start) not in known and not replaced(use)), None)
-
-    def _of_home(self, group: Sequence[tuple[int, Want]], going: Iterable[Want]) -> Iterator[tuple[int, str]]:
-        """Motions whose targets stand in one declaration, which is what has to change where no copy can be named."""
-        fixed = [(i, want) for i, want in group if not want.replaceable and want.changes]
-        if not fixed or fixed[0][1].target.origin is None:
-            return
-        (_, first) = fixed[0]
-        if not all(want.agrees(first) for _, want in fixed):
-            yield from _all_of(fixed, f"has its target in common with {_places(fixed)}, which need other numbers")
-        elif first.target.literal is None or any(want.target.shifted for _, want in fixed):
-            yield from _all_of(
-                fixed, f"its text stands for {first.motion.move.texts_motions} motions, which need different ones"
-            )
-        elif first.target.origin is not None:
-            symbol, path = first.target.origin.symbol, first.target.origin.path
-            changed = [want for _, want in group if want.changes and (want.replaceable or want.agrees(first))]
-            other = other_use(self.uses.get(symbol, ()), path, changed, _within(going))
-            if other is not None:
-                place = other.file.source.place(other.start)
-                yield from _all_of(
-                    fixed, f"its target {first.target.origin.name} is read for something else in {place}, too"
-                )
-
-
 def _misses(want: Want, T_base: Float[np.ndarray, "4 4"], tolerance: float) -> str:
     """Why a target cannot go with the one that it shifts; empty where that brings it to where it should be."""
     T = want.target.carried(T_base)
@@ -501,11 +297,6 @@ def _misses(want: Want, T_base: Float[np.ndarray, "4 4"], tolerance: float) -> s
     if off <= tolerance and turned <= MAX_SHARED_TURN_RAD:
         return ""
     return f"goes with the target that it shifts, and would be {off * 1e3:.3f} mm and {math.degrees(turned):.3f}° off"
-
-
-def _wants(motion: Site, texts: Mapping[TargetArgument, Texts]) -> Iterator[Want]:
-    for target in _targets(motion):
-        yield Want(target=target, motion=motion, texts=texts.get(target) or (None,) * len(target.meant))
 
 
 def _targets(motion: Site) -> list[TargetArgument]:
@@ -517,10 +308,6 @@ def _stands_alone(motion: Site) -> bool:
     return motion.move.texts_motions == 1 and all(
         target.passed is None and target.root.passed is None for target in _targets(motion)
     )
-
-
-def _name_of(target: TargetArgument) -> str:
-    return "" if target.origin is None else target.origin.name
 
 
 def _shared_place(target: TargetArgument) -> tuple[object, Home]:
@@ -564,113 +351,23 @@ def _within(wants: Iterable[Want]) -> Callable[[Use], bool]:
     return stands
 
 
-def _all_of(group: Iterable[tuple[int, Want]], why: str) -> Iterator[tuple[int, str]]:
-    return ((i, why) for i, _ in group)
+def _read_too(what: str, use: Use | None) -> str:
+    """Why numbers cannot change that something else reads; empty where nothing does."""
+    return "" if use is None else f"{what} is read for something else in {use.file.source.place(use.start)}, too"
 
 
-def _places(group: Iterable[tuple[int, Want]]) -> str:
-    """Places of the motions of a group and of their arguments."""
+def _all_of(group: Iterable[Want], why: str) -> Iterator[tuple[int, str]]:
+    return ((want.number, why) for want in group)
+
+
+def _places(group: Iterable[Want]) -> str:
     places: dict[str, None] = {}
-    for _, want in group:
+    for want in group:
         places[str(want.motion.move.place)] = None
         if want.target.passed is not None:
             places[str(want.target.argument_file.source.place(want.target.argument.start))] = None
     shown = list(places)[:4]
     return ", ".join(shown) + (" …" if len(places) > len(shown) else "")
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class _Stop:
-    """A motion of a routine, with data of which its targets are made."""
-
-    number: int | None
-    """None of one that was not resolved."""
-    names: frozenset[tuple[Symbol, tuple[int, ...] | None, int]]
-    """Each with how often it was set as a whole before: what it held then is no target of this one."""
-    frames: frozenset[str]
-    """Its tool and work object as they are written; of one that is not read all that it is given."""
-    given: Argument | None
-    """What a parameter that it goes to was given; None where it goes to none, or that is not known."""
-    place: Place
-
-
-def _visits(routine: Routine, stops: Iterable[_Stop]) -> Iterator[Visit]:
-    by_name: dict[object, list[_Stop]] = defaultdict(list)
-    for stop in stops:
-        for name in stop.names:
-            by_name[name].append(stop)
-    for name, group in by_name.items():
-        kinds = dict.fromkeys((stop.frames, stop.given) for stop in group if stop.number is not None)
-        for stop in group:
-            # what is given by a call is of no other kind: compared with all, they would take time by their square
-            for frames, given in kinds if stop.given is None else ((stop.frames, stop.given),):
-                if stop.frames == frames if stop.number is not None else stop.frames >= frames:
-                    yield Visit(number=stop.number, target=(routine, name, frames, given), place=stop.place)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _RoutineText:
-    """References that the motions of a file's routines read."""
-
-    file: File
-    read: Sequence[tuple[int, Symbol, Use]]
-    """References to targets, in the order of the text."""
-    sites: Sequence[Site]
-    numbers: Mapping[Instruction, Sequence[int]]
-
-    @cached_property
-    def starts(self) -> list[int]:
-        """First characters of the references."""
-        return [start for start, _, _ in self.read]
-
-    def stops(self, routine: Routine, unresolved: Container[Instruction]) -> Iterator[_Stop]:
-        """Motions in the order of the text."""
-        made_of: dict[Symbol, frozenset[tuple[Symbol, tuple[int, ...] | None]]] = {}
-        times: Counter[Symbol] = Counter()
-        for statement in routine.lines:
-            if isinstance(statement, Assignment) and not statement.target.selectors:
-                own = {symbol for symbol, _ in self._names(statement.target)}
-                named = self._names(statement.value)
-                for symbol in own:
-                    times[symbol] += symbol not in {one for one, _ in named}
-                    made_of[symbol] = named.union(*(made_of.get(one, ()) for one, _ in named))
-            if not isinstance(statement, Instruction):
-                continue
-            if statement in unresolved:
-                named = frozenset(name for argument in statement.arguments for name in self._names(argument))
-                yield self._stop(statement, None, named, made_of, times)
-            for i in self.numbers.get(statement, ()):
-                named = frozenset(name for a in target_arguments(statement) if a is not None for name in self._names(a))
-                if named:  # numbers alone are shared with no other motion
-                    yield self._stop(statement, i, named, made_of, times)
-
-    def _stop(
-        self,
-        statement: Instruction,
-        i: int | None,
-        named: frozenset[tuple[Symbol, tuple[int, ...] | None]],
-        made_of: Mapping[Symbol, frozenset[tuple[Symbol, tuple[int, ...] | None]]],
-        times: Counter[Symbol],
-    ) -> _Stop:
-        text, place = self.file.source.text, self.file.source.place(statement.start)
-        names = named.union(*(made_of.get(symbol, ()) for symbol, _ in named))
-        arguments = statement.arguments if i is None else (self.sites[i].layout.tool,)
-        frames = [text[a.start : a.end].lower() for a in arguments if not a.option]
-        frames += [text[a.start : a.end].lower() for a in statement.arguments if a.option == "wobj"]
-        given = None
-        if i is not None:
-            root = self.sites[i].end.root
-            given = None if root.passed is None else root.passed.argument
-            if root.origin is not None:  # the index of an element is known, which the text may not state
-                own = root.origin
-                names = frozenset((s, own.path if path is None and s is own.symbol else path) for s, path in names)
-        counted = frozenset((symbol, path, times[symbol]) for symbol, path in names)
-        return _Stop(number=i, names=counted, frames=frozenset(frames), given=given, place=place)
-
-    def _names(self, node: Node) -> frozenset[tuple[Symbol, tuple[int, ...] | None]]:
-        """Targets that are read in a part of the text."""
-        own = self.read[bisect_left(self.starts, node.start) : bisect_left(self.starts, node.end)]
-        return frozenset((symbol, use.path) for _, symbol, use in own)
 
 
 MAX_NAME_LENGTH = 32
@@ -723,18 +420,19 @@ class RapidProgram(Program):
             raise InputError(f"{robot.name} has {count} joints; a RAPID program of it is not written, only of six")
         edits = _Edits()
         ends: dict[TargetArgument, Waypoint] = {}
-        sites: dict[TargetArgument, Site] = {}
+        numbers: dict[TargetArgument, int] = {}
         for number in sorted(waypoints):
             path, motion = waypoints[number], self.sites[number]
-            if not path:
-                raise ValueError(f"motion {number} has no waypoint; it needs one at least")
             own = _ends(motion, path[-1], robot, edits)
             ends |= own
-            sites |= dict.fromkeys(own, motion)
+            numbers |= dict.fromkeys(own, number)
             if len(path) > 1:
                 _insert(motion, path[:-1], robot, edits)
         texts = new_texts(ends, robot)
-        wants = [Want(target=target, motion=motion, texts=texts[target]) for target, motion in sites.items()]
+        wants = [
+            Want(number=number, target=target, motion=self.sites[number], texts=texts[target])
+            for target, number in numbers.items()
+        ]
         _write_targets([*wants, *_carriers(wants, ends, robot)], self.sources, self.uses, edits)
         return tuple(source.edited(edits.by_path.get(str(source.path), ())) for source in self.sources)
 
@@ -757,7 +455,16 @@ class RapidProgram(Program):
         self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
     ) -> dict[int, str]:
         """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
-        return Sharing(sites=self.sites, uses=self.uses, robot=robot, tolerance=tolerance).unwritable(waypoints)
+        sharing = self._sharing()
+        ends: dict[TargetArgument, Waypoint] = {}
+        for i in sharing:
+            site, last = self.sites[i], waypoints[i][-1] if i in waypoints else None
+            if last is not None and last.kind == site.move.kind:
+                ends[site.end] = last
+                if site.via is not None and last.via is not None:
+                    ends[site.via] = last.via
+        texts = new_texts(ends, robot)
+        return reject_in_turn(waypoints, lambda rest: self._conflicts(rest, sharing, texts, tolerance))
 
     def motions_in(self, sources: tuple[Source, ...]) -> tuple[Motion, ...]:
         """The motions of other texts of the same files; see `Program.motions_in`."""
@@ -768,14 +475,171 @@ class RapidProgram(Program):
         self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], numbers: Collection[int], tolerance: float
     ) -> dict[int, tuple[Waypoint, ...]]:
         """One value where motions share their numbers; see `Program.least_worst`."""
-        sharing = Sharing(sites=self.sites, uses=self.uses, robot=robot, tolerance=tolerance)
-        return sharing.least_worst(waypoints, numbers)
+        groups: dict[object, list[Shared]] = defaultdict(list)
+        for i in self._sharing():
+            site, target = self.sites[i], self.sites[i].end
+            want = Want(number=i, target=target, motion=site, texts=())
+            if target.type != "robtarget" or site.via is not None or (target.shifted and not want.is_carried):
+                continue
+            if want.is_carried:
+                one, own = Shared(number=i, base=target.uncarried, target=target.carried), want.carrier
+            else:
+                one, own = Shared(number=i), target
+            groups[_shared_place(own)].append(one)
+        out: dict[int, tuple[Waypoint, ...]] = {}
+        for group in groups.values():
+            if any(one.number in numbers for one in group):
+                out |= least_worst(group, waypoints, tolerance)
+        return out
+
+    def _sharing(self) -> list[int]:
+        """Motions whose texts stand for several or are given by calls, and all that have a target in common with these."""
+        others = [motion for motion in self.sites if not _stands_alone(motion)]
+        homes = {
+            home_of(one) for motion in others for target in _targets(motion) for one in (target, target.base or target)
+        }
+        return [
+            i
+            for i, motion in enumerate(self.sites)
+            if homes and (not _stands_alone(motion) or any(home_of(target) in homes for target in _targets(motion)))
+        ]
+
+    def _conflicts(
+        self,
+        waypoints: Mapping[int, tuple[Waypoint, ...]],
+        sharing: Sequence[int],
+        texts: Mapping[TargetArgument, Texts],
+        tolerance: float,
+    ) -> Iterator[tuple[int, str]]:
+        for i in sharing:
+            motion = self.sites[i]
+            count = motion.move.texts_motions
+            (*before, last) = waypoints.get(i, (None,))
+            if count > 1 and (before or (last is not None and last.kind != motion.move.kind)):
+                yield i, f"its text stands for {count} motions, and cannot become other ones for one of them"
+        by_argument: dict[object, list[Want]] = defaultdict(list)
+        by_home: dict[Home, list[Want]] = defaultdict(list)
+        carried: list[Want] = []
+        for i, target in ((k, target) for k in sharing for target in _targets(self.sites[k])):
+            new = (texts.get(target) if i in waypoints else None) or (None,) * len(target.meant)
+            want = Want(number=i, target=target, motion=self.sites[i], texts=new)
+            if want.is_carried:
+                carried.append(want)
+            else:
+                by_argument[target.argument].append(want)
+                by_home[want.home].append(want)
+        followed, lost = self._carried(carried, by_home, tolerance)
+        yield from lost
+        replaced = _within(
+            want
+            for group in by_argument.values()
+            for want in group
+            if want.changes
+            and want.target.origin is None
+            and want.target.shifted
+            and want.target.root.passed is not None
+        )
+        going: dict[object, list[Want]] = defaultdict(list)
+        for want in followed:
+            going[want.carrier.argument].append(want)
+            going[home_of(want.carrier)].append(want)
+        for argument, group in by_argument.items():
+            yield from self._in_argument(group, going.get(argument, ()), replaced)
+        for home, group in by_home.items():
+            yield from self._of_home(group, going.get(home, ()))
+
+    def _carried(
+        self, carried: Sequence[Want], by_home: Mapping[Home, Sequence[Want]], tolerance: float
+    ) -> tuple[list[Want], list[tuple[int, str]]]:
+        """Targets that go with those that they shift: those that come to where they should be, and why others cannot."""
+        followed: list[Want] = []
+        lost: list[tuple[int, str]] = []
+        stuck: set[tuple[object, Home]] = set()
+        # those whose target no motion goes to itself, which may be anywhere
+        alone: dict[tuple[object, Home], list[Want]] = defaultdict(list)
+        for want in carried:
+            base = want.carrier
+            direct = [w for w in by_home.get(home_of(base), ()) if w.changes and not w.target.shifted]
+            if base.passed is not None:
+                direct = [w for w in direct if w.target.argument is base.argument]
+            if not direct and _is_free(base):
+                alone[_shared_place(base)].append(want)
+            elif why := _misses(want, direct[0].T if direct else base.T, tolerance):
+                lost.append((want.number, why))
+                stuck.add(_shared_place(base))
+            else:
+                followed.append(want)
+        for group in alone.values():
+            if not any(want.changes for want in group):
+                continue
+            T_base, origin = group[0].target.uncarried(group[0].T), group[0].carrier.origin
+            assert origin is not None
+            other = other_use(self.uses.get(origin.symbol, ()), origin.path, (), _within(group))
+            whys = (_misses(want, T_base, WANTED_TOLERANCE_MM / 1e3) for want in group)
+            why = next(filter(None, whys), "") or _read_too(f"its target {origin.name}", other)
+            lost += _all_of(group, why) if why else ()
+            followed += () if why else group
+        return [want for want in followed if _shared_place(want.carrier) not in stuck], lost
+
+    def _in_argument(
+        self, group: Sequence[Want], going: Iterable[Want], replaced: Callable[[Use], bool]
+    ) -> Iterator[tuple[int, str]]:
+        """Motions that get their targets from one argument, each target from one place.
+
+        What reads a parameter in text that numbers take the place of reads it no longer.
+        """
+        if not any(want.changes for want in group):
+            return
+        of_home: dict[Home, list[Want]] = defaultdict(list)
+        for want in group:
+            of_home[want.home].append(want)
+        for same in of_home.values():
+            if not all(want.agrees(same[0]) for want in same[1:]):
+                yield from _all_of(same, f"has its target in common with {_places(same)}, which need other numbers")
+        first = group[0]
+        computed = first.target.literal is None or first.target.shifted
+        if computed and len({want.number for want in group}) > 1 and len(of_home) > 1:
+            count = first.motion.move.texts_motions
+            yield from _all_of(group, f"its text stands for {count} motions to different places")
+        elif first.target.passed is not None:
+            why = _read_too("what the call gives it", self._other_reading(group, going, replaced))
+            yield from _all_of(group, why) if why else ()
+
+    def _other_reading(
+        self, group: Sequence[Want], going: Iterable[Want], replaced: Callable[[Use], bool]
+    ) -> Use | None:
+        """Reference that reads a parameter beside the motions that go to it."""
+        known = {(want.motion.file, want.target.read_at) for want in going}
+        parameters: dict[Symbol, None] = {}
+        for want in group:
+            if (passed := want.target.passed) is not None:
+                known |= {*passed.reads, (want.motion.file, want.target.read_at)}
+                parameters |= dict.fromkeys(passed.parameters)
+        uses = (use for symbol in parameters for use in self.uses.get(symbol, ()))
+        return next((use for use in uses if (use.file, use.start) not in known and not replaced(use)), None)
+
+    def _of_home(self, group: Sequence[Want], going: Iterable[Want]) -> Iterator[tuple[int, str]]:
+        """Motions whose targets stand in one declaration, which is what has to change where no copy can be named."""
+        fixed = [want for want in group if not want.replaceable and want.changes]
+        origin = fixed[0].target.origin if fixed else None
+        if origin is None:
+            return
+        first, why = fixed[0], ""
+        if not all(want.agrees(first) for want in fixed):
+            why = f"has its target in common with {_places(fixed)}, which need other numbers"
+        elif first.target.literal is None or any(want.target.shifted for want in fixed):
+            why = f"its text stands for {first.motion.move.texts_motions} motions, which need different ones"
+        else:
+            changed = [want for want in group if want.changes and (want.replaceable or want.agrees(first))]
+            other = other_use(self.uses.get(origin.symbol, ()), origin.path, changed, _within(going))
+            why = _read_too(f"its target {origin.name}", other)
+        yield from _all_of(fixed, why) if why else ()
 
     def written_out(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
         """The program's files with shared text written out; see `Program.written_out`."""
         shared = {self.sites[i].instruction for i in numbers}
         routines = {context.routine: context for context in self.everywhere if context.routine is not None}
-        calls: dict[Routine, list[tuple[Line, Routine]]] = defaultdict(list)
+        calls: dict[Routine, list[tuple[Instruction, Routine]]] = defaultdict(list)
         for routine, context in routines.items():
             for line in routine.lines:
                 if isinstance(line, Instruction):
@@ -783,15 +647,14 @@ class RapidProgram(Program):
                         calls[other].append((line, routine))
         texts = [(line, routine) for routine in routines for line in routine.lines if line in shared]
         reached = reaching(texts, calls)
-        plans: dict[str, WritingOut] = {}
-        for context in self.everywhere:
-            if context.routine is not None:
-                found = _turns_of(context.routine, context.file.source, self.turns, reached.__contains__)
-                path, plan = str(context.file.source.path), WritingOut(turns=tuple(found))
-                plans[path] = plan if path not in plans else replace(plan, turns=plans[path].turns + plan.turns)
-        if not any(plan.turns for plan in plans.values()):
-            plans = _copies(routines, calls, {routine for _, routine in texts}, self.sources)
-        return written_out(self.sources, [plans.get(str(source.path), WritingOut()) for source in self.sources])
+        turns = (
+            (context.file.source, loop)
+            for routine, context in routines.items()
+            for loop in _turns_of(routine, context.file.source, self.turns, reached.__contains__)
+        )
+        words = (token.key for source in self.sources for token in tokenize(source.text) if token.kind == "name")
+        fresh = FreshNames(words, longest=MAX_NAME_LENGTH, usual=S4_NAME_LENGTH, reserved=RESERVED | set(DATA))
+        return written_out(self.sources, turns, _repeated(routines, calls, {r for _, r in texts}), fresh)
 
     def wrap(
         self, function: str, added: Source | None, *, without: Container[str] = (), rejected: Container[int] = ()
@@ -801,34 +664,18 @@ class RapidProgram(Program):
             raise InputError(f"{self.sources[0].path}: has a function {function} already")
         staying = {site.instruction for i, site in enumerate(self.sites) if i not in rejected}
         motions = self.unresolved | {site.instruction for site in self.sites}.difference(staying)
-        edits, wrapped, left = _Edits(), list[Place](), list[Diagnostic]()
-        for one in wrap(self.everywhere, motions, function, without):
-            if one.obstacle:
-                text = f"{one.name} is not corrected at run time: {one.obstacle}"
-                left.append(Diagnostic(place=one.place, text=text))
-            else:
-                wrapped.append(one.place)
-                edits.by_path.setdefault(one.path, []).extend(one.edits)
 
-        def read(sources: tuple[Source, ...]) -> Program:
-            """The program without the motions that have the function, of which nothing is to be said any more."""
-            again = self.reread(sources)
-            assert isinstance(again, RapidProgram)
+        def cleared(again: RapidProgram) -> tuple[RapidProgram, set[Place]]:
             having = {
                 context.file.source.place(line.start)
                 for context in again.everywhere
                 for line in context.lines
                 if isinstance(line, Instruction) and calls_function(line, function)
             }
-            return replace(
-                again, read=read, backup=self.backup, base_from=self.base_from,
-                unresolved=frozenset(one for one in again.unresolved if not calls_function(one, function)),
-                diagnostics=tuple(d for d in again.diagnostics if d.place not in having or "stays as it is" not in d.text),
-            )  # fmt: skip
+            left = (one for one in again.unresolved if not calls_function(one, function))
+            return replace(again, unresolved=frozenset(left)), having
 
-        sources = tuple(source.edited(edits.by_path.get(str(source.path), ())) for source in self.sources)
-        program = read((*sources, added) if added is not None else sources) if wrapped else self
-        return Wrapping(program=program, wrapped=tuple(wrapped), left=tuple(left))
+        return wrapping(self, wrap(self.everywhere, motions, function, without), added, cleared)
 
     def visits(self) -> Iterator[Visit]:
         """Motions of one routine to one target in one tool and work object; see `Program.visits`.
@@ -836,19 +683,84 @@ class RapidProgram(Program):
         A motion goes to the target that it names or shifts, and to those from which a variable was set last that it names.
         """
         numbers: dict[Instruction, list[int]] = defaultdict(list)
-        for i, motion in enumerate(self.sites):
-            numbers[motion.instruction].append(i)
-        read: dict[int, list[tuple[int, Symbol, Use]]] = defaultdict(list)
+        for i, site in enumerate(self.sites):
+            numbers[site.instruction].append(i)
+        read: dict[int, list[tuple[int, Datum]]] = defaultdict(list)
         for symbol, use in ((symbol, use) for symbol, own in self.uses.items() for use in own):
             if use.type in ("robtarget", "jointtarget"):
-                read[id(use.file)].append((use.start, symbol, use))
+                read[id(use.file)].append((use.start, (symbol, use.path)))
         for own in read.values():
             own.sort(key=lambda one: one[0])
         for context in self.everywhere:
             if context.routine is not None:
-                own = read[id(context.file)]
-                text = _RoutineText(file=context.file, read=own, sites=self.sites, numbers=numbers)
-                yield from _visits(context.routine, text.stops(context.routine, self.unresolved))
+                yield from _visits(context.routine, self._stops(context, numbers, read[id(context.file)]))
+
+    def _stops(
+        self, context: Context, numbers: Mapping[Instruction, Sequence[int]], read: Sequence[tuple[int, Datum]]
+    ) -> "Iterator[_Stop]":
+        """Motions of a routine in the order of the text, given the targets that its file reads, in order, too."""
+        starts, source = [start for start, _ in read], context.file.source
+        made_of: dict[Symbol, frozenset[Datum]] = {}
+        times: Counter[Symbol] = Counter()
+
+        def named(nodes: Iterable[Node]) -> frozenset[Datum]:
+            spans = (slice(bisect_left(starts, node.start), bisect_left(starts, node.end)) for node in nodes)
+            return frozenset(datum for span in spans for _, datum in read[span])
+
+        for line in context.lines:
+            if isinstance(line, Assignment) and not line.target.selectors:
+                own = named([line.value])
+                for symbol, _ in named([line.target]):
+                    times[symbol] += symbol not in {one for one, _ in own}
+                    made_of[symbol] = own.union(*(made_of.get(one, ()) for one, _ in own))
+            if not isinstance(line, Instruction):
+                continue
+            for i in (*((None,) if line in self.unresolved else ()), *numbers.get(line, ())):
+                site = None if i is None else self.sites[i]
+                data = named(line.arguments if site is None else filter(None, target_arguments(line)))
+                if site is not None and not data:
+                    continue  # numbers alone are shared with no other motion
+                data = data.union(*(made_of.get(symbol, ()) for symbol, _ in data))
+                given, frames = None, [a for a in line.arguments if a.option == "wobj"]
+                frames += [a for a in line.arguments if not a.option] if site is None else [site.layout.tool]
+                if site is not None:
+                    origin, passed = site.end.root.origin, site.end.root.passed
+                    given = None if passed is None else passed.argument
+                    if origin is not None:  # the index of an element is known, which the text may not state
+                        data = {(s, origin.path if path is None and s is origin.symbol else path) for s, path in data}
+                yield _Stop(
+                    number=i, given=given, place=source.place(line.start),
+                    data=frozenset((symbol, path, times[symbol]) for symbol, path in data),
+                    frames=frozenset(source.text[a.start : a.end].lower() for a in frames),
+                )  # fmt: skip
+
+
+class _Stop(NamedTuple):
+    """A motion of a routine, with data of which its targets are made."""
+
+    number: int | None
+    """None of one that was not resolved."""
+    data: frozenset[tuple[Symbol, tuple[int, ...] | None, int]]
+    """Each with how often it was set as a whole before: what it held then is no target of this one."""
+    frames: frozenset[str]
+    """Its tool and work object as they are written; of one that is not read all that it is given."""
+    given: Argument | None
+    """What a parameter that it goes to was given; None where it goes to none, or that is not known."""
+    place: Place
+
+
+def _visits(routine: Routine, stops: Iterable[_Stop]) -> Iterator[Visit]:
+    by_datum: dict[object, list[_Stop]] = defaultdict(list)
+    for stop in stops:
+        for datum in stop.data:
+            by_datum[datum].append(stop)
+    for datum, group in by_datum.items():
+        kinds = dict.fromkeys((stop.frames, stop.given) for stop in group if stop.number is not None)
+        for stop in group:
+            # what is given by a call is of no other kind: compared with all, they would take time by their square
+            for frames, given in kinds if stop.given is None else ((stop.frames, stop.given),):
+                if stop.frames == frames if stop.number is not None else stop.frames >= frames:
+                    yield Visit(number=stop.number, target=(routine, datum, frames, given), place=stop.place)
 
 
 # Loops written turn by turn, and routines for each of their calls.
@@ -918,40 +830,22 @@ COUNT_DECIMALS = 9
 """Of a counter."""
 
 
-def _copies(
+def _repeated(
     routines: Mapping[Routine, Context],
-    calls: Mapping[Routine, Sequence[tuple[Line, Routine]]],
+    calls: Mapping[Routine, Sequence[tuple[Instruction, Routine]]],
     shared: Container[Routine],
-    sources: Sequence[Source],
-) -> dict[str, WritingOut]:
-    """A copy of procedures with shared lines for each call but the first."""
-    words = (token.key for source in sources for token in tokenize(source.text) if token.kind == "name")
-    fresh = FreshNames(words, longest=MAX_NAME_LENGTH, usual=S4_NAME_LENGTH, reserved=RESERVED | set(DATA))
-    copies: dict[str, list[Copy]] = defaultdict(list)
-    named: dict[str, dict[tuple[int, int], str]] = defaultdict(dict)
+) -> Iterator[Repeated]:
+    """Procedures with shared lines, of which each call but the first gets a copy."""
     for routine, context in routines.items():
         own = calls.get(routine, ())
         alone = len(context.scope.routines[routine.name.key]) == 1
-        if routine not in shared or routine.kind != "proc" or not alone or any(by is routine for _, by in own):
-            continue
-        source, name = context.file.source, routine.name
-        for line, by in own[1:]:
-            assert isinstance(line, Instruction)
-            new = fresh.like(name.text)
-            path = str(routines[by].file.source.path)
-            named[path][line.name.start, line.name.start + len(line.name.text)] = new
-            copies[str(source.path)].append(
-                Copy(
-                    at=routine.end,
-                    before=source.newline * 2 + source.indent(routine.start),
-                    span=(routine.start, routine.end),
-                    named={(name.start, name.start + len(name.text)): new},
-                )
-            )
-    return {
-        path: WritingOut(copies=tuple(copies.get(path, ())), named=named.get(path, {}))
-        for path in dict.fromkeys((*copies, *named))
-    }
+        if routine in shared and routine.kind == "proc" and alone and all(by is not routine for _, by in own):
+            source = context.file.source
+            yield Repeated(
+                source=source, at=routine.end, before=source.newline * 2 + source.indent(routine.start),
+                span=(routine.start, routine.end), name=(routine.name.start, routine.name.end),
+                calls=tuple((routines[by].file.source, (line.name.start, line.name.end)) for line, by in own[1:]),
+            )  # fmt: skip
 
 
 # The motions of texts that differ in numbers alone, as those do that were corrected without a further target.
@@ -990,7 +884,6 @@ def _with_targets(
     again: Mapping[TargetArgument, TargetArgument],
     poses: Mapping[TargetArgument, Float[np.ndarray, "4 4"] | None],
 ) -> Motion:
-    """A motion to other targets."""
 
     def target(old: TargetArgument, said: Target) -> Target:
         if old not in again:
@@ -1076,8 +969,7 @@ def _name(motion: Site, kind: MotionKind) -> str:
 
 
 def _via(waypoint: Waypoint) -> Waypoint:
-    if waypoint.via is None:
-        raise ValueError("a circular motion needs a via point")
+    assert waypoint.via is not None
     return waypoint.via
 
 
@@ -1126,9 +1018,7 @@ def _carriers(wants: Sequence[Want], ends: Ends, robot: Robot) -> Iterator[Want]
             continue
         seen.add(home_of(base))
         texts = new_texts({base: replace(ends[want.target], T=want.target.uncarried(want.T))}, robot)[base]
-        yield Want(
-            target=base, motion=want.motion, texts=(*texts[:POSE_NUMBERS], *[None] * (len(texts) - POSE_NUMBERS))
-        )
+        yield replace(want, target=base, texts=(*texts[:POSE_NUMBERS], *[None] * (len(texts) - POSE_NUMBERS)))
 
 
 POSE_NUMBERS = 7
@@ -1214,8 +1104,9 @@ def _clone_text(want: Want) -> str:
 def _clone(want: Want, value: str, fresh: FreshNames, edits: _Edits) -> str:
     """Declare a clone of a target behind it, and say its name."""
     origin = want.target.origin
-    if origin is None or origin.symbol.declaration is None or origin.symbol.file is None:
-        raise ValueError("only a declared target can be cloned")
+    assert origin is not None
+    assert origin.symbol.declaration is not None
+    assert origin.symbol.file is not None
     declaration, source = origin.symbol.declaration, origin.symbol.file.source
     name = fresh.like(origin.symbol.name)
     text = source.text
@@ -1289,23 +1180,20 @@ def compose_rapid(program: Composition) -> Source:
     )
     declared = _Declarations(fresh=fresh)
     body: list[str] = []
-    for i, move in enumerate(program.motions):
+    for i, motion in enumerate(program.motions):
         body += _comment(program.note(i))
         at = program.posture(i)
-        # the posture at the via point is that of the end, unless it says its own
-        points = [_point(move.via, _posture_at(move.via, at), i, robot, declared)] if move.via is not None else []
-        points.append(_point(move.end, at, i, robot, declared))
-        speed = _speed(program.speed if move.speed is None else move.speed, declared)
-        arguments = [*points, speed, "fine" if move.stops else program.zone, _tool(move, declared)]
-        body.append(f"    {NAMES[move.kind]} {','.join(arguments)};")
+        ends = [(motion.end, at)]
+        if motion.via is not None:  # the posture there is that of the end, unless it says its own
+            ends.insert(0, (motion.via, None if motion.via.posture is not None else at))
+        points = [_point(target, q, i, robot, declared) for target, q in ends]
+        speed = _speed(program.speed if motion.speed is None else motion.speed, declared)
+        arguments = [*points, speed, "fine" if motion.stops else program.zone, _tool(motion, declared)]
+        body.append(f"    {NAMES[motion.kind]} {','.join(arguments)};")
         if waits_s := program.waits_s(i):
             body.append(f"    WaitTime {waits_s:g};")
     lines = [f"MODULE {name}", *declared.lines, "", f"  PROC {name}{RUN}()", *body, "  ENDPROC", "ENDMODULE"]
     return program.written(lines, ".mod")
-
-
-def _is_name(text: str) -> bool:
-    return text.isascii() and text.isidentifier() and not text.startswith("_")
 
 
 def _comment(text: str) -> Iterator[str]:
@@ -1325,28 +1213,18 @@ def _broken(line: str) -> Iterator[str]:
     yield line
 
 
-def _posture_at(via: Target, end: Float[np.ndarray, " joints"] | None) -> Float[np.ndarray, " joints"] | None:
-    return None if via.posture is not None else end
-
-
 def _point(
     target: Target, q: Float[np.ndarray, " joints"] | None, number: int, robot: Robot, declared: _Declarations
 ) -> str:
     type_: TargetType
     if target.q is not None:
-        type_, letter = "jointtarget", "j"
-        groups = [[real(float(v), DEG_DECIMALS) for v in np.degrees(target.q)]]
+        type_, letter, numbers = "jointtarget", "j", _axes_written(np.degrees(target.q))
     elif target.T is not None:
         type_, letter = "robtarget", "p"
-        pose, cf = pose_numbers(target.T), _configuration(target, q, number, robot)
-        groups = [
-            [real(v, MM_DECIMALS) for v in pose[:3]],
-            list(quaternion_texts(pose[3:])),
-            [str(v) for v in (cf.cf1, cf.cf4, cf.cf6, cf.cfx)],
-        ]
+        numbers = _pose_written(pose_numbers(target.T), _configuration(target, q, number, robot))
     else:
         raise InputError(f"motion {number} is given neither a pose nor joint positions")
-    value = "[" + ",".join(f"[{','.join(group)}]" for group in [*groups, list(NO_AXES)]) + "]"
+    value = _aggregate(type_, numbers, NO_AXES)
     return declared.name((type_, value), f"CONST {type_}", f"{letter}{10 * (number + 1)}", value)
 
 
@@ -1365,16 +1243,15 @@ def _speed(speed: float, declared: _Declarations) -> str:
     return declared.name(("speeddata", mm), "CONST speeddata", "vTool", f"[{mm},500,5000,1000]")
 
 
-def _tool(move: Motion, declared: _Declarations) -> str:
-    """The tool with its work object, as arguments of a motion."""
-    tool_held, fixed = ("FALSE", "TRUE") if move.part_in_hand else ("TRUE", "FALSE")
+def _tool(motion: Motion, declared: _Declarations) -> str:
+    tool_held, fixed = ("FALSE", "TRUE") if motion.part_in_hand else ("TRUE", "FALSE")
     tool, work_object = "tool0", ""
-    if move.part_in_hand or _moves(move.tool):
-        value = f"[{tool_held},{_frame(move.tool)},{LOAD}]"
-        tool = declared.name(("tooldata", value), "PERS tooldata", _wish(move.tool, "tTool"), value)
-    if move.part_in_hand or _moves(move.part):
-        value = f'[{fixed},TRUE,"",{_frame(move.part)},[[0,0,0],[1,0,0,0]]]'
-        name = declared.name(("wobjdata", value), "PERS wobjdata", _wish(move.part, "wPart"), value)
+    if motion.part_in_hand or _moves(motion.tool):
+        value = f"[{tool_held},{_frame(motion.tool)},{LOAD}]"
+        tool = declared.name(("tooldata", value), "PERS tooldata", _wish(motion.tool, "tTool"), value)
+    if motion.part_in_hand or _moves(motion.part):
+        value = f'[{fixed},TRUE,"",{_frame(motion.part)},[[0,0,0],[1,0,0,0]]]'
+        name = declared.name(("wobjdata", value), "PERS wobjdata", _wish(motion.part, "wPart"), value)
         work_object = f"\\WObj:={name}"
     return f"{tool}{work_object}"
 
@@ -1384,7 +1261,9 @@ def _moves(frame: Frame) -> bool:
 
 
 def _wish(frame: Frame, otherwise: str) -> str:
-    return frame.name if _is_name(frame.name) and len(frame.name) <= MAX_NAME_LENGTH else otherwise
+    name = frame.name
+    usable = name.isascii() and name.isidentifier() and not name.startswith("_") and len(name) <= MAX_NAME_LENGTH
+    return name if usable else otherwise
 
 
 def _frame(frame: Frame) -> str:

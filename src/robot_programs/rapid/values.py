@@ -80,14 +80,13 @@ def whole(value: Value) -> Value:
     return value
 
 
-def replaced(value: Value, path: Sequence[int], by: Value, levels: Sequence[str], types: Types) -> Value:
+def replaced(value: Value, path: Sequence[tuple[int, str]], by: Value, types: Types) -> Value:
     """A record or an array with another component or element.
 
     Args:
         value: it.
-        path: which one.
+        path: which one, step by step, with the type of the record that has it; empty where it is that of an array.
         by: what it becomes.
-        levels: of each index in the path the type of the record that has it; empty where it is that of an array.
         types: components of records.
 
     Raises:
@@ -95,12 +94,12 @@ def replaced(value: Value, path: Sequence[int], by: Value, levels: Sequence[str]
     """
     if not path:
         return by
+    (at, record), *inner = path
     if isinstance(value, Lost):
-        value = (value,) * len(types.get(levels[0], ()))
-    if not isinstance(value, tuple) or path[0] >= len(value):
+        value = (value,) * len(types.get(record, ()))
+    if not isinstance(value, tuple) or at >= len(value):
         raise Unresolved("there is no such component")
-    own = replaced(value[path[0]], path[1:], by, levels[1:], types)
-    return (*value[: path[0]], own, *value[path[0] + 1 :])
+    return (*value[:at], replaced(value[at], inner, by, types), *value[at + 1 :])
 
 
 def operated(sign: str, values: Sequence[Value]) -> Value:
@@ -404,7 +403,6 @@ def _cut(name: str, to_whole: Callable[[float], float], ties: float) -> Function
 
 
 def _numeric(name: str, count: int) -> Function:
-    """One of the functions of numbers."""
 
     def checked(given: Sequence[Value], options: Options) -> Value:
         if options:
@@ -709,14 +707,13 @@ class Values:
         if known is None and symbol.obstacle:
             raise Unresolved(symbol.obstacle)
         if known is None or known.declared:
-            origin = Origin(
-                symbol=symbol, path=path, type=type_, node=_written_at(symbol, path), selectors=reference.selectors
-            )
+            node = _inside(symbol.declaration.value if symbol.declaration else None, path)
+            origin = Origin(symbol=symbol, path=path, type=type_, node=node, selectors=reference.selectors)
             value = self._declared(origin, depth)
             for at, how in lost.items():
                 if at[: len(path)] == path:
                     because = Lost(reason=f"'{symbol.name}' {how}, so its value is not known")
-                    value = replaced(value, at[len(path) :], because, ("",) * len(at), {})
+                    value = replaced(value, [(step, "") for step in at[len(path) :]], because, {})
             found = Found(value=value, type=type_, origin=origin, passed=None, literal=origin.node, name=origin.name)
             if known is None and not reference.selectors and depth == 0 and symbol.declaration is not None:
                 self._named[symbol] = found
@@ -726,18 +723,6 @@ class Values:
             name = known.name if known.name and not path else symbol.name
             return Found(value=value, type=type_, origin=None, passed=None, literal=None, name=name)
         return _through(known.passed, value, path, type_, reference)
-
-    def levels(self, reference: Reference, symbol: Symbol, scope: Scope) -> tuple[str, ...]:
-        """Types of the records in which the steps of the path of a reference lead; empty of those in an array."""
-        levels: list[str] = []
-        type_ = symbol.type
-        for selector in reference.selectors:
-            if isinstance(selector, Index):
-                levels += [""] * len(selector.items)
-            else:
-                levels.append(type_)
-                type_ = dict(scope.types.get(type_, ())).get(selector.key, "")
-        return tuple(levels)
 
     def blank(self, symbol: Symbol, leaf: Callable[[str], Value]) -> Value:
         """A value of the type of data, without any that is declared.
@@ -768,23 +753,8 @@ class Values:
         Raises:
             Unresolved: an index is not known, or there is no such component.
         """
-        path: list[int] = []
-        type_ = symbol.type
-        for selector in reference.selectors:
-            match selector:
-                case Index():
-                    for item in selector.items:
-                        index = self.number(item, scope, depth + 1)
-                        if not 1.0 <= index <= MAX_ELEMENTS or index != int(index):
-                            raise Unresolved(f"{index:g} is not an index of '{symbol.name}'")
-                        path.append(int(index) - 1)
-                case Component():
-                    names = [name for name, _ in scope.types.get(type_, ())]
-                    if selector.key not in names:
-                        raise Unresolved(f"'{symbol.name}' has no component '{selector.key}'")
-                    path.append(names.index(selector.key))
-                    type_ = scope.types[type_][path[-1]][1]
-        return tuple(path), type_
+        found = list(steps(reference, symbol, scope, lambda item: self.number(item, scope, depth + 1)))
+        return tuple(at for at, _, _ in found), found[-1][2] if found else symbol.type
 
     def _declared(self, origin: Origin, depth: int) -> Value:
         """The declared value of data, which does not follow what its parts hold later."""
@@ -824,18 +794,46 @@ class Values:
         return COMPUTED[key](given, {name: self.of(node, scope, depth + 1) for name, node in options.items()})
 
 
+def steps(
+    reference: Reference, symbol: Symbol, scope: Scope, number: Callable[[Expression], float]
+) -> Iterator[tuple[int, str, str]]:
+    """Steps of a reference into its data: which component or element, the type of the record that has it, and its own.
+
+    Args:
+        reference: it.
+        symbol: the data.
+        scope: what names mean there.
+        number: value of an index.
+
+    Raises:
+        Unresolved: an index is not known, or there is no such component.
+    """
+    type_ = symbol.type
+    for selector in reference.selectors:
+        match selector:
+            case Index():
+                for item in selector.items:
+                    index = number(item)
+                    if not 1.0 <= index <= MAX_ELEMENTS or index != int(index):
+                        raise Unresolved(f"{index:g} is not an index of '{symbol.name}'")
+                    yield int(index) - 1, "", type_
+            case Component():
+                record, names = type_, [name for name, _ in scope.types.get(type_, ())]
+                if selector.key not in names:
+                    raise Unresolved(f"'{symbol.name}' has no component '{selector.key}'")
+                at = names.index(selector.key)
+                type_ = scope.types[record][at][1]
+                yield at, record, type_
+
+
 def _blank(type_: str, types: Types, leaf: Callable[[str], Value], depth: int = 0) -> Value:
     if type_ not in types or depth > MAX_RECORDS:
         return leaf(type_)
     return tuple(_blank(component, types, leaf, depth + 1) for _, component in types[type_])
 
 
-def _written_at(symbol: Symbol, path: tuple[int, ...]) -> Expression | None:
-    """Expression at a path of declared data; None where only a larger whole is."""
-    return _inside(symbol.declaration.value if symbol.declaration else None, path)
-
-
 def _inside(node: Expression | None, path: tuple[int, ...]) -> Expression | None:
+    """Expression at a path of another one; None where only a larger whole is written."""
     for item in path:
         if not isinstance(node, Aggregate) or item >= len(node.items):
             return None

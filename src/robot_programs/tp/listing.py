@@ -18,13 +18,8 @@ from robot_programs.core.source import Source, TextEdit, lines_of, numeral, renu
 
 def stretches(marks: Iterable[re.Match[str]], end: int) -> Iterator[tuple[re.Match[str], int]]:
     """Each mark, with where the next one begins, or the text ends."""
-    before: re.Match[str] | None = None
-    for mark in marks:
-        if before is not None:
-            yield before, mark.start()
-        before = mark
-    if before is not None:
-        yield before, end
+    found = list(marks)
+    return zip(found, [*(mark.start() for mark in found[1:]), end], strict=False)
 
 
 # Frames and position registers as a controller's backup states them: text files of variables, ``.va``.

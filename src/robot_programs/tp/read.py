@@ -287,7 +287,6 @@ class Resolver:
                 self._call(called, instruction, state)
 
     def _call(self, called: str, instruction: Instruction, state: State) -> None:
-        """Update the state after a call."""
         state.strange = self.calls.behind(called) or state.strange
         if called not in self.calls.within:
             text = (
@@ -309,7 +308,6 @@ class Resolver:
             )
 
     def _other(self, text: str, state: State) -> None:
-        """Update the state by an instruction that does not move the robot."""
         setting = _SETTING.match(text)
         if setting is not None:
             value = setting["value"].strip()
@@ -368,7 +366,6 @@ class Resolver:
             via=targets[0] if len(targets) > 1 else None,
             tool=tool,
             part=frame,
-            part_in_hand=False,
             speed=motion.speed,
             turn_speed=motion.turn_speed,
             stops=motion.stops,
@@ -483,14 +480,12 @@ class Resolver:
         )
 
     def _one_of(self, written: tuple[Written, ...]) -> tuple[Frame, Frame]:
-        """User frame and tool of a motion."""
         if len({w.numbers for w in written}) > 1:
             raise Unresolved("its two positions count from different frames")
         frame, tool = written[-1].numbers
         return self.frames.user_frame(frame), self.frames.tool_frame(tool)
 
     def _target(self, written: Written, motion: MotionLine, tool: Frame, frame: Frame) -> Target:
-        """Target of a motion."""
         place, name, stated = self.source.place(written.start), written.operand.name, written.stated
         if not stated.is_pose:
             q = stated.joints(len(self.robot.joint_names))

@@ -142,7 +142,6 @@ class _Rewriting:
         self.fresh = max(numbers, default=0)
 
     def motion(self, site: Site, move: Motion, path: tuple[Waypoint, ...]) -> None:
-        """Rewrite a motion, with motions of their own for all waypoints but the last."""
         *before, last = path
         if any(waypoint.kind != move.kind for waypoint in path):
             raise InputError(f"{move.place}: the motion cannot become one of another kind in TP")
@@ -216,7 +215,6 @@ class _Rewriting:
         self.edits.append(TextEdit(start=operand.start, end=operand.end, text=f"P[{number}]"))
 
     def result(self) -> Source:
-        """The file with all changes."""
         self._positions()
         self._lines()
         if self.added:
