@@ -5,6 +5,7 @@ import re
 from types import SimpleNamespace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from robot_programs.core.program import angled_pose, pose_numbers
 from taskcal.geometry import se3
@@ -269,3 +270,71 @@ class KrlCell:
         """INVERSE, near `seed`."""
         end = self.pose(self.base) @ self.pose(p) @ se3.inverse(self.tool) @ self.robot.T_flange_tool
         return Record(**nominal_angles(self.robot, se3.inverse(self.world) @ end, self.seed, "A"))
+
+
+# URScript.
+
+_URSCRIPT = (
+    (r"(?<![\w.\[])(\d+\.\d+)(?![\w\]])", r"F(\1)"), (r"\blocal ", ""), (r"^return (\w+)$", r"return take(\1)"),
+    (r"^(\w+(?:\[\d+\])?) = (\w+)$", r"\1 = take(\2)"),
+)  # fmt: skip
+
+
+class Poses:
+    """What ``p[…]`` means in Python."""
+
+    def __getitem__(self, values):
+        return [F(value) for value in values]
+
+
+def urscript_functions(text, cell):
+    """The functions of a URScript helper as functions of Python."""
+    out, depth = [], 0
+    for raw in text.splitlines():
+        line = raw.strip()
+        for pattern, by in _URSCRIPT:
+            line = re.sub(pattern, by, line)
+        if line == "end":
+            depth -= 1
+        elif line == "halt":
+            out.append("  " * depth + "stop(tc_why)")
+        elif line and not line.startswith(("#", "popup")):
+            out.append("  " * depth + line)
+            depth += line.endswith(":")
+    known = known_functions(
+        {
+            "p": Poses(), "sin": np.sin, "cos": np.cos, "sqrt": np.sqrt,
+            "atan2": np.arctan2, "norm": lambda of: np.sqrt(sum(v * v for v in of)) if isinstance(of, list) else abs(of),
+            "sync": lambda: None, "pose_trans": lambda a, b: ur_pose(ur_matrix(a) @ ur_matrix(b)),
+            "get_inverse_kin": cell.inverse, "get_forward_kin": cell.forward,
+        }
+    )  # fmt: skip
+    exec("\n".join(out), known)
+    return known
+
+
+def ur_pose(T):
+    return [F(value) for value in (*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_rotvec())]
+
+
+def ur_matrix(pose):
+    x = np.array(pose, dtype=float)
+    return se3.pose(Rotation.from_rotvec(x[3:]).as_matrix(), x[:3])
+
+
+class UrCell:
+    """A nominal controller with an active TCP."""
+
+    def __init__(self, robot, T_tool):
+        self.robot, self.tool = robot, T_tool
+
+    def inverse(self, pose, near):
+        T = ur_matrix(pose) @ se3.inverse(self.tool) @ self.robot.T_flange_tool
+        return [
+            F(angle)
+            for angle in np.radians(list(nominal_angles(self.robot, T, np.array(near, dtype=float), "").values()))
+        ]
+
+    def forward(self, q, tcp=None):
+        T = ErrorModel(self.robot).poses(np.array([q], dtype=float))[0] @ se3.inverse(self.robot.T_flange_tool)
+        return ur_pose(T @ (self.tool if tcp is None else ur_matrix(tcp)))

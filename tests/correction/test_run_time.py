@@ -1,6 +1,7 @@
 """Helpers that correct at run time, computed from their text, against the correction in Python."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,24 @@ from robot_programs.rapid.read import read_rapid
 from taskcal.correction.cell import Cell
 from taskcal.correction.correction import Bounds
 from taskcal.correction.frames import _flange_in_tool
-from taskcal.correction.run_time import FUNCTION, krl_helper, rapid_helper
+from taskcal.correction.run_time import FUNCTION, krl_helper, rapid_helper, urscript_helper
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import conditioning, solve_near
 from taskcal.robot.error_model import ErrorModel
-from tests.correction.controller_language import KrlCell, RapidCell, krl_frame, krl_functions, matrix, rapid_functions
+from taskcal.robot.robot import Part
+from tests.correction.controller_language import (
+    KrlCell,
+    RapidCell,
+    Stopped,
+    UrCell,
+    krl_frame,
+    krl_functions,
+    matrix,
+    rapid_functions,
+    ur_matrix,
+    ur_pose,
+    urscript_functions,
+)
 
 BASE = se3.pose(se3.exp(np.array([0.0, 0.0, 0.7])), np.array([0.4, -0.3, 0.6]))
 TABLE = se3.pose(se3.exp(np.array([0.1, -0.2, 1.2])), np.array([1.1, 0.5, 0.3]))
@@ -95,7 +109,43 @@ def test_krl_computes_the_correction_in_single_precision(calibration):
     assert turn.max() < 1e-5
 
 
-@pytest.mark.parametrize(("helper", "line", "name"), [(rapid_helper, 120, 32), (krl_helper, 140, 24)])
+def urscript(calibration, cell):
+    """The functions of the helper."""
+    text = urscript_helper(calibration, program(), Cell(T_world_base=BASE), Bounds(shift=0.05, turn=0.2, joint=1.0))
+    return urscript_functions(text.source.text, cell)
+
+
+def errors_of_urscript(calibration, q):
+    """The same of URScript, of poses in the robot's base, and of joint positions."""
+    cell = UrCell(calibration.model.robot, SPINDLE)
+    functions, off = urscript(calibration, cell), []
+    in_base = se3.inverse(BASE) @ TABLE
+    for near, target, wanted in zip(q, *wanted_targets(calibration, q), strict=True):
+        moved = functions["taskcal_corrected"](ur_pose(in_base @ target), [np.float32(angle) for angle in near])
+        driven = functions["taskcal_corrected_joints"]([np.float32(angle) for angle in near])
+        off += [se3.inverse(in_base @ wanted) @ ur_matrix(pose) for pose in (moved, cell.forward(driven))]
+    off = np.array(off)
+    return np.linalg.norm(off[:, :3, 3], axis=1), np.linalg.norm(se3.log(off[:, :3, :3]), axis=1)
+
+
+def test_urscript_computes_the_correction_in_single_precision(calibration):
+    distance, turn = errors_of_urscript(calibration, postures(calibration, 60))
+    assert distance.max() < 1e-5
+    assert turn.max() < 1e-5
+
+
+def test_urscript_stops_on_a_controller_of_another_arm(calibration, robot):
+    """Its own factory calibration, for example: a tenth of a millimetre in one length."""
+    joints = [replace(robot.joints[0], after=(Part(transform=se3.translation(x=1e-4)), *robot.joints[0].after))]
+    cell = UrCell(replace(robot, joints=(*joints, *robot.joints[1:])), SPINDLE)
+    (near,) = postures(calibration, 1)
+    with pytest.raises(Stopped, match="kinematics are not those of the robot file"):
+        urscript(calibration, cell)["taskcal_corrected_joints"]([np.float32(angle) for angle in near])
+
+
+@pytest.mark.parametrize(
+    ("helper", "line", "name"), [(rapid_helper, 120, 32), (krl_helper, 140, 24), (urscript_helper, 400, 32)]
+)
 def test_helpers_keep_to_lengths_of_lines_and_names(calibration, helper, line, name):
     text = helper(calibration, program(), Cell(), Bounds()).source.text
     assert max(map(len, text.splitlines())) <= line

@@ -120,3 +120,81 @@ def test_the_tool_of_a_program_without_one_comes_from_the_cell_file(true_robot, 
     _, _, (move,) = corrected(calibration, line, tool=tool)
     got = true_tool(calibration, chain, move.end.T @ np.linalg.inv(TOOL), q, TOOL)
     np.testing.assert_allclose(got[:3, 3], wanted[:3, 3], atol=1e-6)
+
+
+AT_RUN_TIME = """def cell():  # palletising
+  set_tcp(TCP)
+  global home = HOME
+  global slot = FIRST
+  camera = rpc_factory("xmlrpc", "http://127.0.0.1:8080")
+  def fetch(target):
+    movel(target, a=1.2, v=0.1, r=0.01)
+  end
+  movej(home)
+  movel(slot)
+  seen = pose_trans(p[0.1, 0.2, 0, 0, 0, 0], camera.get_pose())
+  fetch(seen)
+  fetch(slot)
+  movej(get_inverse_kin(seen, qnear=home), a=1.4)
+  beside = get_inverse_kin(seen, home)
+  movej(beside)
+  here = get_actual_tcp_pose()
+  movel(pose_trans(here, p[0, 0, 0.05, 0, 0, 0]))
+  movec(seen, seen)
+  movej(camera.get_joints())
+  force_mode(here, [0,0,1,0,0,0], [0,0,1,0,0,0], 2, [0.1,0.1,0.1,0.1,0.1,0.1])
+  movel(seen)
+  end_force_mode()
+end
+"""
+
+
+def test_targets_of_the_running_program_alone_get_a_function(true_robot):
+    """Those that it computes, by whatever way they come to a motion; of others, none that is right already or shifted."""
+    calibration, chain, q = true_robot
+    text = (
+        AT_RUN_TIME.replace("TCP", pose(TOOL), 1)
+        .replace("HOME", joints(q))
+        .replace("FIRST", pose(chain.pose(q) @ TOOL))
+    )
+    program = parse_program((Source.of(Path("p.script"), text.encode()),), robot=calibration.model.robot)
+    found = correct(calibration, program, bounds=COARSE, helper=True)
+    (source,) = found.sources
+    before, after = text.splitlines(), source.text.splitlines()
+    added = len(after) - len(before)
+    assert after[0] == before[0]
+    assert all(not line or line.startswith("  ") for line in after[1 : 1 + added])
+    changed = [new.strip() for old, new in zip(before[1:], after[1 + added :], strict=True) if old != new]
+    here = "get_target_joint_positions()"
+    assert changed[0] == f"movel(taskcal_corrected(target, {here}), a=1.2, v=0.1, r=0.01)"
+    assert changed[1].startswith("movej([")  # own numbers: qnear keeps those of home, and the function those of slot
+    assert changed[2].startswith("movel(p[")
+    assert changed[3:] == [
+        "movej(get_inverse_kin(taskcal_corrected(seen, home), qnear=home), a=1.4)",
+        "movej(taskcal_corrected_joints(beside))",
+    ]
+    left = {one.place.line for one in found.diagnostics if "not corrected at run time" in one.text}
+    assert left == {18, 19, 20, 22}
+    assert [place.line for place in found.helper.motions] == [7, 14, 16]
+    again = parse_program(found.sources, robot=calibration.model.robot)
+    assert [move.kind for move in again.motions] == [move.kind for move in found.motions]
+    kept = correct(calibration, program, bounds=COARSE, helper=True, keep_joints=True)
+    assert "movej(beside)" in kept.sources[0].text
+
+
+@pytest.mark.parametrize(
+    ("text", "first"),
+    [
+        ("def p():\n  movel(f())\nend\n", "def p():\n  # "),
+        ("def p(): movel(f())\nend\np()\n", "def p():\n# "),
+        ("def go(x):\n  movel(x)\nend\ngo(f())\n", "# "),
+        ("movel(f())\n", "# "),
+    ],
+)
+def test_function_stands_where_all_motions_see_it(text, first, true_robot, tmp_path):
+    calibration, _, _ = true_robot
+    program = parse_program((Source.of(Path("p.script"), text.encode()),), robot=calibration.model.robot)
+    (path,) = correct(calibration, program, helper=True).write(tmp_path / "q.script")
+    source = Source.of(path, path.read_bytes())
+    assert source.text.startswith(f"{first}Taskcal")
+    assert not parse_program((source,), robot=calibration.model.robot).motions

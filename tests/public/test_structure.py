@@ -20,6 +20,7 @@ ONE_IMPORTER = {
         "robot_programs.apt.rewrite",
         "robot_programs.krl.computed",
         "robot_programs.rapid.computed",
+        "robot_programs.urscript.computed",
         "taskcal.correction.run_time",
         "taskcal.correction.subdivision",
         "taskcal.diagnosis.drift",

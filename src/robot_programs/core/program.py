@@ -423,7 +423,13 @@ class Program(ABC):
         return ()
 
     def wrap(
-        self, function: str, added: Source | None, *, without: Container[str] = (), rejected: Container[int] = ()
+        self,
+        function: str,
+        added: Source | None,
+        *,
+        without: Collection[str] = (),
+        rejected: Container[int] = (),
+        keep_joints: bool = False,
     ) -> "Wrapping":
         """Put a function around the targets of motions that only the running program knows.
 
@@ -432,6 +438,7 @@ class Program(ABC):
             added: the file that declares it, read with the others from then on; None where the program has it.
             without: names of tools and frames, in lower case, with which motions are left as they are.
             rejected: numbers of motions whose targets get it as well, as far as all motions of their text are among these.
+            keep_joints: leave motions to joint positions as they are, where the language has such a function for them, too.
 
         Raises:
             InputError: the language has no place for it, or the program has something of that name already.
@@ -549,6 +556,8 @@ class Wrapping:
     """Motions that have it."""
     left: tuple[Diagnostic, ...]
     """Motions that could not be given it, and why."""
+    completed: Callable[[tuple[Source, ...]], tuple[Source, ...]] = lambda sources: sources
+    """Files of the program with what was added in them, in languages where that has no file of its own; lines stay until then."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

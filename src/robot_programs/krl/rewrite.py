@@ -225,7 +225,13 @@ class KrlProgram(Program):
     """Motions that are not understood on some way that leads to them."""
 
     def wrap(
-        self, function: str, added: Source | None, *, without: Container[str] = (), rejected: Container[int] = ()
+        self,
+        function: str,
+        added: Source | None,
+        *,
+        without: Collection[str] = (),
+        rejected: Container[int] = (),
+        keep_joints: bool = False,
     ) -> Wrapping:
         """Put a function of an E6POS around points; see `Program.wrap`."""
         if added is not None and any(function.upper() in file.mentions for file in self.files):

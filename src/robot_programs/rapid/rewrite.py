@@ -657,7 +657,13 @@ class RapidProgram(Program):
         return written_out(self.sources, turns, _repeated(routines, calls, {r for _, r in texts}), fresh)
 
     def wrap(
-        self, function: str, added: Source | None, *, without: Container[str] = (), rejected: Container[int] = ()
+        self,
+        function: str,
+        added: Source | None,
+        *,
+        without: Collection[str] = (),
+        rejected: Container[int] = (),
+        keep_joints: bool = False,
     ) -> Wrapping:
         """Put a function of robtarget, tooldata and wobjdata around targets; see `Program.wrap`."""
         if added is not None and any(function.lower() in context.scope.routines for context in self.everywhere):

@@ -23,7 +23,7 @@ from robot_programs.core.program import (
 )
 from robot_programs.core.robot import JOINTS, Robot
 from robot_programs.core.source import Source, uncollected
-from robot_programs.urscript.rewrite import MOTIONS, Point, Site, UrscriptProgram, slot_of
+from robot_programs.urscript.rewrite import Point, Site, UrscriptProgram, slot_of
 from robot_programs.urscript.syntax import (
     Expression,
     File,
@@ -36,6 +36,7 @@ from robot_programs.urscript.syntax import (
 from robot_programs.urscript.values import (
     CONSTANTS,
     FUNCTIONS,
+    MOTIONS,
     Array,
     Evaluator,
     Inverse,
@@ -218,6 +219,8 @@ class Findings(flow.Findings[tuple[int, int], tuple[Motion, Site]]):
     """Functions that no file has, and where they are called."""
     failing: dict[tuple[int, int], Expression] = field(default_factory=dict[tuple[int, int], Expression])
     """Calls that are not understood as motions."""
+    shifted: set[tuple[int, int]] = field(default_factory=set[tuple[int, int]])
+    """Motions where something may move the tool away from its target."""
 
 
 @dataclass(eq=False, kw_only=True)
@@ -233,6 +236,8 @@ class Flow(flow.Flow[State, Routine]):
     robot: Robot | None
     tool: Frame | None
     part: Frame
+    corrects: str
+    """How functions begin that correct a target at run time, to which motions are left out; empty where there are none."""
     ends: dict[int, State] = field(default_factory=dict[int, State])
     """What holds behind the statements outside of all functions, by number of the file."""
     made: dict[tuple[str, Six], Frame] = field(default_factory=dict[tuple[str, Six], Frame])
@@ -269,6 +274,10 @@ class Flow(flow.Flow[State, Routine]):
             (routine.file.number, call.start) for line in routine.lines for call in line.calls if call.name in MOTIONS
         }
         return texts <= self.findings.seen
+
+    def is_correcting(self, expression: Expression) -> bool:
+        """Whether a function that corrects a target at run time is called in an expression."""
+        return bool(self.corrects) and any(one.name.startswith(self.corrects) for one in inside(expression))
 
     def frame(self, name: str, values: Six) -> Frame:
         """A frame, made once."""
@@ -383,6 +392,10 @@ class _Walk(flow.Walk[State, Routine]):
         def called(call: Expression) -> Value | None:
             nonlocal state
             routines = self.flow.names.called(call.name, self.routine.file)
+            if self.flow.corrects and call.name.startswith(self.flow.corrects):
+                for argument in call.parts:
+                    evaluator(argument)
+                return Lost(reason="it is corrected at run time")
             if not routines:
                 state = self._own(call, state)
                 return Lost(reason=f"{call.name} returns nothing") if call.name in MOTIONS else None
@@ -506,7 +519,8 @@ class _Walk(flow.Walk[State, Routine]):
             values[argument.start], state = self.evaluated(argument, state)
         if not state.reached:
             return state
-        if self.flow.scouting or (self.flow.all_ways and text in findings.seen):
+        seen = self.flow.all_ways and text in findings.seen
+        if self.flow.scouting or seen or self.flow.is_correcting(call):
             return replace(state, last=None)
         try:
             move, site = self._resolved(call, values, state)
@@ -526,10 +540,10 @@ class _Walk(flow.Walk[State, Routine]):
         needed = names[: 2 if kind == "circular" else 1]
         if given is None or not given.keys() >= set(needed):
             raise Unresolved(f"its arguments are not those of {call.name}({', '.join(names)})")
-        if state.modes:
-            raise Unresolved(f"{min(state.modes)} is on, which moves the tool away from its target")
-        if MODE in self.flow.beside:
-            raise Unresolved("a thread may switch on what moves the tool away from its target")
+        if state.modes or MODE in self.flow.beside:
+            self.flow.findings.shifted.add((self.routine.file.number, call.start))
+            what = f"{min(state.modes)} is on, which moves" if state.modes else "a thread may switch on what moves"
+            raise Unresolved(f"{what} the tool away from its target")
         mode = values[given["mode"].start] if "mode" in given else 0
         if mode not in (0, 1):
             raise Unresolved("its mode is neither 0 nor 1, as far as the text tells")
@@ -671,7 +685,11 @@ MAX_PASSES = 30
 
 @uncollected()
 def read_urscript(
-    sources: Sequence[Source], robot: Robot | None = None, tool: Frame | None = None, part: Frame | None = None
+    sources: Sequence[Source],
+    robot: Robot | None = None,
+    tool: Frame | None = None,
+    part: Frame | None = None,
+    corrects: str = "",
 ) -> UrscriptProgram:
     """Read a URScript program.
 
@@ -680,6 +698,7 @@ def read_urscript(
         robot: for lines to joint positions and ``get_forward_kin``, whose poses follow from its kinematics.
         tool: the TCP that is active before the first ``set_tcp``.
         part: frame on which motions are that name no feature; the robot's base by default.
+        corrects: how functions begin that correct a target at run time; motions to what they return are left out.
 
     Raises:
         FileError: a file is no URScript, or its blocks and their ends do not match.
@@ -711,6 +730,7 @@ def read_urscript(
         robot=robot,
         tool=tool,
         part=part or Frame(name=BASE, T=np.eye(4)),
+        corrects=corrects,
         left=MIN_LINES + MAX_PASSES * sum(len(routine.lines) for routine in routines),
     )
     called = {other for routine in routines for other in own[routine][1] if other is not routine}
@@ -718,7 +738,7 @@ def read_urscript(
     flow.follow(routines, roots)
     flow.findings.close()
     flow.follow_rest(routines, roots)
-    return _program(files, flow, partial(read_urscript, robot=robot, tool=tool, part=part))
+    return _program(files, flow, partial(read_urscript, robot=robot, tool=tool, part=part, corrects=corrects))
 
 
 def _program(files: Sequence[File], flow: Flow, read: Callable[..., UrscriptProgram]) -> UrscriptProgram:
@@ -740,6 +760,7 @@ def _program(files: Sequence[File], flow: Flow, read: Callable[..., UrscriptProg
         sites=tuple(sites),
         files=tuple(files),
         failing=tuple((number, call) for (number, _), call in findings.failing.items()),
+        shifted=frozenset(findings.shifted),
         read=read,
     )
 

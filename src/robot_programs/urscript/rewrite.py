@@ -2,9 +2,9 @@
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
@@ -13,20 +13,23 @@ from jaxtyping import Float
 from robot_programs.core.errors import InputError
 from robot_programs.core.program import (
     Composition,
+    Diagnostic,
     Frame,
     Motion,
-    MotionKind,
     NearPosture,
     Program,
     Target,
     Visit,
     Waypoint,
+    Wrapping,
     reject_in_turn,
 )
 from robot_programs.core.robot import JOINTS, Robot
 from robot_programs.core.source import Source, TextEdit, numeral, renumbered
+from robot_programs.urscript.computed import with_function, wrap
+from robot_programs.urscript.holders import Holders
 from robot_programs.urscript.syntax import Expression, File, inside, plain_name
-from robot_programs.urscript.values import Literal, Six, signature, six_of
+from robot_programs.urscript.values import MOTIONS, Literal, Six, signature, six_of
 
 METRES, RADIANS = 7, 8
 """Decimals written of positions and of angles: a tenth of a micrometre, and as much at the end of an arm."""
@@ -37,17 +40,6 @@ NUMBER_TOLERANCE = 1e-8
 PASSING_M, PASSING_SHARE = 1e-3, 0.3
 """Largest blend radius of points that are put on a path, metres: with none the robot would stop in them; and its share of the
 way between two of them, for blends cannot overlap (Universal Robots, *User manual*, waypoints)."""
-
-MOTIONS: Mapping[str, tuple[MotionKind, tuple[str, ...]]] = {
-    "movej": ("joint", ("q", "a", "v", "t", "r")),
-    "movel": ("linear", ("pose", "a", "v", "t", "r")),
-    "movep": ("linear", ("pose", "a", "v", "r")),
-    "movec": ("circular", ("pose_via", "pose_to", "a", "v", "r", "mode")),
-}
-"""Motions that are read, and what they are given."""
-
-POINTS = {name: names[: 2 if kind == "circular" else 1] for name, (kind, names) in MOTIONS.items()}
-"""Names of the arguments that are targets, which come first."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -107,107 +99,6 @@ class Site:
         return self.file.number, self.call.start
 
 
-# Which variables hold which numbers.
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Holders:
-    """Which variables may hold which numbers, by the names of the variables, whatever function they are of."""
-
-    files: Sequence[File]
-    given: dict[str, set[str]] = field(default_factory=lambda: defaultdict[str, set[str]](set))
-    """By variable, or function: variables whose value it is given as it is."""
-    made: dict[str, set[str]] = field(default_factory=lambda: defaultdict[str, set[str]](set))
-    """The same, and variables of which its value is computed."""
-    read: set[str] = field(default_factory=set[str])
-    """Variables that are read for something else than a motion's target."""
-    of_literal: dict[tuple[int, int], str] = field(default_factory=dict[tuple[int, int], str])
-    """By file and first character of numbers in brackets: the variable that they are given to."""
-
-    def __post_init__(self) -> None:
-        for routine in (routine for file in self.files for routine in file.routines):
-            file = routine.file.number
-            for name, default in routine.parameters:
-                if default is not None:
-                    self._to(file, default, name)
-            for line in routine.lines:
-                if line.index is not None:
-                    self._to(file, line.index, "", kept=False)
-                    self.read.add(plain_name(line.name))
-                if line.value is not None:
-                    target = {"assign": plain_name(line.name), "return": f"{routine.name}()"}.get(line.kind, "")
-                    self._to(file, line.value, target, kept=line.kind in ("assign", "return", "evaluate"))
-
-    @cached_property
-    def read_at_last(self) -> set[str]:
-        """Variables whose value is read for something else, there or where it is given to."""
-        return _reached(self.read, self.given)
-
-    @cached_property
-    def _parameters(self) -> Mapping[str, Sequence[str]]:
-        routines = (routine for file in self.files for routine in file.routines if routine.kind)
-        return {routine.name: [name for name, _ in routine.parameters] for routine in routines}
-
-    def numbers_of(self, names: Iterable[str]) -> set[tuple[int, int]]:
-        """Numbers in brackets, by file and first character, of which some variables may be made."""
-        seen = _reached(names, self.made)
-        return {literal for literal, name in self.of_literal.items() if name in seen}
-
-    def _to(self, file: int, expression: Expression, target: str, *, kept: bool = True) -> None:
-        """Follow an expression to a variable, or to a motion or nothing (empty); it may not be kept as it is."""
-        match expression.kind:
-            case "name":
-                name = plain_name(expression.name)
-                self._named(name, target, kept=kept and "." not in expression.name)
-            case "list" | "pose":
-                if target and kept:
-                    self.of_literal[file, expression.start] = target
-                for item in expression.parts:
-                    whole = item.kind in ("list", "pose", "name", "index") and expression.kind == "list"
-                    self._to(file, item, target, kept=kept and whole)
-            case "index":
-                self._to(file, expression.parts[0], target, kept=kept)
-                self._to(file, expression.parts[1], target, kept=False)
-            case "call":
-                self._call(file, expression, target, kept=kept)
-            case _:
-                for operand in expression.parts:
-                    self._to(file, operand, target, kept=False)
-
-    def _named(self, name: str, target: str, *, kept: bool) -> None:
-        if not kept:
-            self.read.add(name)
-        if target:
-            self.made[target].add(name)
-            if kept:
-                self.given[target].add(name)
-
-    def _call(self, file: int, call: Expression, target: str, *, kept: bool) -> None:
-        parameters = self._parameters.get(call.name)
-        if parameters is not None:
-            self._named(f"{call.name}()", target, kept=kept)
-        points = POINTS.get(call.name, ())
-        own = {"get_inverse_kin": 0, "pose_trans": 1}.get(call.name)
-        for position, (name, value) in enumerate(call.arguments):
-            if parameters is not None:
-                name = name or (parameters[position] if position < len(parameters) else "")
-                self._to(file, value, name, kept=bool(name))
-            elif name in points or (not name and position < len(points)):
-                self._to(file, value, "")
-            elif call.name != "length":
-                self._to(file, value, target, kept=kept and position == own)
-
-
-def _reached(names: Iterable[str], graph: Mapping[str, Iterable[str]]) -> set[str]:
-    waiting, seen = list(names), set[str]()
-    while waiting:
-        name = waiting.pop()
-        if name not in seen:
-            seen.add(name)
-            waiting += graph.get(name, ())
-    return seen
-
-
 # The program.
 
 
@@ -220,10 +111,51 @@ class UrscriptProgram(Program):
     files: tuple[File, ...]
     failing: tuple[tuple[int, Expression], ...] = ()
     """Motions that were not understood, with the numbers of their files."""
+    shifted: frozenset[tuple[int, int]] = frozenset()
+    """Those of them, by file and first character, where something may move the tool away from its target."""
 
     @cached_property
     def _holders(self) -> Holders:
         return Holders(files=self.files)
+
+    def wrap(
+        self,
+        function: str,
+        added: Source | None,
+        *,
+        without: Collection[str] = (),
+        rejected: Container[int] = (),
+        keep_joints: bool = False,
+    ) -> Wrapping:
+        """Put a function of a pose and joint positions near it around targets; see `Program.wrap`."""
+        assert isinstance(self.read, partial)
+        source, *others = self.sources
+        if others:
+            raise InputError(f"{others[0].path}: a function has its place in one file; correct one at a time")
+        names = {routine.name for file in self.files for routine in file.routines}
+        if added is not None and function in names:
+            raise InputError(f"{source.path}: has a function {function} already")
+        staying = {site.text for i, site in enumerate(self.sites) if i not in rejected}
+        motions = {site.text: site.call for site in self.sites if site.text not in staying}
+        motions |= {(file, call.start): call for file, call in self.failing if (file, call.start) not in self.shifted}
+        found = list(wrap(motions.values(), source, self._holders, function, without=without, keep_joints=keep_joints))
+        left = [
+            (call, "something may move the tool away from its target")
+            for file, call in self.failing
+            if (file, call.start) in self.shifted
+        ]
+        left += [(one.call, one.obstacle) for one in found if one.edit is None]
+        wrapped = [one for one in found if one.edit is not None]
+        read = partial(self.read, corrects=function)
+        return Wrapping(
+            program=read((source.edited(one.edit for one in wrapped if one.edit),)) if wrapped else self,
+            wrapped=tuple(source.place(one.call.start) for one in wrapped),
+            left=tuple(
+                Diagnostic(place=source.place(call.start), text=f"{call.name} is not corrected at run time: {obstacle}")
+                for call, obstacle in left
+            ),
+            completed=lambda sources: (with_function(sources[0], added),) if added and wrapped else sources,
+        )
 
     def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
         """The program's files with some motions rewritten; see `Program.rewrite`.

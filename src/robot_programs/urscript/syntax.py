@@ -375,6 +375,8 @@ class Routine:
     """``def``, ``thread``, ``sec``, or empty."""
     name: str
     start: int
+    begins: int
+    """Behind the colon of its header."""
     parent: "Routine | None"
     """In which it is defined."""
     parameters: tuple[tuple[str, Expression | None], ...] = ()
@@ -414,7 +416,7 @@ def parse(source: Source, number: int) -> File:
         FileError: blocks and their ends do not match.
     """
     file = File(number=number, source=source)
-    outside = Routine(file=file, kind="", name=source.path.stem, start=0, parent=None)
+    outside = Routine(file=file, kind="", name=source.path.stem, start=0, begins=0, parent=None)
     file.routines.append(outside)
     blocks = _Blocks(file, (_statement(source.text, tokens) for tokens in _lines(source.text)))
     nodes, line = blocks.block(outside, ())
@@ -472,8 +474,9 @@ class _Blocks:
 
     def routine(self, line: Statement, parent: Routine, around: tuple[Statement, ...]) -> None:
         own = Routine(
-            file=self.file, kind=line.kind, name=line.name, start=line.start, parent=parent, parameters=line.parameters
-        )
+            file=self.file, kind=line.kind, name=line.name, start=line.start, begins=line.end, parent=parent,
+            parameters=line.parameters,
+        )  # fmt: skip
         self.file.routines.append(own)
         own.nodes.extend(self.closed(own, (*around, line))[0])
 

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core import se3
-from robot_programs.core.program import angled_pose
+from robot_programs.core.program import MotionKind, angled_pose
 from robot_programs.core.values import COMPARISONS
 from robot_programs.urscript.syntax import Expression, plain_name
 
@@ -190,6 +190,17 @@ FUNCTIONS: Mapping[str, tuple[tuple[str, ...], tuple[object, ...], Callable[...,
 }  # fmt: skip
 """Names of the arguments, what they are, and the function; positions of arguments are as in the manual."""
 
+MOTIONS: Mapping[str, tuple[MotionKind, tuple[str, ...]]] = {
+    "movej": ("joint", ("q", "a", "v", "t", "r")),
+    "movel": ("linear", ("pose", "a", "v", "t", "r")),
+    "movep": ("linear", ("pose", "a", "v", "r")),
+    "movec": ("circular", ("pose_via", "pose_to", "a", "v", "r", "mode")),
+}
+"""Motions that are read, and what they are given."""
+
+POINTS = {name: names[: 2 if kind == "circular" else 1] for name, (kind, names) in MOTIONS.items()}
+"""Names of the arguments that are targets, which come first."""
+
 CONSTANTS: Mapping[str, Value] = {"PI": math.pi}
 
 
@@ -301,6 +312,9 @@ def _logic(sign: str, a: Value, b: Value) -> Value:
 
 # Expressions.
 
+INVERSE = ("x", "qnear", "maxPositionError", "maxOrientationError", "tcp")
+"""What ``get_inverse_kin`` is given."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Evaluator:
@@ -371,7 +385,7 @@ class Evaluator:
 
     def _kinematics(self, call: Expression) -> Value:
         inverse = call.name == "get_inverse_kin"
-        names = ("x", "qnear", "maxPositionError", "maxOrientationError", "tcp") if inverse else ("q", "tcp")
+        names = INVERSE if inverse else ("q", "tcp")
         given = signature(call, names) or {}
         if names[0] not in given:
             return Lost(reason=f"what {call.name} returns is known only at run time")

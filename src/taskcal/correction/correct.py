@@ -699,7 +699,7 @@ def correct(
     module, wrappings = None, list[Wrapping]()
     if helper:
         module = helper_for(calibration, program, cell, bounds, into)
-        wrappings.append(module.wrap(program))
+        wrappings.append(module.wrap(program, keep_joints=keep_joints))
         program = wrappings[0].program
     if not program.motions and not any(one.wrapped for one in wrappings):
         missing = tuple(missing_names(program.diagnostics))  # of a backup it is the first one already
@@ -730,7 +730,8 @@ def correct(
     if module is None:
         return found
     if best[1]:
-        wrappings.append(module.wrap(written, best[1], declared=bool(wrappings[0].wrapped)))
+        declared = bool(wrappings[0].wrapped)
+        wrappings.append(module.wrap(written, best[1], declared=declared, keep_joints=keep_joints))
         if wrappings[1].wrapped:
             found, _ = corrected(wrappings[1].program)
     return module.told(found, wrappings)

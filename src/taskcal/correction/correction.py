@@ -272,6 +272,7 @@ class Helper:
     """A module that corrects at run time."""
 
     path: Path
+    """Its file; the program's own where it is a part of that."""
     operations: int
     """Sums, products and functions of one evaluation of the calibrated robot."""
     motions: tuple[Place, ...]
@@ -370,7 +371,7 @@ class Correction:
         Raises:
             FileError: it would overwrite what was read.
         """
-        if self.helper is None:
+        if self.helper is None or self.helper.path == self.sources[0].path:
             return written_files(self.program, self.sources, out)
         out, own = Path(out), [source for source in self.sources if source.path != self.helper.path]
         contents, lay = written_files(self.program, own, out)

@@ -23,7 +23,7 @@ from taskcal.correction.correction import Bounds, Correction, Helper
 from taskcal.correction.frames import MAX_TOOL_DIFFERENCE
 from taskcal.errors import TaskcalError, shown
 from taskcal.geometry import se3
-from taskcal.geometry.expressions import Dialect, Pool, StraightLine, straight_line, trace
+from taskcal.geometry.expressions import Dialect, Pool, StraightLine, is_zero, straight_line, trace
 from taskcal.identification.calibration import Calibration
 from taskcal.kernels.chain import ERROR_FRAME, FIXED, REVOLUTE
 from taskcal.robot.error_model import COMPONENTS
@@ -58,34 +58,47 @@ class Module:
     """Sums, products and functions of one evaluation of the model."""
     without: frozenset[str]
     """Keys of tools and parts that were measured, which it does not know."""
+    function: str = FUNCTION
 
-    def wrap(self, program: Program, rejected: Container[int] = (), *, declared: bool = False) -> Wrapping:
+    def wrap(
+        self, program: Program, rejected: Container[int] = (), *, declared: bool = False, keep_joints: bool = False
+    ) -> Wrapping:
         """The program with the function around targets that only the running program knows.
 
         Args:
             program: to be corrected.
             rejected: numbers of motions that its text does not let correct.
             declared: whether it has the module already.
+            keep_joints: leave motions to joint positions as they are.
         """
         added = None if declared else self.source
-        return program.wrap(FUNCTION, added, without=self.without, rejected=rejected)
+        return program.wrap(self.function, added, without=self.without, rejected=rejected, keep_joints=keep_joints)
 
     def told(self, found: Correction, wrappings: Sequence[Wrapping]) -> Correction:
         """A correction with what the module does in it."""
         motions = tuple(place for one in wrappings for place in one.wrapped)
-        start, file = Place(path=found.program.sources[0].path, line=1), self.source.path.name
+        start = Place(path=found.program.sources[0].path, line=1)
+        inside = self.source.path == start.path
+        where = (
+            ", which stands before its first statement"
+            if inside
+            else f" of {self.source.path.name}: load it with the program"
+        )
         said = [Diagnostic(place=start, text="no motion needs a helper, or can have one; none is added")]
         if motions:
             count = f"{len(motions)} motions are" if len(motions) > 1 else "1 motion is"
             text = (
-                f"{count} corrected at run time by {FUNCTION} of {file}: load it with the program; a call takes {self.operations} "
+                f"{count} corrected at run time by {self.function}{where}; a call takes {self.operations} "
                 f"operations and the controller's inverse {USUAL_ROUNDS} times as a rule, {MAX_ROUNDS} at most"
             )
             said = [Diagnostic(place=start, text=text)]
             said += [Diagnostic(place=one, text="is corrected at run time, and not assessed here") for one in motions]
         said += [one for wrapping in wrappings for one in wrapping.left]
         helper = Helper(path=self.source.path, operations=self.operations, motions=motions) if motions else None
-        return replace(found, helper=helper, diagnostics=(*said, *found.diagnostics))
+        sources = found.sources
+        for wrapping in wrappings:
+            sources = wrapping.completed(sources)
+        return replace(found, sources=sources, helper=helper, diagnostics=(*said, *found.diagnostics))
 
 
 # The displacement of the calibrated robot against the nominal one, in expressions.
@@ -135,7 +148,7 @@ def displacement(calibration: Calibration, q: Any, T_world_base: Float[np.ndarra
             E = se3.error_transform(errors[number])
             axes, origin, (w, *v) = R @ frame[:3, :3], R @ frame[:3, 3] + place, _quaternion(E[:3, :3])
             own = Displacement(w, axes @ np.array(v), axes @ E[:3, 3])
-        elif kind not in (ERROR_FRAME, FIXED) and (further := moved[number] - nominal[number]) != 0.0:
+        elif kind not in (ERROR_FRAME, FIXED) and not is_zero(further := moved[number] - nominal[number]):
             axis, origin = R @ traced.axes[number], R @ traced.origins[number] + place
             half = 0.5 * further
             turns = kind == REVOLUTE
@@ -148,6 +161,15 @@ def displacement(calibration: Calibration, q: Any, T_world_base: Float[np.ndarra
             continue
         out = out.then(own._replace(t=own.t - own.turned(origin)))
     return out
+
+
+def nominal_flange(calibration: Calibration, q: Any) -> Any:
+    """Pose of the controller's flange in the base, (4, 4), at joint positions (1, joints), as the nominal robot has it."""
+    model, robot = calibration.model, calibration.model.robot
+    side = robot.joint_side
+    still = model.coordinates(q, np.zeros(len(calibration.estimate)), side.loop_numbers(np.zeros(3))).still
+    errors = np.zeros_like(model.error_frames(calibration.estimate))
+    return trace(model.chain, still, errors).T @ se3.inverse(robot.T_flange_tool)
 
 
 def _quaternion(R: Float[np.ndarray, "3 3"]) -> tuple[float, ...]:
@@ -314,6 +336,58 @@ def _frame(pool: Pool, of: str) -> tuple[Any, Any]:
     return np.array(R, dtype=object), _inputs(pool, f"{of}.X", f"{of}.Y", f"{of}.Z")
 
 
+# URScript: poses in metres and rotation vectors in the robot's base, functions in radians (Script manual, e-Series:
+# get_inverse_kin, get_forward_kin, pose_trans, norm, popup, thread scheduling). A controller's inverse is that of its own arm, as
+# the factory measured it; the robot file must have that, too, which the function sees for itself by get_forward_kin.
+
+
+def _decimal(value: float) -> str:
+    """Without an exponent."""
+    text = f"{value:.15f}".rstrip("0")
+    return f"{text}0" if text.endswith(".") else text
+
+
+URSCRIPT = Dialect(
+    number=_decimal,
+    functions={
+        "sin": "sin({0})", "cos": "cos({0})", "sqrt": "sqrt({0})", "exp": f"pow({np.e!r},{{0}})", "atan2": "atan2({0},{1})",
+    },
+    variable="tc_t[{0}]",
+    assignment="{0} = {1}",
+)  # fmt: skip
+
+SAME_M = 2e-5
+"""Distance of the controller's flange from the robot file's, and of a point beside it, below which both are one robot."""
+
+BESIDE_FLANGE_M = (0.2, 0.5, 1.0)
+"""On no axis by which frames of flanges are mistaken for each other."""
+
+
+def urscript_helper(calibration: Calibration, program: Program, cell: Cell, bounds: Bounds) -> Module:
+    """URScript functions of a pose, and of joint positions, in the base, for the TCP that is active."""
+    pool = Pool()
+    q, pose = (_inputs(pool, *(f"tc_{of}[{k}]" for k in range(count))) for of, count in (("q", 6), ("pose", 3)))
+    shift, half = _moved(displacement(calibration, q[None], np.eye(4)), pose)
+    size = half @ half
+    turn = (
+        2.0 + size * (1.0 / 3.0 + 3.0 / 20.0 * size)
+    ) * half  # 2 asin(s) / s for a half turn's sine s, to 6e-8 at 0.2 rad
+    flange = nominal_flange(calibration, q[None])
+    beside = flange[:3, :3] @ np.array(BESIDE_FLANGE_M) + flange[:3, 3]
+    line = _written(
+        pool, {"tc_d": [*shift, *turn, *flange[:3, 3], *beside]}, [f"{{0}}[{k}]" for k in range(12)], URSCRIPT
+    )
+    words = {
+        "FUNCTION": "taskcal_corrected", "ROBOT": shown(calibration.model.robot.name),
+        "ZEROS": ",".join(["0.0"] * (line.variables + 1)), "RESULTS": ",".join(["0.0"] * 12),
+        "SHIFT": _decimal(bounds.shift), "TURN": _decimal(bounds.turn), "JOINT": _decimal(bounds.joint), "SAME": _decimal(SAME_M),
+        "BESIDE": ",".join(map(str, BESIDE_FLANGE_M)), "SETTLED": _decimal(1e-3 * SETTLED_MM),
+        "LEVER": _decimal(0.5e-3 * LEVER_MM), "BODY": _indented(line.lines, 2),
+    }  # fmt: skip
+    module = _helper("urscript.script", None, calibration, program, cell, bounds, line, words)
+    return replace(module, function=words["FUNCTION"])
+
+
 # What the languages have in common.
 
 
@@ -324,9 +398,13 @@ def _inputs(pool: Pool, *names: str) -> Any:
 def _needed(calibration: Calibration, program: Program, cell: Cell, q: Any, place: Any) -> tuple[Any, Any]:
     """Shift of a place in the world, metres, and half of the turn there, that the nominal robot needs at joints q, radians."""
     bases = (cell.T_world_base, program.T_world_base, np.eye(4))
-    w, v, t = displacement(calibration, q[None], next(T for T in bases if T is not None))
-    back = Displacement(w, -1.0 * v, t)
-    return back.turned(place - t) - t, back.v
+    return _moved(displacement(calibration, q[None], next(T for T in bases if T is not None)), place)
+
+
+def _moved(by: Displacement, place: Any) -> tuple[Any, Any]:
+    """Shift of a place, and half of the turn there, that take a displacement back."""
+    back = Displacement(by.w, -1.0 * by.v, by.t)
+    return back.turned(place - by.t) - by.t, back.v
 
 
 def _written(
@@ -362,7 +440,7 @@ def _written(
 
 def _helper(
     template: str,
-    suffix: str,
+    suffix: str | None,
     calibration: Calibration,
     program: Program,
     cell: Cell,
@@ -382,16 +460,16 @@ def _helper(
     text = (resources.files("taskcal.correction") / "helpers" / template).read_text(encoding="utf-8")
     for name, value in known.items():
         text = text.replace(f"@{name}@", value)
-    newline = program.sources[0].newline
-    source = Source(
-        path=program.sources[0].path.with_name(f"{MODULE}{suffix}"), text=text.replace("\n", newline), encoding="utf-8"
-    )
+    first = program.sources[0]
+    path = first.path if suffix is None else first.path.with_name(f"{MODULE}{suffix}")
+    source = Source(path=path, text=text.replace("\n", first.newline), encoding="utf-8")
     return Module(source=source, operations=line.operations, without=measured_frames(cell))
 
 
 HELPERS: Mapping[str, Callable[[Calibration, Program, Cell, Bounds], Module]] = {
     "RAPID": rapid_helper,
     "KRL": krl_helper,
+    "URScript": urscript_helper,
 }
 """By language."""
 
@@ -407,7 +485,7 @@ def helper_for(
     language, robot = language_of(program.sources[0].path).name, calibration.model.robot
     if language not in HELPERS or into is not None:
         raise TaskcalError(
-            f"--helper: a helper is written for {' and '.join(HELPERS)}, in the program's own language; "
+            f"--helper: a helper is written for {', '.join(HELPERS)}, in the program's own language; "
             f"{program.sources[0].path} is {language}{' and becomes a new program' if into is not None else ''}"
         )
     if program.backup is not None:

@@ -94,6 +94,11 @@ class Expression:
         return self.pool.make("atan2", self, self.pool.constant(other))
 
 
+def is_zero(value: Any) -> bool:
+    """Whether a number, or an expression, is known to be zero."""
+    return value.key == ("constant", 0.0) if isinstance(value, Expression) else value == 0.0
+
+
 def of_largest(moves: Any, least: float) -> Any:
     """Each of some numbers over the largest of them in each row, all without their signs; zero where that is not above `least`."""
     pool, largest = moves[0, 0].pool, 0.0
@@ -162,8 +167,10 @@ class Pool:
         return value if isinstance(value, Expression) else self.make("constant", float(value))
 
     def sum(self, one: Any, other: Any) -> Expression:
-        """Sum, without what adds nothing."""
+        """Sum, without what adds nothing; nothing where one takes the other away."""
         a, b = self.constant(one), self.constant(other)
+        if b.key[0] == "*" and b.key[1].key == ("constant", -1.0) and b.key[2] is a:
+            return self.constant(0.0)
         if a.key[0] == b.key[0] == "constant":
             return self.constant(a.key[1] + b.key[1])
         if a.key[0] == "constant":

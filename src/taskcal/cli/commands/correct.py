@@ -157,7 +157,7 @@ def command(
     keep_joints: bool = option(False, help="Leave motions to joint positions unchanged, such as to a home position."),
     helper: bool = option(
         False,
-        help="Add a module that corrects at run time the targets that the text does not tell, such as computed ones (RAPID, KRL).",
+        help="Correct at run time the targets that the text does not state, such as computed ones (RAPID, KRL, URScript).",
     ),
     again: bool = option(False, help="Correct a program that taskcal correct wrote."),
     page: PageOptions,
