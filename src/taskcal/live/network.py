@@ -1,0 +1,335 @@
+"""What devices on a network share: addresses, items that arrive by themselves, the device's clock, and the names of its joints.
+
+Taskcal connects to the address that it is given, this computer's own where none is; nothing here listens.
+"""
+
+import re
+import socket
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from math import inf, isfinite
+from threading import Condition, Thread
+from time import monotonic
+from typing import Generic, TypeVar
+from urllib.parse import parse_qsl, unquote, urlsplit
+
+from taskcal.errors import shown
+from taskcal.live.devices import Controller, Device, DeviceError
+from taskcal.robot.robot import Robot
+
+LOOPBACK = "127.0.0.1"
+
+MAX_WAITING = 100_000
+"""Items that wait to be read, 100 s of 1 kHz; the oldest are dropped, which a loop that was away so long would not use."""
+
+CLOSING_S = 2.0
+"""Longest wait for a thread to end after its connection was closed, seconds."""
+
+MAX_LINE_BYTES = 1 << 12
+"""Of a line of numbers, which has some hundred."""
+
+RECEIVED_BYTES = 1 << 16
+"""At most taken from a socket at a time."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Address:
+    """Where a device is: ``[SCHEME://]HOST[:PORT][/PATH][?OPTION=VALUE&…]``."""
+
+    device: type[Device]
+    scheme: str
+    host: str
+    port: int
+    path: tuple[str, ...]
+    """Its parts between slashes."""
+    options: Mapping[str, str]
+
+    def __str__(self) -> str:
+        return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
+
+    @classmethod
+    def parse(
+        cls,
+        text: str | None,
+        device: type[Device],
+        port: int | None = None,
+        schemes: Sequence[str] = ("",),
+        options: Sequence[str] = (),
+    ) -> "Address":
+        """Understand an address.
+
+        Args:
+            text: as the command line has it; None for this computer.
+            device: that it is the address of.
+            port: the usual one; None if it has none.
+            schemes: that it may begin with; the first where it begins with none.
+            options: that it may have.
+
+        Raises:
+            DeviceError: it is not the address of such a device; the message says what one looks like.
+        """
+
+        def wrong(reason: str) -> DeviceError:
+            address = shown((text or "").rpartition("@")[2])  # without a password
+            return DeviceError(f"the address '{address}' of {_called(device)} {reason}; write {device.reached}")
+
+        if text is None and port is None:
+            raise DeviceError(f"{_called(device)} needs an address: {device.reached}")
+        given = LOOPBACK if text is None else text.strip()
+        try:
+            parts = urlsplit(given if "://" in given else f"{schemes[0]}://{given}" if schemes[0] else f"//{given}")
+            found = parts.port or port
+        except ValueError as error:
+            raise wrong(f"is not one ({error})") from None
+        if parts.scheme not in schemes:
+            raise wrong(f"begins with {parts.scheme}://")
+        if not parts.hostname:
+            raise wrong("has no host")
+        if found is None:
+            raise wrong("has no port")
+        if parts.username is not None:
+            raise wrong("has a user, and none is told to a device")
+        stated = dict(parse_qsl(parts.query, keep_blank_values=True))
+        if unknown := [option for option in stated if option not in options]:
+            raise wrong(f"has an unknown option '{shown(unknown[0])}'")
+        path = tuple(unquote(part) for part in parts.path.split("/") if part)
+        return cls(device=device, scheme=parts.scheme, host=parts.hostname, port=found, path=path, options=stated)
+
+    @property
+    def called(self) -> str:
+        """The device and its address, as messages begin."""
+        return f"{_called(self.device)} at {self}"
+
+    def unreachable(
+        self, error: Exception, hint: str = "see that it is switched on, and try the address by ping"
+    ) -> DeviceError:
+        """Error of a connection that was not made."""
+        return DeviceError(f"{self.called} cannot be reached ({_reason(error)}); {hint}")
+
+    def lost(self, error: Exception | None = None) -> DeviceError:
+        """Error of a connection that ended."""
+        reason = _reason(error) if error is not None else "it was closed at the other end"
+        return DeviceError(f"{self.called} was lost ({reason}); see that it still runs, and its cable")
+
+    def silent(self, what: str, timeout_s: float, why: str = "") -> DeviceError:
+        """Error of a connection that is there, over which nothing comes."""
+        return DeviceError(
+            f"{self.called} sent no {what} for {timeout_s:g} s{why}; see that it still runs, and its cable"
+        )
+
+    def misunderstood(self, what: str) -> DeviceError:
+        """Error of what arrived and is not what the protocol has there."""
+        return DeviceError(
+            f"{self.called} {what}; see that the address is that of {_called(self.device)}: {self.device.reached}"
+        )
+
+    def connect(
+        self, timeout_s: float, hint: str = "see that it is switched on, and try the address by ping"
+    ) -> socket.socket:
+        """Connect by TCP.
+
+        Raises:
+            DeviceError: nothing answers there in time.
+        """
+        try:
+            connection = socket.create_connection((self.host, self.port), timeout_s)
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        except OSError as error:
+            raise self.unreachable(error, hint) from error
+        return connection
+
+
+def _called(device: type[Device]) -> str:
+    return f"the {'controller' if issubclass(device, Controller) else 'instrument'} '{device.name}'"
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, TimeoutError):
+        return "no answer in time"
+    return shown(getattr(error, "strerror", None) or str(error) or type(error).__name__)
+
+
+def received(connection: socket.socket, address: Address) -> Iterator[bytes]:
+    """What arrives over TCP, piece by piece, until the connection ends.
+
+    Raises:
+        DeviceError: it ended.
+    """
+    while True:
+        try:
+            piece = connection.recv(RECEIVED_BYTES)
+        except OSError as error:
+            raise address.lost(error) from error
+        if not piece:
+            raise address.lost()
+        yield piece
+
+
+def received_lines(pieces: Iterator[bytes], address: Address) -> Iterator[tuple[float, str]]:
+    """Whole lines, each with when its first byte arrived (`time.monotonic`); the beginning of one waits for its end.
+
+    Raises:
+        DeviceError: no end comes.
+    """
+    waiting, began = b"", 0.0
+    for piece in pieces:
+        arrived = monotonic()
+        began = began if waiting else arrived
+        *whole, waiting = (waiting + piece).split(b"\n")
+        for line in whole:
+            yield began, line.decode("utf-8", "replace").strip()
+            began = arrived
+        if len(waiting) > MAX_LINE_BYTES:
+            raise address.misunderstood(f"sends {len(waiting)} bytes without an end of line")
+
+
+def hang_up(connection: socket.socket) -> None:
+    """Close a socket, so that a thread that waits for it goes on."""
+    with suppress(OSError):  # it may be lost already
+        connection.shutdown(socket.SHUT_RDWR)
+    connection.close()
+
+
+Item = TypeVar("Item")
+
+
+class Feed(Generic[Item]):
+    """What a device sends by itself, taken by a thread, so that each item is stamped when it arrives, not when it is asked for."""
+
+    def __init__(self, items: Iterator[Item], hang_up: Callable[[], None]):
+        """Begin.
+
+        Args:
+            items: waits for each, and raises DeviceError where the connection ends.
+            hang_up: closes the connection, at which `items` ends.
+        """
+        self._items, self._hang_up = items, hang_up
+        self._waiting: deque[Item] = deque(maxlen=MAX_WAITING)
+        self._fault: Exception | None = None
+        self._news = Condition()
+        self._thread = Thread(target=self._collect, name="taskcal live", daemon=True)
+        self._thread.start()
+
+    def _collect(self) -> None:
+        try:
+            for item in self._items:
+                with self._news:
+                    self._waiting.append(item)
+                    self._news.notify_all()
+        except Exception as error:  # whatever it is, it is raised where items are asked for
+            with self._news:
+                self._fault = error
+                self._news.notify_all()
+
+    def next(self, timeout_s: float) -> Item | None:
+        """The next item in the order of arrival; None if none arrived in time.
+
+        Raises:
+            DeviceError: the connection has ended, and what had arrived was given.
+        """
+        return self._taken(timeout_s, newest=False)
+
+    def newest(self, timeout_s: float) -> Item | None:
+        """The newest item that was not given yet; None if none arrived in time.
+
+        Raises:
+            DeviceError: the connection has ended, and what had arrived was given.
+        """
+        return self._taken(timeout_s, newest=True)
+
+    def _taken(self, timeout_s: float, newest: bool) -> Item | None:
+        with self._news:
+            self._news.wait_for(lambda: self._waiting or self._fault, timeout_s)
+            if self._waiting:
+                item = self._waiting.pop() if newest else self._waiting.popleft()
+                if newest:
+                    self._waiting.clear()
+                return item
+            if self._fault is not None:
+                raise self._fault
+            return None
+
+    def close(self) -> None:
+        """End the connection; again does nothing."""
+        self._hang_up()
+        self._thread.join(CLOSING_S)
+
+
+CLOCK_WINDOW_S = 60.0
+"""Clocks of computers differ by some 50 ppm (RFC 5905: at most 500): 3 ms in this time, less than a network's delays."""
+
+
+class DeviceClock:
+    """A device's own clock, read on this computer's monotonic one.
+
+    A message never arrives before it was sent, so the smallest difference of arrival and stamp is nearest to the offset of the
+    clocks (the clock filter of RFC 5905, section 10, for messages of one direction). What is left is the smallest delay itself.
+    """
+
+    def __init__(self) -> None:
+        self._differences: deque[tuple[float, float]] = deque()
+        """(arrival, arrival less stamp), seconds; ascending in both, so that the first is the smallest of the window."""
+        self._last = -inf
+
+    def advanced(self, stamp_s: float) -> bool:
+        """Whether a stamp is another one than the last; the same is of the same measurement, sent again."""
+        return stamp_s != self._last
+
+    def local(self, stamp_s: float, arrived_s: float) -> float:
+        """When it was measured, on this computer's clock, and not later than it arrived.
+
+        Args:
+            stamp_s: of the device, seconds.
+            arrived_s: `time.monotonic`.
+        """
+        if not isfinite(stamp_s):
+            return arrived_s
+        if stamp_s < self._last:  # it was set back: what was seen before is of another clock
+            self._differences.clear()
+        self._last = stamp_s
+        difference = arrived_s - stamp_s
+        while self._differences and self._differences[-1][1] >= difference:
+            self._differences.pop()
+        self._differences.append((arrived_s, difference))
+        while self._differences[0][0] < arrived_s - CLOCK_WINDOW_S:
+            self._differences.popleft()
+        return min(stamp_s + self._differences[0][1], arrived_s)
+
+
+def missing_package(device: type[Device], package: str) -> DeviceError:
+    """Error of a device whose optional package is not installed."""
+    return DeviceError(f'{_called(device)} needs the package {package}; install it: pip install "{device.extra}"')
+
+
+def match_joints(robot: Robot, names: Sequence[str], address: Address) -> tuple[int, ...]:
+    """Where each joint of a robot is among a device's joints: by its name, or by the number that the names end in.
+
+    Args:
+        robot: whose joints are looked for.
+        names: the device's.
+        address: its option ``joints`` has the device's names in the order of the robot's joints.
+
+    Raises:
+        DeviceError: not every joint is found, or not surely.
+    """
+    chosen = [name.strip() for name in address.options.get("joints", "").split(",") if name.strip()]
+    wanted = chosen or list(robot.joint_names)
+    if len(wanted) == len(robot.joints) and all(names.count(name) == 1 for name in wanted):
+        return tuple(names.index(name) for name in wanted)
+    numbers = [_number(name) for name in names]
+    if not chosen and None not in numbers and len(set(numbers)) == len(names):
+        asked = [_number(name) for name in wanted]
+        if sorted(map(str, asked)) == sorted(map(str, numbers)):
+            return tuple(numbers.index(number) for number in asked)
+    raise DeviceError(
+        f"{address.called} has the joints {shown(', '.join(names) or 'of no name')}, and {robot.name} has "
+        f"{', '.join(robot.joint_names)}{f', named as {shown(str(chosen))}' if chosen else ''}; name the device's joints in the "
+        f"robot's order: '…?joints={','.join(list(names)[: len(robot.joints)])}'"
+    )
+
+
+def _number(name: str) -> int | None:
+    found = re.search(r"(\d+)$", name)
+    return int(found[1]) if found else None
