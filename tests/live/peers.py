@@ -3,6 +3,7 @@
 import json
 import socket
 import struct
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -94,8 +95,8 @@ class RtdePeer:
     unknown: tuple[str, ...] = ()
     """Outputs that this controller does not have."""
     period_s: float = 0.01
-    clock: Callable[[], float] | None = None
-    """Seconds since the controller started; None for one that counts its packages."""
+    clock: Callable[[], float] = time.monotonic
+    """Seconds since the controller started."""
     cut: int = 0
     """Bytes that a piece has on the wire; 0 for whole packages."""
     stop: Event = field(default_factory=Event)
@@ -125,13 +126,11 @@ class RtdePeer:
             elif kind == b"S":
                 send(b"S", b"\x01")
                 break
-        count = 0
         while not self.stop.wait(self.period_s):
             if self.pause.is_set():
                 continue
-            count += 1
             values = {
-                "timestamp": (self.clock() if self.clock else count * self.period_s,),
+                "timestamp": (self.clock(),),
                 "actual_q": self.joints(),
                 "target_qd": self.speeds(),
                 "robot_mode": (self.mode,),

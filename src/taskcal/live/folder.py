@@ -6,11 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-import numpy as np
-
-from taskcal.errors import TaskcalError
 from taskcal.live.devices import DeviceError, Instrument, Shot
-from taskcal.live.lines import Columns, is_header
+from taskcal.live.lines import Columns, Lines
 
 SUFFIXES = frozenset({".asc", ".csv", ".dat", ".log", ".pts", ".txt", ".xyz"})
 """Of the files of a folder that are read."""
@@ -25,9 +22,7 @@ class _Followed:
 
     read: int
     """Bytes."""
-    columns: Columns | None
-    begun: bool = False
-    """Whether its first line was read, which may be a header."""
+    lines: Lines
 
 
 class Folder(Instrument):
@@ -91,7 +86,7 @@ class Folder(Instrument):
             ) from error
 
     def _follow(self, path: Path) -> None:
-        followed = self._files.setdefault(path, _Followed(read=0, columns=self._columns))
+        followed = self._files.setdefault(path, _Followed(read=0, lines=Lines(self._columns, str(path))))
         size = path.stat().st_size
         if size < followed.read:
             raise DeviceError(
@@ -104,20 +99,6 @@ class Folder(Instrument):
             added = file.read()
         whole = added[: added.rfind(b"\n") + 1]
         for line in whole.decode("utf-8-sig", "replace").splitlines():
-            if line.strip() and not line.lstrip().startswith(("#", "//")):
-                self._take(path, followed, line.strip())
+            if shot := followed.lines.shot(line, time.monotonic()):
+                self._shots.append(shot)
         followed.read += len(whole)
-
-    def _take(self, path: Path, followed: _Followed, line: str) -> None:
-        first, followed.begun = not followed.begun, True
-        try:
-            if followed.columns is None:
-                followed.columns = Columns.of(line)
-                return
-            if first and is_header(line):
-                return
-            point = followed.columns.point(line)
-        except TaskcalError as error:
-            raise DeviceError(f"{path}: {error}") from None
-        lost = "" if np.isfinite(point).all() else "beam lost"
-        self._shots.append(Shot(time_s=time.monotonic(), point=point, reason=lost))

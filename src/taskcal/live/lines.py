@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import TaskcalError, shown
+from taskcal.live.devices import DeviceError, Shot
 from taskcal.reading.columns import meanings
 from taskcal.reading.readings import is_lost
 from taskcal.tables.table import LENGTHS
@@ -77,9 +78,42 @@ class Columns:
         return point if point.any() and np.isfinite(point).all() else np.full(3, np.nan)
 
 
-def is_header(line: str) -> bool:
-    """Whether a line names columns: none of its cells is a number."""
-    return not any(_NUMBER.fullmatch(cell) for cell in _split(line))
+class Lines:
+    """The lines of a file or a connection: a point each, after a header where there is one; comments are passed over."""
+
+    def __init__(self, columns: Columns | None, source: str):
+        """Begin.
+
+        Args:
+            columns: None where the first line, a header, names them.
+            source: named in errors.
+        """
+        self._columns, self._source, self._begun = columns, source, False
+
+    def shot(self, line: str, time_s: float) -> Shot | None:
+        """The point of a line that arrived then; None for one without.
+
+        Raises:
+            DeviceError: the line is not as it was stated.
+        """
+        line = line.strip()
+        if not line or line.startswith(("#", "//")):
+            return None
+        first, self._begun = not self._begun, True
+        try:
+            if self._columns is None:
+                self._columns = Columns.of(line)
+                return None
+            if first and not any(_NUMBER.fullmatch(cell) for cell in _split(line)):
+                return None  # a header, beside the columns that were stated
+            return shot_at(self._columns.point(line), time_s)
+        except TaskcalError as error:
+            raise DeviceError(f"{self._source}: {error}") from None
+
+
+def shot_at(point: Float[np.ndarray, " 3"], time_s: float) -> Shot:
+    """Shot of a point, which is NaN where the beam was lost."""
+    return Shot(time_s=time_s, point=point, reason="" if np.isfinite(point).all() else "beam lost")
 
 
 def _split(line: str, count: int = 0) -> Sequence[str]:
