@@ -13,7 +13,7 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "reference" / "dependencies.md"
 
-RUNTIME_EXTRAS = ("dask", "images", "mujoco", "pandas", "parquet", "studio", "urdf")
+RUNTIME_EXTRAS = ("dask", "images", "live", "mujoco", "pandas", "parquet", "studio", "urdf")
 """Extras that a user installs; the others are for those who work on Taskcal."""
 
 TERMS = {
@@ -26,6 +26,7 @@ TERMS = {
     "GNU General Public License": "GPL-3.0-or-later",
     "GPL": "GPL-3.0-or-later",
     "ISC": "ISC",
+    "GNU Lesser General Public License v3": "LGPL-3.0-or-later",
     "LGPL": "LGPL-2.1-or-later",
     "MIT": "MIT",
     "MPL": "MPL-2.0",

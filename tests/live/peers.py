@@ -193,7 +193,7 @@ def header(stamp_s: float, frame: str, ros: int) -> dict[str, Any]:
 
 
 UNITS = {"deg": (17476, "°"), "rad": (4405297, "rad"), "mm": (5066068, "mm"), "inch": (4804168, "in")}
-"""UNECE codes DD, C81, MMT and INH as numbers, and how they are shown (OPC 10000-8)."""
+"""UNECE codes of degree, radian, millimetre and inch as numbers, and how they are shown (OPC 10000-8)."""
 
 
 class OpcUaPeer:

@@ -1,5 +1,6 @@
 """Controllers read over a network, behind counterparts that speak their protocols."""
 
+import sys
 import time
 from itertools import count
 
@@ -223,6 +224,13 @@ class TestOpcUa:
             cut()
             with pytest.raises(DeviceError, match=f"'opcua' at {at} was lost"):
                 controller.read(PATIENCE_S)
+
+
+@pytest.mark.parametrize(("kind", "package"), [(OpcUa, "asyncua.sync"), (RosJoints, "websockets.sync.client")])
+def test_a_missing_package_is_named_with_its_extra(kind, package, monkeypatch):
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(DeviceError, match=r'pip install "taskcal\[live\]"'):
+        kind.open(None, UR5, 1.0)
 
 
 class TestAddresses:
