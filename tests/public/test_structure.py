@@ -26,7 +26,6 @@ ONE_IMPORTER = {
         "taskcal.diagnosis.drift",
         "taskcal.identification.chunked_fit",
         "taskcal.identification.group_search",
-        "taskcal.live.lines",
         "taskcal.live.stillness",
         "taskcal.planning.experiment",
         "taskcal.reading.detection",
@@ -38,6 +37,10 @@ ONE_IMPORTER = {
     "one of many alike, which a table names": {
         "taskcal.live.folder",
         "taskcal.live.hand",
+        "taskcal.live.opcua",
+        "taskcal.live.ros",
+        "taskcal.live.rtde",
+        "taskcal.live.tcp",
         "taskcal.live.virtual",
         "taskcal.robot.importers.mjcf",
         "robot_programs.apt.read",
