@@ -240,16 +240,6 @@ ENTRY = -1
 """In place of the number of the last motion, in a routine that is summarised: that before it was entered."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Summary(Generic[S]):
-    """What a routine does, entered in some state."""
-
-    end: S
-    returned: Any
-    firsts: frozenset[int]
-    """Motions that come right behind the one before it."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Counts:
     """Bounds and step of a counted loop."""
@@ -286,8 +276,9 @@ class Flow(ABC, Generic[S, R]):
     """Routines that are called where that is not followed, so that anything may hold there."""
     lost_at: dict[Label, Any] = field(default_factory=dict[Label, Any])
     """By label to which lines lead back: what they had changed when it was gone through last."""
-    summaries: dict[Hashable, Summary[S]] = field(default_factory=dict[Hashable, Any])
-    """What routines did when they were gone through, by all that it depends on."""
+    summaries: dict[Hashable, tuple[S, Any, set[int]]] = field(default_factory=dict[Hashable, Any])
+    """What routines did when they were gone through, by all that it depends on: the state behind them, where they were entered
+    in some, what they returned, and the motions that come right behind the one before them."""
     entered_behind: list[tuple[int | None, set[int]]] = field(default_factory=list[tuple[int | None, set[int]]])
     """Of routines that are being summarised, the innermost last: the motion before, and those that come right behind it."""
     unclear: int = 0
@@ -345,14 +336,14 @@ class Flow(ABC, Generic[S, R]):
             self.entered_behind.append((entry.last, firsts))
             end, returned = self.walk(routine, (*inside, routine)).through(replace(entry, last=ENTRY))
             self.entered_behind.pop()
-            summary = Summary(end=end, returned=returned, firsts=frozenset(firsts))
             if self.unclear == unclear:
-                self.summaries[key] = summary
+                self.summaries[key] = end, returned, firsts
         else:
-            for number in summary.firsts:
+            end, returned, firsts = summary
+            for number in firsts:
                 self.note_order(number, entry.last)
-        end = self.after_summary(routine, entry, summary.end)
-        return (replace(end, last=entry.last) if end.last == ENTRY else end), summary.returned
+        end = self.after_summary(routine, entry, end)
+        return (replace(end, last=entry.last) if end.last == ENTRY else end), returned
 
     def depends_on(self, routine: R, entry: S) -> Hashable | None:
         """All on which depends what a routine does, but the motion before it; None where it is not summarised."""
@@ -795,10 +786,8 @@ class Occurrence(Generic[T, M]):
 
     text: T
     motion: M
-    first: int | None
-    """Number of a motion that may have been the last one; None for any."""
-    others: set[int | None] | None = None
-    """Further ones."""
+    before: set[int | None]
+    """Numbers of motions that may have been the last one; None for any."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -841,17 +830,13 @@ class Findings(Generic[T, M]):
         """
         number = self.by_meaning.setdefault(meaning, len(self.occurrences))
         if number == len(self.occurrences):
-            self.occurrences.append(Occurrence(text=text, motion=motion, first=before))
-        else:
-            self.link(number, before)
+            self.occurrences.append(Occurrence(text=text, motion=motion, before=set()))
+        self.link(number, before)
         return number
 
     def link(self, number: int, before: int | None) -> None:
         """Note the number of a motion that may be the one before another."""
-        found = self.occurrences[number]
-        if found.first != before:
-            found.others = found.others or set()
-            found.others.add(before)
+        self.occurrences[number].before.add(before)
 
     def close(self) -> None:
         """Take all that was noted so far as seen."""
@@ -870,9 +855,7 @@ class Findings(Generic[T, M]):
         count = Counter(self.occurrences[i].text for i in kept)
         for i in kept:
             found = self.occurrences[i]
-            before = {None if found.first is None else number.get(found.first)}
-            if found.others:
-                before |= {None if old is None else number.get(old) for old in found.others}
+            before = {None if old is None else number.get(old) for old in found.before}
             (first, *others) = before
             yield Ordered(
                 motion=found.motion,

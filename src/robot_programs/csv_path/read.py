@@ -371,11 +371,9 @@ _MOVES: dict[str, MotionKind] = {"joint": "joint", "linear": "linear", "circular
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PathTable:
-    """A table with its place in the text and what was read from it, a row each."""
+class PathTable(Table):
+    """A table with what was read from it, a row each."""
 
-    source: Source
-    table: Table
     columns: Columns
     T: Float[np.ndarray, "rows 4 4"]
     """Poses of the tool in the part's frame, metres; NaN where a row has none."""
@@ -384,27 +382,18 @@ class PathTable:
     speed: Float[np.ndarray, " rows"]
     """Metres per second; NaN where a row has none."""
 
-    @property
-    def rows(self) -> tuple[Row, ...]:
-        """Rows with their places."""
-        return self.table.rows
-
-    def error(self, message: str, row: int, column: str | None = None) -> FileError:
-        """An error that points at a cell or a line."""
-        return self.table.error(message, row, column)
-
     def place(self, row: int) -> Place:
         """Place of a row."""
         return Place(path=self.source.path, line=self.rows[row].line)
 
     def cell(self, row: int, column: str) -> tuple[int, int]:
         """First character of a cell, and behind its last one."""
-        return self.rows[row].cells[self.table.header.index(column)]
+        return self.rows[row].cells[self.header.index(column)]
 
     def word(self, row: int, meaning: str) -> str:
         """A cell that holds a word; empty where the column is lacking."""
         name = self.columns.words.get(meaning)
-        return "" if name is None else self.rows[row].texts[self.table.header.index(name)]
+        return "" if name is None else self.rows[row].texts[self.header.index(name)]
 
     def kind(self, row: int) -> MotionKind:
         """The motion of which a row holds the end, or the point on the way."""
@@ -442,8 +431,7 @@ def read_path_table(source: Source, robot: Robot | None) -> PathTable:
         T[posed] = se3.pose(R, pose[posed, :3] * 1e-3)
     _check_quotes(table)
     return PathTable(
-        source=source,
-        table=table,
+        **vars(table),
         columns=columns,
         T=T,
         q=joints * np.array(columns.joint_scale),
@@ -576,7 +564,7 @@ def _axis(T: np.ndarray) -> np.ndarray:
 
 def _alike(path_table: PathTable, row: int, T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The quaternion in the file, of unit length, and that of a pose with its sign."""
-    cells = [path_table.rows[row].texts[path_table.table.header.index(name)] for name in path_table.columns.rotation]
+    cells = [path_table.rows[row].texts[path_table.header.index(name)] for name in path_table.columns.rotation]
     was = np.array([float(cell) for cell in cells])
     now = se3.to_quaternion(T[:3, :3])
     return was / np.linalg.norm(was), now if now @ was >= 0 else -now

@@ -348,19 +348,14 @@ def actions_of(
         elif line.verb == "OFF":
             exact = found if not line.number else frozenset(of for of in found if meant.certain(routine, line, of))
             ended[text] = exact.intersection(effects)
-    calls = {
-        name: frozenset(called for r in same for line in r.lines for called in calls_of(line))
-        | frozenset(
-            called
-            for r in same
-            for line in r.lines
-            for of in own.get(_text(r, line), ())
-            for called in _called_by_action(declared[of][1])
-        )
-        for name, same in routines.items()
-    }
     starts = {
         name: frozenset[Text]().union(*(own.get(_text(r, line), frozenset()) for r in same for line in r.lines))
+        for name, same in routines.items()
+    }
+    calls = {
+        name: frozenset(called for r in same for line in r.lines for called in calls_of(line)).union(
+            *(_called_by_action(declared[of][1]) for of in starts[name])
+        )
         for name, same in routines.items()
     }
     by_routine = with_called({name: (starts[name], calls[name]) for name in routines})

@@ -5,7 +5,7 @@ from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from robot_programs.core.program import Unresolved, Wrapped
 from robot_programs.core.source import TextEdit
 from robot_programs.rapid.changes import is_read
-from robot_programs.rapid.names import SHIFTING, Context, Scope, Symbol
+from robot_programs.rapid.names import Context, Scope, Symbol
 from robot_programs.rapid.resolve import CHANGED_BY, MOTION_FORMS, layout
 from robot_programs.rapid.syntax import (
     Argument,
@@ -31,7 +31,11 @@ Measured = frozenset[Symbol | str]
 
 
 def wrap(
-    everywhere: Sequence[Context], motions: Container[Instruction], function: str, without: Container[str]
+    everywhere: Sequence[Context],
+    motions: Container[Instruction],
+    function: str,
+    without: Container[str],
+    shift: str,
 ) -> Iterator[Wrapped]:
     """The motions that are read among some instructions, each with the edits that put a function around its targets.
 
@@ -40,8 +44,9 @@ def wrap(
         motions: instructions.
         function: name of a function of a robtarget, a tool and a work object.
         without: keys of tools and work objects with which motions do not get it.
+        shift: why poses may be shifted; empty if they are not.
     """
-    measured, shift = _measured(everywhere), _shift(everywhere)
+    measured = _measured(everywhere)
     for context in everywhere:
         if context.routine is None:
             continue
@@ -72,7 +77,7 @@ def _edits(
     if not form.ends_there:
         raise Unresolved("it ends where it finds something")
     if shift:
-        raise Unresolved(f"a program displacement may shift it ({shift})")
+        raise Unresolved(shift)
     frames = [where.tool, *([where.options["wobj"]] if "wobj" in where.options else [])]
     for frame in frames:
         if not isinstance(frame.value, Reference):
@@ -96,20 +101,6 @@ def _edits(
     for target in targets:
         own = text[target.start : target.end]
         yield TextEdit(start=target.start, end=target.end, text=f"{function}({own},{given})")
-
-
-def _shift(everywhere: Iterable[Context]) -> str:
-    """Where a program displacement begins; empty where none does."""
-    words = (
-        (context, token)
-        for context in everywhere
-        for line in context.lines
-        for token in (
-            (line.name,) if isinstance(line, Instruction) else line.tokens if isinstance(line, Unparsed) else ()
-        )
-    )
-    found = next(((context, token) for context, token in words if token.key in SHIFTING), None)
-    return "" if found is None else f"{found[1].text} in {found[0].file.source.place(found[1].start)}"
 
 
 # Which data come from where the robot stood, whatever the order in which they are set.

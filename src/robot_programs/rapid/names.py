@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 from robot_programs.core.program import Unresolved
@@ -39,8 +39,8 @@ TYPES: Mapping[str, tuple[tuple[str, str], ...]] = {
 }  # fmt: skip
 """Components of the records, each with its type, in order."""
 
-_IDENTITY: Value = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-_ZERO_LOAD: Value = (0.001, (0.0, 0.0, 0.001), (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
+IDENTITY: Value = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+ZERO_LOAD: Value = (0.001, (0.0, 0.0, 0.001), (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
 _SPEEDS = (
     5, 10, 20, 30, 40, 50, 60, 80, 100, 150, 200, 300, 400, 500, 600, 800, 1000, 1500, 2000, 2500, 3000, 4000, 5000,
     6000, 7000,
@@ -58,8 +58,8 @@ def _zone(fine: bool, size: float, wide: float, angle: float) -> Value:
 
 
 DATA: Mapping[str, tuple[str, Value]] = {
-    "tool0": ("tooldata", (True, _IDENTITY, _ZERO_LOAD)),
-    "wobj0": ("wobjdata", (False, True, "", _IDENTITY, _IDENTITY)),
+    "tool0": ("tooldata", (True, IDENTITY, ZERO_LOAD)),
+    "wobj0": ("wobjdata", (False, True, "", IDENTITY, IDENTITY)),
     **{f"v{v}": ("speeddata", (float(v), 500.0, 5000.0, 1000.0)) for v in _SPEEDS},
     **{f"z{size:g}": ("zonedata", _zone(False, size or 0.3, w, a)) for size, w, a in _ZONES},
     "fine": ("zonedata", _zone(True, 0.0, 0.0, 0.0)),
@@ -239,10 +239,7 @@ class Scope:
         if counter is None:
             return self
         symbol = Symbol(name=counter.text, type="num", obstacle=f"'{counter.text}' counts a loop")
-        return Scope(
-            module=self.module, shared=self.shared, own={**self.own, counter.key: [symbol]}, types=self.types,
-            routines=self.routines,
-        )  # fmt: skip
+        return replace(self, own={**self.own, counter.key: [symbol]})
 
 
 @lru_cache(maxsize=1024)
@@ -311,7 +308,7 @@ def contexts(files: Iterable[File], given: Iterable[Symbol] = ()) -> Iterator[Co
 
 def _inside(routine: Routine, file: File, module: Module, outer: Scope) -> Context:
     own: dict[str, list[Symbol]] = {}
-    scope = Scope(module=outer.module, shared=outer.shared, own=own, types=outer.types, routines=outer.routines)
+    scope = replace(outer, own=own)
     for parameter in routine.parameters:
         why = f"'{parameter.name.text}' is a parameter of the routine '{routine.name.text}'"
         own[parameter.name.key] = [

@@ -12,6 +12,7 @@ from robot_programs.rapid.syntax import (
     Assignment,
     Call,
     Component,
+    Constant,
     Control,
     Declaration,
     Expression,
@@ -27,10 +28,8 @@ from robot_programs.rapid.syntax import (
     Reference,
     Routine,
     Tail,
-    Text,
     Token,
     TooMuch,
-    Truth,
     Unparsed,
     Words,
     list_end,
@@ -166,10 +165,10 @@ class ExpressionParser(Words):
                 self.take()
                 if len(token.text) < 2 or not token.text.endswith('"'):
                     raise NotUnderstood(token.start, "the string that begins here does not end in its line")
-                return Text(start=token.start, end=token.end, value=token.text[1:-1].replace('""', '"'))
+                return Constant(start=token.start, end=token.end, value=token.text[1:-1].replace('""', '"'))
             case "name" if token.key in ("true", "false"):
                 self.take()
-                return Truth(start=token.start, end=token.end, value=token.key == "true")
+                return Constant(start=token.start, end=token.end, value=token.key == "true")
             case "name":
                 return self._named()
             case _:
@@ -373,28 +372,22 @@ class StatementParser(ExpressionParser):
         start = self.next.start
         local = self.skip("local")
         self.skip("task")
-        plain = self._plain_declaration(start, local)
-        if plain is not None:
-            return plain
-        storage = self.take().key
-        type_, name = self.name(), self.name()
-        selectors = self.selected(name).selectors if self.next.key == "{" else ()
-        dimensions = selectors[0].items if selectors and isinstance(selectors[0], Index) else ()
-        value = self.expression() if self.skip(":=") else None
-        self.expect(";")
+        storage, plain = self.next.key, self._plain_declaration()
+        if plain is None:
+            self.take()
+            type_, name = self.name(), self.name()
+            selectors = self.selected(name).selectors if self.next.key == "{" else ()
+            dimensions = selectors[0].items if selectors and isinstance(selectors[0], Index) else ()
+            value = self.expression() if self.skip(":=") else None
+            self.expect(";")
+        else:
+            (type_, name, value), dimensions = plain, ()
         return Declaration(
-            start=start,
-            end=self.end,
-            storage=storage,
-            local=local,
-            type=type_,
-            name=name,
-            dimensions=dimensions,
-            value=value,
-        )
+            start=start, end=self.end, storage=storage, local=local, type=type_, name=name, dimensions=dimensions, value=value,
+        )  # fmt: skip
 
-    def _plain_declaration(self, start: int, local: bool) -> Declaration | None:
-        """A declaration with a list of numbers, not word by word; None where there is another, of which nothing is read."""
+    def _plain_declaration(self) -> tuple[Token, Token, Aggregate] | None:
+        """Type, name and list of numbers of a declaration, not word by word; None where there is another, and nothing is read."""
         storage, text = self.next, self.text
         found = None if self.looked_ahead else _DECLARED.match(text, storage.end)
         at = self._numbers(found.end()) if found else 0
@@ -406,17 +399,7 @@ class StatementParser(ExpressionParser):
             return None
         self.count_values()
         self.jump(closing.end())
-        value = Aggregate(start=found.end(), end=at, content=text)
-        return Declaration(
-            start=start,
-            end=self.end,
-            storage=storage.key,
-            local=local,
-            type=type_,
-            name=name,
-            dimensions=(),
-            value=value,
-        )
+        return type_, name, Aggregate(start=found.end(), end=at, content=text)
 
     def body(self, declarations: list[Declaration]) -> Block:
         """Statements up to a handler or the end of the routine; an ENDIF or the like on the way closes nothing."""

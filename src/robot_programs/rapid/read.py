@@ -5,8 +5,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-import numpy as np
-
 from robot_programs.core import flow as form
 from robot_programs.core.errors import FileError
 from robot_programs.core.flow import MIN_LINES, with_called
@@ -35,6 +33,7 @@ from robot_programs.rapid.changes import (
 from robot_programs.rapid.names import (
     BY_NAME,
     FUNCTIONS,
+    IDENTITY,
     LATE,
     MOTIONLESS,
     MOVING,
@@ -43,6 +42,7 @@ from robot_programs.rapid.names import (
     SOFTENING,
     STIFFENING,
     TURNING,
+    ZERO_LOAD,
     Context,
     File,
     Scope,
@@ -95,7 +95,7 @@ from robot_programs.rapid.values import (
     PassedArgument,
     State,
     Values,
-    pose_numbers,
+    as_pose,
     replaced,
     steps,
 )
@@ -835,27 +835,16 @@ def read_rapid(
         sites=tuple(sites), uses=uses(everywhere, values), everywhere=everywhere, turns=turns,
         read=partial(read_rapid, tools=tools, parts=parts),
         T_world_base=T_world_base,
-        unresolved=frozenset(findings.reasons).difference(motion.instruction for motion in sites),
+        shift=settings.shift, unresolved=frozenset(findings.reasons).difference(motion.instruction for motion in sites),
     )  # fmt: skip
 
 
 def _given(tools: Mapping[str, Frame], parts: Mapping[str, Frame]) -> Iterator[Symbol]:
     """Tools and work objects as data of the program."""
     for name, frame in tools.items():
-        yield Symbol(name=name, type="tooldata", value=(True, _pose(frame), LOAD_VALUE))
+        yield Symbol(name=name, type="tooldata", value=(True, as_pose(frame.T), ZERO_LOAD))
     for name, frame in parts.items():
-        yield Symbol(name=name, type="wobjdata", value=(False, True, "", _pose(frame), _pose(NO_FRAME)))
-
-
-NO_FRAME = Frame(name="", T=np.eye(4))
-
-LOAD_VALUE: Value = (1.0, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
-"""Of a tool of which only the frame is known; no motion depends on it."""
-
-
-def _pose(frame: Frame) -> Value:
-    numbers = pose_numbers(frame.T)
-    return (tuple(numbers[:3]), tuple(numbers[3:]))
+        yield Symbol(name=name, type="wobjdata", value=(False, True, "", as_pose(frame.T), IDENTITY))
 
 
 def _parsed(source: Source) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:

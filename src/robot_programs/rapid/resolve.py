@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -275,22 +275,17 @@ def _resolve(
     node: Expression | None, argument: Argument, type_: TargetType, scope: Scope, values: Values, file: File
 ) -> TargetArgument:
     match node:
-        case Aggregate():
-            meant, external = _numbers(values.of(node, scope), type_, "the target")
-            return TargetArgument(
-                argument=argument, argument_file=file, type=type_, origin=None,
-                literal=_literal(node, type_), file=file,
-                shifted=False, meant=meant, external=external,
-            )  # fmt: skip
         case Reference():
             return _named(node, argument, type_, scope, values, file)
         case Call() if node.name.key in ("offs", "reltool") and type_ == "robtarget":
             return _shifted(node, argument, scope, values, file)
-        case Call():
-            meant, external = _numbers(values.of(node, scope), type_, f"what {node.name.text}() returns")
+        case Aggregate() | Call():
+            literal = _literal(node) if isinstance(node, Aggregate) else None
+            what = f"what {node.name.text}() returns" if isinstance(node, Call) else "the target"
+            meant, external = _numbers(values.of(node, scope), type_, what)
             return TargetArgument(
-                argument=argument, argument_file=file, type=type_, origin=None, literal=None, file=file,
-                shifted=True, meant=meant, external=external,
+                argument=argument, argument_file=file, type=type_, origin=None, literal=literal, file=file,
+                shifted=isinstance(node, Call), meant=meant, external=external,
             )  # fmt: skip
         case None:
             raise Unresolved("the target is missing")
@@ -306,7 +301,7 @@ def _named(
     if found.type != type_:
         raise Unresolved(f"'{node.name.text}' is {found.type}, not {type_}")
     meant, external = _numbers(found.value, type_, f"'{found.name}'")
-    literal = _literal(found.literal, type_) if isinstance(found.literal, Aggregate) else None
+    literal = _literal(found.literal) if isinstance(found.literal, Aggregate) else None
     passed, origin = found.passed, found.origin
     target = TargetArgument(
         argument=argument, argument_file=file, type=type_, origin=origin, literal=literal,
@@ -386,24 +381,10 @@ def renumbered_target(target: TargetArgument, literal: Aggregate) -> TargetArgum
     return replace(target, meant=meant, external=external)
 
 
-def _literal(node: Aggregate, type_: TargetType) -> Aggregate | None:
+def _literal(node: Aggregate) -> Aggregate | None:
     """What holds the numbers of a target, which its value was found to have, if all are written out there."""
-    if node.is_literal:
-        return node
-    shape = (3, 4, 4, 6) if type_ == "robtarget" else (6, 6)
-    items = node.items
-    if len(items) != len(shape):
-        return None
-    for item, count in zip(items, shape, strict=True):
-        if not isinstance(item, Aggregate):
-            return None
-        if item.is_plain:
-            if item.count != count:
-                return None
-            continue
-        if len(item.items) != count or not all(isinstance(leaf, Number) for leaf in item.items):
-            return None
-    return node
+    lists = (item.items if isinstance(item, Aggregate) else (item,) for item in (() if node.is_literal else node.items))
+    return node if all(isinstance(leaf, Number) for leaves in lists for leaf in leaves) else None
 
 
 # The instructions of RAPID that move the robot to a target, and in which order they are given what they need.
@@ -442,23 +423,10 @@ class MotionForm:
         return tuple(own + between + behind for between in self.between for behind in self.behind)
 
 
-def _family(
-    names: Mapping[str, MotionKind],
-    *,
-    before: int = 0,
-    between: tuple[int, ...] = (0,),
-    behind: tuple[int, ...] = (0,),
-    options: str,
-    search: bool = False,
-) -> dict[str, MotionForm]:
-    """Instructions that do something once along the way."""
-    return {
-        name: MotionForm(
-            kind=kind, before=before, between=between, behind=behind, has_zone=not search, ends_there=not search, repeats=False,
-            options=_EVERY | frozenset(options.split()),
-        )
-        for name, kind in names.items()
-    }  # fmt: skip
+def _family(names: Mapping[str, MotionKind], *, options: str = "", **form: Any) -> dict[str, MotionForm]:
+    """Instructions that do something once along the way, with what else is said of their form."""
+    own = _EVERY | frozenset(options.split())
+    return {name: MotionForm(kind=kind, repeats=False, options=own, **form) for name, kind in names.items()}
 
 
 _ARC_OPTIONS = _EVERY | {"on", "off", "weave", "seamname", "advanced", *(f"t{k}" for k in range(1, 8))}
@@ -485,13 +453,13 @@ MOTION_FORMS: Mapping[str, MotionForm] = {
         {"triggj": "joint", "triggl": "linear", "triggc": "circular"},
         between=(1,), options=" ".join(f"t{k}" for k in range(2, 9)),
     ),
-    **_family({f"{name}do": kind for name, kind in _SPLIT.items()}, behind=(2,), options=""),
-    **_family({f"{name}ao": kind for name, kind in _SPLIT.items()}, behind=(2,), options=""),
+    **_family({f"{name}do": kind for name, kind in _SPLIT.items()}, behind=(2,)),
+    **_family({f"{name}ao": kind for name, kind in _SPLIT.items()}, behind=(2,)),
     **_family({f"{name}go": kind for name, kind in _SPLIT.items()}, behind=(1,), options="value dvalue"),
-    **_family({f"{name}sync": kind for name, kind in _SPLIT.items()}, behind=(1,), options=""),
+    **_family({f"{name}sync": kind for name, kind in _SPLIT.items()}, behind=(1,)),
     **_family(
         {"searchl": "linear", "searchc": "circular"},
-        before=2, options="stop pstop sstop sup flanks posflank negflank highlevel lowlevel", search=True,
+        before=2, options="stop pstop sstop sup flanks posflank negflank highlevel lowlevel", has_zone=False, ends_there=False,
     ),
     **_arc_welding(),
 }  # fmt: skip

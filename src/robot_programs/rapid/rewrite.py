@@ -402,6 +402,8 @@ class RapidProgram(Program):
     """Modules and routines."""
     unresolved: frozenset[Instruction] = frozenset()
     """Motions that were not resolved, on no way that leads to them."""
+    shift: str = ""
+    """As in `Settings`."""
     turns: Mapping[Loop, tuple[float, ...] | None] = field(default_factory=dict[Loop, tuple[float, ...] | None])
     """See `Flow.turns`."""
 
@@ -681,7 +683,7 @@ class RapidProgram(Program):
             left = (one for one in again.unresolved if not calls_function(one, function))
             return replace(again, unresolved=frozenset(left)), having
 
-        return wrapping(self, wrap(self.everywhere, motions, function, without), added, cleared)
+        return wrapping(self, wrap(self.everywhere, motions, function, without, self.shift), added, cleared)
 
     def visits(self) -> Iterator[Visit]:
         """Motions of one routine to one target in one tool and work object; see `Program.visits`.

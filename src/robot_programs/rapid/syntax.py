@@ -4,7 +4,7 @@ import re
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, cast
 
 from robot_programs.core.flow import Block, lines_in
 from robot_programs.core.source import Source
@@ -68,18 +68,10 @@ def words_from(text: str, start: int) -> Iterator[Token]:
 def words(text: str, start: int, end: int) -> Iterator[Token]:
     """The words between the start of one and the end of the same or a later one, in a module's text."""
     for match in _WORD.finditer(text, start, end):
-        word = match[0]
-        match match.lastgroup:
-            case "blank":
-                pass
-            case "name":
-                yield named(word, match.start())
-            case "number":
-                yield Token("number", word, word, match.start())
-            case "text":
-                yield Token("text", word, word, match.start())
-            case _:
-                yield Token("symbol", word, word, match.start())
+        if match.lastgroup == "name":
+            yield named(match[0], match.start())
+        elif match.lastgroup != "blank":
+            yield Token(cast("Kind", match.lastgroup), match[0], match[0], match.start())
 
 
 def named(word: str, start: int) -> Token:
@@ -133,17 +125,10 @@ class Number(Node):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Text(Node):
-    """A string."""
+class Constant(Node):
+    """A string, or TRUE or FALSE."""
 
-    value: str
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Truth(Node):
-    """TRUE or FALSE."""
-
-    value: bool
+    value: str | bool
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -172,11 +157,6 @@ class Aggregate(Node):
             return tuple(map(float, self.content[self.start + 1 : self.end - 1].split(",")))
         except ValueError:  # a sign stands apart from its number
             return tuple(value for _, _, value in self._listed())
-
-    @property
-    def count(self) -> int:
-        """How many numbers a plain aggregate has."""
-        return self.content.count(",", self.start, self.end) + 1 if isinstance(self.content, str) else 0
 
     @property
     def values(self) -> "tuple[float | tuple[float, ...], ...]":
@@ -257,7 +237,7 @@ class Operation(Node):
     operands: tuple["Expression", ...]
 
 
-Expression = Number | Text | Truth | Aggregate | Reference | Call | Operation
+Expression = Number | Constant | Aggregate | Reference | Call | Operation
 
 
 def parts(node: Expression) -> Iterator[Expression]:

@@ -19,13 +19,12 @@ from robot_programs.rapid.syntax import (
     Argument,
     Call,
     Component,
+    Constant,
     Expression,
     Index,
     Number,
     Operation,
     Reference,
-    Text,
-    Truth,
 )
 from robot_programs.rapid.syntax import parts as parts_of
 
@@ -350,7 +349,8 @@ def _size(given: Sequence[Value], options: Options) -> Value:
     return float(len(array))
 
 
-def _as_pose(T: Float[np.ndarray, "4 4"]) -> Value:
+def as_pose(T: Float[np.ndarray, "4 4"]) -> Value:
+    """The record of a position and an orientation: the inverse of `pose`."""
     own = pose_numbers(T)
     return (own[:3], own[3:])
 
@@ -418,8 +418,8 @@ COMPUTED: Mapping[str, Function] = {
     **{name.lower(): _numeric(name, FUNCTIONS[name.upper()][0]) for name in _NUMERIC},
     "offs": _shifting("Offs"), "reltool": _shifting("RelTool"), "dim": _size, "orientzyx": _orient_zyx,
     "round": _cut("Round", round, 0.5), "trunc": _cut("Trunc", math.trunc, 0.0),
-    "posemult": _geometric("PoseMult", lambda a, b: _as_pose(a @ b), (pose, "the first pose"), (pose, "the second pose")),
-    "poseinv": _geometric("PoseInv", lambda a: _as_pose(np.linalg.inv(a)), (pose, "the pose")),
+    "posemult": _geometric("PoseMult", lambda a, b: as_pose(a @ b), (pose, "the first pose"), (pose, "the second pose")),
+    "poseinv": _geometric("PoseInv", lambda a: as_pose(np.linalg.inv(a)), (pose, "the pose")),
     "posevect": _geometric("PoseVect", _seen, (pose, "the pose"), (position, "the point")),
     "norient": _geometric("NOrient", lambda q: q, (quaternion, "the orientation")),
     "distance": _geometric("Distance", math.dist, (position, "the first point"), (position, "the second point")),
@@ -637,7 +637,7 @@ class Values:
         if depth > MAX_REFERENCES:
             raise Unresolved("data refer to each other in a circle, or too deeply")
         match expression:
-            case Number() | Text() | Truth():
+            case Number() | Constant():
                 return expression.value
             case Aggregate() if expression.is_literal and depth < MAX_REFERENCES - 1:
                 return expression.values

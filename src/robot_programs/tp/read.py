@@ -88,7 +88,8 @@ class Frames:
         Raises:
             Unresolved: it is not known.
         """
-        return self._made("UFRAME", number, self.variables.frames, self.part, self.changed_frames, self.T_base_world)
+        frame = self._stated("UFRAME", number, self.variables.frames, self.part, self.changed_frames)
+        return self.made.setdefault(("UFRAME", number), replace(frame, T=self.T_base_world @ frame.T))
 
     def tool_frame(self, number: int) -> Frame:
         """A tool, in the flange.
@@ -96,30 +97,28 @@ class Frames:
         Raises:
             Unresolved: it is not known.
         """
-        return self._made("UTOOL", number, self.variables.tools, self.tool, self.changed_tools, None)
+        frame = self._stated("UTOOL", number, self.variables.tools, self.tool, self.changed_tools)
+        return self.made.setdefault(("UTOOL", number), frame)
 
-    def _made(
+    def _stated(
         self,
         kind: str,
         number: int,
         stated: Mapping[int, Float[np.ndarray, "4 4"]],
         given: Frame | None,
         changed: Set[int | None],
-        T_around: Float[np.ndarray, "4 4"] | None,
     ) -> Frame:
-        if (kind, number) not in self.made:
-            if {number, None} & changed:
-                raise Unresolved(f"{kind}[{number}] is set in the program, to what is known only at run time")
-            T = np.eye(4) if number == 0 else stated.get(number)
-            frame = given if T is None else Frame(name=f"{kind} {number}", T=T)
-            if frame is None:
-                option = "--part" if kind == "UFRAME" else "--tool"
-                raise Unresolved(
-                    f"{kind} {number} is not known; pass the backup's sysframe.va with the program, or name one of the cell "
-                    f"file ({option})"
-                )
-            self.made[kind, number] = frame if T_around is None else replace(frame, T=T_around @ frame.T)
-        return self.made[kind, number]
+        if {number, None} & changed:
+            raise Unresolved(f"{kind}[{number}] is set in the program, to what is known only at run time")
+        T = np.eye(4) if number == 0 else stated.get(number)
+        frame = given if T is None else Frame(name=f"{kind} {number}", T=T)
+        if frame is None:
+            option = "--part" if kind == "UFRAME" else "--tool"
+            raise Unresolved(
+                f"{kind} {number} is not known; pass the backup's sysframe.va with the program, or name one of the cell "
+                f"file ({option})"
+            )
+        return frame
 
 
 KINDS: dict[str, MotionKind] = {"J": "joint", "L": "linear", "C": "circular", "A": "linear"}
@@ -139,9 +138,7 @@ _REPEATS = re.compile(r"\s*(LBL\s*\[|FOR\b|WHILE\b)", re.IGNORECASE)
 """Where control may come from further down."""
 _LEAVES = re.compile(r"\s*(JMP|END|ABORT)\b", re.IGNORECASE)
 _INSIDE = r"\s*\[(?P<inside>(?:[^\[\]]|\[[^\[\]]*\])*)\]\s*=(?!=)"
-_ASSIGNED_REGISTER = re.compile(r"\bPR" + _INSIDE, re.IGNORECASE)
-_ASSIGNED_FRAME = re.compile(r"\b(?P<kind>UFRAME|UTOOL)" + _INSIDE, re.IGNORECASE)
-_ASSIGNED_POSITION = re.compile(r"\bP" + _INSIDE, re.IGNORECASE)
+_ASSIGNED = re.compile(r"\b(?P<kind>PR|P|UFRAME|UTOOL)" + _INSIDE, re.IGNORECASE)
 _ASSIGNED_VARIABLE = re.compile(r"\$MNU(?P<kind>FRAME|TOOL)\s*\[[^=]*=(?!=)", re.IGNORECASE)
 _STATED = re.compile(r"\s*(?:GP\d\s*:)?\s*(\d{1,5})\s*(?:[:,].*)?", re.IGNORECASE | re.DOTALL)
 """What is not a number is computed: then any may be meant."""
@@ -163,40 +160,23 @@ class State:
     """A program that was called before and is not in the files, so that it may have set any register; empty where none was."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Assigned:
-    """Numbers of what a program sets itself; None stands for any."""
-
-    registers: frozenset[int | None]
-    frames: frozenset[int | None]
-    tools: frozenset[int | None]
-    positions: frozenset[int | None]
+Assigned = Mapping[str, Set[int | None]]
+"""Numbers of what a program sets itself, by PR, P, UFRAME and UTOOL; None stands for any."""
 
 
 def assigned(listing: Listing) -> Assigned:
     """Registers, frames and positions that a program sets itself."""
-
-    def number(match: re.Match[str]) -> int | None:
-        stated = _STATED.fullmatch(match["inside"])
-        return None if stated is None else int(stated[1])
-
-    registers: set[int | None] = set()
-    frames: set[int | None] = set()
-    tools: set[int | None] = set()
-    positions: set[int | None] = set()
+    out: dict[str, set[int | None]] = {kind: set() for kind in ("PR", "P", "UFRAME", "UTOOL")}
     for instruction in listing.instructions:
         text = instruction.text
         if "=" not in text or text.lstrip().startswith(("!", "//", "--")):
             continue
-        registers |= {number(m) for m in _ASSIGNED_REGISTER.finditer(text)}
-        positions |= {number(m) for m in _ASSIGNED_POSITION.finditer(text)}
-        for m in _ASSIGNED_VARIABLE.finditer(text):
-            (frames if m["kind"].upper() == "FRAME" else tools).add(None)
-        for m in _ASSIGNED_FRAME.finditer(text):
-            (frames if m["kind"].upper() == "UFRAME" else tools).add(number(m))
-    return Assigned(
-        registers=frozenset(registers), frames=frozenset(frames), tools=frozenset(tools), positions=frozenset(positions)
-    )
+        for match in _ASSIGNED.finditer(text):
+            stated = _STATED.fullmatch(match["inside"])
+            out[match["kind"].upper()].add(None if stated is None else int(stated[1]))
+        for match in _ASSIGNED_VARIABLE.finditer(text):
+            out[f"U{match['kind'].upper()}"].add(None)
+    return out
 
 
 def called_by(text: str) -> tuple[str, ...]:
@@ -264,7 +244,7 @@ class Resolver:
     source: Source
     listing: Listing
     assigned: Assigned
-    changed_elsewhere: frozenset[int | None]
+    changed_elsewhere: Set[int | None]
     """Registers that any of the programs sets."""
     calls: Calls
 
@@ -426,7 +406,7 @@ class Resolver:
             raise Unresolved(f"the {name} index is computed at run time; use a constant index")
         if operand.register:
             return self._register(operand.number, operand, state, offset)
-        if {operand.number, None} & self.assigned.positions:
+        if {operand.number, None} & self.assigned["P"]:
             raise Unresolved(f"P[{operand.number}] is set in the program")
         position = self.listing.positions.get(operand.number)
         if position is None or ROBOT_GROUP not in position.groups:
@@ -530,15 +510,15 @@ def read_tp(
         )
     T_base_world = world_in_base(robot)
     own = {i: assigned(listing) for i, listing in listings.items()}
+    changed = {kind: {number for a in own.values() for number in a[kind]} for kind in ("PR", "UFRAME", "UTOOL")}
     frames = Frames(
         variables=read_variables(sources),
         T_base_world=T_base_world,
-        changed_frames=frozenset[int | None]().union(*(a.frames for a in own.values())),
-        changed_tools=frozenset[int | None]().union(*(a.tools for a in own.values())),
+        changed_frames=changed["UFRAME"],
+        changed_tools=changed["UTOOL"],
         tool=tool,
         part=part,
     )
-    changed = frozenset[int | None]().union(*(a.registers for a in own.values()))
     calls = Calls.of(listings.values())
     findings = Findings()
     for i, listing in listings.items():
@@ -550,7 +530,7 @@ def read_tp(
             source=sources[i],
             listing=listing,
             assigned=own[i],
-            changed_elsewhere=changed,
+            changed_elsewhere=changed["PR"],
             calls=calls,
         ).run()
     return TpProgram(
