@@ -8,7 +8,7 @@ import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from robot_programs.core.errors import FileError, shown
 from robot_programs.core.files import ZIP, ZipKind, open_zip, read_bytes
@@ -234,13 +234,6 @@ def _refuse_several_tasks(path: Path, sources: Sequence[Source]) -> None:
                 )
 
 
-def _language(name: str) -> Language | None:
-    suffix = PurePosixPath(name).suffix.lower()
-    if suffix in _NO_PROGRAMS:
-        return None
-    return next((language for language in LANGUAGES if suffix in language.suffixes), None)
-
-
 def _files_of(folder: Path) -> Iterator[tuple[str, Path]]:
     """Names and paths of all files in a folder, in order.
 
@@ -267,7 +260,8 @@ def _sources(path: Path) -> Iterator[tuple[Language | None, Source | None]]:
     """Language and text of every file in a folder or a zip file; of what is no program neither."""
     total = 0
     for place, read in _folder_files(path) if path.is_dir() else _zip_files(path):
-        language = _language(place.name)
+        suffix = place.suffix.lower()
+        language = next((one for one in LANGUAGES if suffix in one.suffixes and suffix not in _NO_PROGRAMS), None)
         if language is None:
             yield None, None
             continue

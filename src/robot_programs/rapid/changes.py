@@ -25,7 +25,6 @@ from robot_programs.rapid.names import (
 from robot_programs.rapid.parse import RESERVED
 from robot_programs.rapid.resolve import CHANGED_BY, MOTION_FORMS, ONLY_EXTERNAL
 from robot_programs.rapid.syntax import (
-    Aggregate,
     Argument,
     Assignment,
     Call,
@@ -170,18 +169,10 @@ def may_change(called: str, type_: str, *, function: bool) -> bool:
 def _only_reads(instruction: Instruction, scope: Scope) -> bool:
     """Whether an instruction is a motion to a place that is given by values and names alone, most lines of long programs."""
     return (
-        is_read(instruction, scope)
+        instruction.plain
+        and is_read(instruction, scope)
         and instruction.name.key not in CHANGED_BY
         and RETURNING.isdisjoint(instruction.options)
-        and (
-            instruction.plain
-            or all(
-                argument.value is None
-                or (isinstance(argument.value, Reference) and not argument.value.selectors)
-                or (isinstance(argument.value, Aggregate) and argument.value.is_literal)
-                for argument in instruction.arguments
-            )
-        )
     )
 
 

@@ -159,6 +159,11 @@ class Aggregate(Node):
             return tuple(value for _, _, value in self._listed())
 
     @property
+    def count(self) -> int:
+        """How many numbers a plain aggregate has."""
+        return self.content.count(",", self.start, self.end) + 1 if isinstance(self.content, str) else 0
+
+    @property
     def values(self) -> "tuple[float | tuple[float, ...], ...]":
         """Numbers of a literal one, those of its lists together."""
         if self.is_plain or not isinstance(self.content, str):
