@@ -40,6 +40,16 @@ def calibration(robot, measured):
 
 
 @pytest.fixture(scope="session")
+def krl_calibration():
+    """The same of a robot of KUKA's, from postures all over its workspace."""
+    model = ErrorModel(load_robot("kuka-kr16-2")) + Compliance()
+    rng = np.random.default_rng(6)
+    q = rng.uniform(*(0.5 * np.clip(model.robot.limits, -3.0, 3.0)).T, size=(40, 6))
+    campaign, _ = simulate(model, q, rng=rng, targets=REFLECTORS)
+    return identify(model, campaign)
+
+
+@pytest.fixture(scope="session")
 def lost_motion(robot, measured):
     """A robot with defects and lost motion, identified from three reflectors and the order of the poses."""
     model = ErrorModel(robot) + Backlash(tolerance=5e-5)

@@ -1,6 +1,7 @@
 """Helpers of a corrected program, run from their text: a translator of their few statements, with numbers in single precision."""
 
 import copy
+import functools
 import re
 from types import SimpleNamespace
 
@@ -76,7 +77,7 @@ def known_functions(calls):
         return lambda angle: F(function(np.radians(float(angle))))
 
     return {
-        "F": F, "pos": pos, "take": copy.deepcopy, "stop": stop, "Record": Record, "Abs": abs, "Sqrt": np.sqrt,
+        "F": F, "single": F, "pos": pos, "take": copy.deepcopy, "stop": stop, "Record": Record, "Abs": abs, "Sqrt": np.sqrt,
         "Sin": turned(np.sin), "Cos": turned(np.cos), "ATan2": lambda y, x: F(np.degrees(np.arctan2(float(y), float(x)))), **calls,
     }  # fmt: skip
 
@@ -189,8 +190,10 @@ class RapidCell:
 # KRL.
 
 _KRL = (
-    (r"<>", "!="), (r"\$(\w+)", r"S_\1"), (r"\bD\[\]", "D"), (r"\b(SIN|COS|SQRT|ABS)\(", lambda m: f"{m[1].capitalize()}("),
-    (r"\bATAN2\(", "ATan2("), (r"(?<![\w.\[])(\d+\.\d*(?:E[+-]?\d+)?)(?![\w\]])", r"F(\1)"),
+    (r"\{FRAME: ", "Record("), (r"\}", ")"), (r"\b([XYZABC]) (?=[-\d])", r"\1="),
+    (r"<>", "!="), (r"\$(\w+)", r"S_\1"), (r"\[\]", ""), (r"\bB_AND\b", "&"),
+    (r"\b(SIN|COS|SQRT|ABS)\(", lambda m: f"{m[1].capitalize()}("),
+    (r"\bATAN2\(", "ATan2("), (r"(?<![\w.\[])(\d+\.\d*(?:E[+-]?\d+)?)(?![\w\]])", r"single(\1)"),
 )  # fmt: skip
 
 
@@ -205,17 +208,17 @@ def _krl_line(line):
         made = []
         for name in re.split(r",\s*", match[2]):
             if array := re.fullmatch(r"(\w+)\[(\d+)\]", name):
-                made.append(f"{array[1]} = [F(0)] * ({array[2]} + 1)")
-            elif match[1] == "E6POS" and name not in ("P", "D[]"):
-                made.append(f"{name} = Record()")
+                made.append(f"{array[1]} = [single(0)] * ({array[2]} + 1)")
+            elif match[1] in ("E6POS", "FRAME"):
+                made.append(f"{name} = Record() if {name!r} not in locals() else {name}")
         return "; ".join(made) or "pass"
-    if match := re.fullmatch(r"RETURN \((\w+)\)", line):
+    if match := re.fullmatch(r"RETURN(?: \((\w+)\))?", line):
         return f"return take({match[1]})"
     if re.fullmatch(r"\w+\s*\(.*\)", line):
         return _krl_text(line)
     name, value = line.split("=", 1)
-    value = re.sub(r"INVERSE\((\w+),(\S+),ERR\)", r"INVERSE(\1,\2)", value)
-    return f"{_krl_text(name)} = take({_krl_text(value)})"
+    parts = [value] if "{" in value else value.split(":")
+    return f"{_krl_text(name)} = take(product({', '.join(map(_krl_text, parts))}))"
 
 
 def _krl_text(text):
@@ -224,16 +227,27 @@ def _krl_text(text):
     return text
 
 
-def krl_functions(text, inverse, base):
-    """The routines of a KRL module as functions of Python."""
+def _frames(*parts):
+    """What ``:`` gives, rounded once; a value without it."""
+    return krl_frame(functools.reduce(np.matmul, map(krl_pose, parts))) if len(parts) > 1 else parts[0]
+
+
+def krl_functions(text, **known):
+    """The routines of a KRL module as functions of Python.
+
+    Args:
+        text: of the module.
+        known: variables of the controller's, S in place of their $.
+    """
     out, depth = [], 0
     for raw in text.splitlines():
         line = raw.strip()
         if match := re.fullmatch(r"(?:GLOBAL )?DEF(?:FCT \w+)? (\w+) \((.*)\)", line):
             names = [parameter.split()[0].strip("[]") for parameter in match[2].split(",") if parameter.strip()]
             out.append(f"def {match[1]}({', '.join(names)}):")
+            out += [f"    {part.split()[0]} = take({part.split()[0]})" for part in match[2].split(",") if ":IN" in part]
             depth = 1
-            out += ["    ERR = 0"]
+            out += ["    pass"]
         elif line in ("END", "ENDFCT"):
             depth = 0
         elif line in ("ENDIF", "ENDFOR", "ENDLOOP"):
@@ -245,31 +259,21 @@ def krl_functions(text, inverse, base):
         elif line and not line.startswith((";", "&")):
             out.append("    " * depth + _krl_line(line))
             depth += line.startswith(("IF", "FOR "))
-    known = known_functions(
-        {"INVERSE": inverse, "S_BASE": base, "S_IPO_MODE": 1, "E_BASE": 1, "S_EX_AX_NUM": 0, "S_AXIS_ACT": None}
+    inverse = {"INV_POS": lambda p: krl_frame(se3.inverse(krl_pose(p))), "product": _frames}
+    functions = known_functions(
+        {"S_IPO_MODE": 1, "E_BASE": 1, "S_EX_AX_NUM": 0, "S_NULLFRAME": krl_frame(np.eye(4)), **inverse, **known}
     )
-    exec("\n".join(out), known)
-    return known
+    exec("\n".join(out), functions)
+    return functions
+
+
+def krl_pose(p):
+    return angled_pose(*(float(getattr(p, name)) for name in "XYZABC"))
 
 
 def krl_frame(T):
     x, y, z, a, b, c = pose_numbers(T)
-    return Record(X=F(x), Y=F(y), Z=F(z), A=F(a), B=F(b), C=F(c), T=0)
-
-
-class KrlCell:
-    """A nominal controller with an active tool and base, as KRL has them."""
-
-    def __init__(self, robot, T_world_base, T_part, T_tool):
-        self.robot, self.world, self.tool, self.base = robot, T_world_base, T_tool, krl_frame(T_part)
-
-    def pose(self, p):
-        return angled_pose(*(float(getattr(p, name)) for name in "XYZABC"))
-
-    def inverse(self, p, start):
-        """INVERSE, near `seed`."""
-        end = self.pose(self.base) @ self.pose(p) @ se3.inverse(self.tool) @ self.robot.T_flange_tool
-        return Record(**nominal_angles(self.robot, se3.inverse(self.world) @ end, self.seed, "A"))
+    return Record(X=F(x), Y=F(y), Z=F(z), A=F(a), B=F(b), C=F(c))
 
 
 # URScript.

@@ -123,39 +123,56 @@ KRL = """DEF CELL ( )
 DECL E6POS PICK, THERE
 DECL FRAME OFF
 $TOOL={TOOL}
-$BASE={BASE}
+$BASE=$NULLFRAME
 PTP {FIRST}
 LIN {SECOND}
-Ask(PICK)
+Ask(PICK, OFF)
 PTP PICK C_PTP
 LIN PICK
-CIRC PICK, THERE
+CIRC PICK, OFF
+PTP OFF
 LIN PICK:OFF
+PTP OFF:PICK
+LIN XP1
 THERE=$POS_ACT
 LIN THERE
 END
 """
-"""Lines 9 to 10 are to be wrapped, and 11 were THERE not where the robot stood."""
+"""Lines 9 to 13 are to be wrapped, and 15."""
+
+KRL_WRAPPED = """
+PTP TaskcalCorrected(PICK) C_PTP
+LIN TaskcalCorrectedPath(PICK)
+CIRC TaskcalCorrectedPath(PICK), TaskcalCorrectedFrame(OFF)
+PTP TaskcalCorrectedFrame(OFF)
+LIN TaskcalCorrectedFrame(PICK:OFF:$NULLFRAME)
+LIN TaskcalCorrectedFrame(XP1:$NULLFRAME)
+"""
 
 
-def test_krl_points_of_the_running_program_alone_are_wrapped(calibration, robot, shifted):
+def test_krl_points_of_the_running_program_alone_are_wrapped(krl_calibration):
+    robot = krl_calibration.model.robot
     tool = robot.T_flange_tool @ se3.translation(z=0.01)
+    first = ErrorModel(robot).poses(np.radians([[10.0, -80.0, 100.0, 20.0, 40.0, 30.0]]))[0] @ se3.translation(z=0.01)
 
     def text(T):
         return "{" + ",".join(f"{n} {v:.5f}" for n, v in zip("XYZABC", pose_numbers(T), strict=True)) + "}"
 
-    words = {"{TOOL}": text(tool), "{BASE}": text(shifted(-300, 20, -40))}
-    for name, place in (("{FIRST}", (0, 0, 0)), ("{SECOND}", (50, 0, 0))):
-        words[name] = text(se3.inverse(shifted(-300, 20, -40)) @ shifted(*place) @ se3.translation(z=0.01))
-    own = KRL
-    for name, word in words.items():
-        own = own.replace(name, word)
+    own = KRL.replace("{TOOL}", text(tool)).replace("{FIRST}", text(first))
+    own = own.replace("{SECOND}", text(se3.translation(x=0.03) @ first))
     program = read_krl([Source.of(Path("cell.src"), own.encode())])
-    found = correct(calibration, program, bounds=Bounds(tolerance=1.0), helper=True)
+    found = correct(krl_calibration, program, bounds=Bounds(shift=0.02, tolerance=1.0), helper=True)
     assert [source.path.name for source in found.sources] == ["cell.src", f"{MODULE}.src"]
     pairs = zip(program.sources[0].text.splitlines(), found.sources[0].text.splitlines(), strict=True)
-    changed = [(old, new) for old, new in pairs if old != new]
-    assert [new for _, new in changed if FUNCTION in new] == [f"PTP {FUNCTION}(PICK) C_PTP", f"LIN {FUNCTION}(PICK)"]
-    assert len(changed) == 2 + len(found.corrected) == 4
+    changed = [new for old, new in pairs if old != new]
+    assert [new for new in changed if FUNCTION in new] == KRL_WRAPPED.split("\n")[1:-1]
+    assert len(changed) == 6 + len(found.corrected) == 8
     assert not [one for one in found.diagnostics if one.place.path.name.startswith(MODULE)]
-    assert len(found.helper.motions) == 2
+    assert len(found.helper.motions) == 6
+
+
+def test_krl_helper_is_refused_for_a_robot_without_a_closed_form(calibration):
+    """Its wrist does not tell what status means, or a rod moves its arm."""
+    program = read_krl([Source.of(Path("a.src"), b"DEF A ( )\nDECL FRAME P\nPTP P\nEND\n")])
+    with pytest.raises(TaskcalError, match="spherical wrist"):
+        correct(calibration, program, helper=True)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from robot_programs.core.source import Source
+from robot_programs.krl.rewrite import Status
 from robot_programs.rapid.read import read_rapid
 from taskcal.correction.cell import Cell
 from taskcal.correction.correction import Bounds
@@ -18,12 +19,14 @@ from taskcal.kinematics.inverse import conditioning, solve_near
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Part
 from tests.correction.controller_language import (
-    KrlCell,
+    F,
     RapidCell,
+    Record,
     Stopped,
     UrCell,
     krl_frame,
     krl_functions,
+    krl_pose,
     matrix,
     rapid_functions,
     ur_matrix,
@@ -50,8 +53,7 @@ def wanted_targets(calibration, q):
     return in_table @ target, in_table @ corrected
 
 
-def postures(calibration, count):
-    robot = calibration.model.robot
+def postures(robot, count):
     rng = np.random.default_rng(1)
     q = rng.uniform(*(0.5 * np.clip(robot.limits, -3.0, 3.0)).T, size=(6 * count, 6))
     model = ErrorModel(robot)
@@ -81,30 +83,54 @@ def errors_of_rapid(calibration, q):
 
 def test_rapid_computes_the_correction_in_single_precision(calibration):
     """Of a robot with a closed loop and drives that yield."""
-    distance, turn = errors_of_rapid(calibration, postures(calibration, 60))
+    distance, turn = errors_of_rapid(calibration, postures(calibration.model.robot, 60))
     assert distance.max() < 1e-5
     assert turn.max() < 1e-5
 
 
-def errors_of_krl(calibration, q):
-    """The same of KRL."""
+def errors_of_krl(calibration, q, begin, keyword):
+    """Distance at the tool between what the module's functions give and what is needed, metres and radians.
+
+    Args:
+        calibration: of the robot.
+        q: joints of the targets.
+        begin: joints where each motion begins.
+        keyword: of the motions, and what the target is: PTP and LIN to an E6POS, FRAME.
+    """
+    robot = calibration.model.robot
     text = krl_helper(
         calibration, program(), Cell(T_world_base=BASE), Bounds(shift=0.05, turn=0.2, joint=1.0)
     ).source.text
-    cell = KrlCell(calibration.model.robot, BASE, TABLE, SPINDLE)
+    functions = krl_functions(text, S_BASE=krl_frame(TABLE), S_TOOL=krl_frame(SPINDLE))
     off = []
-    corrected = krl_functions(text, cell.inverse, cell.base)[FUNCTION]
-    for cell.seed, target, wanted in zip(q, *wanted_targets(calibration, q), strict=True):
-        moved = corrected(krl_frame(target))
-        off.append(se3.inverse(wanted) @ cell.pose(moved))
-        turns = [np.degrees(angle) < 0.0 for angle in cell.seed]
-        assert abs(moved.T - sum(2**k for k, turned in enumerate(turns) if turned)) in (0, 1, 2, 4, 8, 16, 32)
+    for at, first, target, wanted in zip(q, begin, *wanted_targets(calibration, q), strict=True):
+        stated, here = Status(S=0, T=0).of(robot, at), Status(S=0, T=0).of(robot, first)
+        functions["S_AXIS_ACT"] = Record(**{f"A{k}": F(angle) for k, angle in enumerate(np.degrees(first), start=1)})
+        functions["S_POS_ACT"] = Record(S=here.S, T=here.T)
+        point = krl_frame(target)
+        if keyword != "FRAME":
+            point.S, point.T = (stated.S, stated.T) if keyword == "PTP" else (7 - stated.S, 63 - stated.T)
+        moved = functions[FUNCTION + {"PTP": "", "LIN": "Path", "FRAME": "Frame"}[keyword]](point)
+        off.append(se3.inverse(wanted) @ krl_pose(moved))
+        if keyword == "PTP":
+            assert moved.S == stated.S
+            assert abs(moved.T - stated.T) in (0, 1, 2, 4, 8, 16, 32)
     off = np.array(off)
     return np.linalg.norm(off[:, :3, 3], axis=1), np.linalg.norm(se3.log(off[:, :3, :3]), axis=1)
 
 
-def test_krl_computes_the_correction_in_single_precision(calibration):
-    distance, turn = errors_of_krl(calibration, postures(calibration, 60))
+@pytest.mark.parametrize("keyword", ["PTP", "LIN", "FRAME"])
+def test_krl_computes_the_correction_in_single_precision(krl_calibration, keyword):
+    """Of a PTP by the status and turn of its point; of all else by those with which the motion begins."""
+    robot = krl_calibration.model.robot
+    q = postures(robot, 40)
+    begin = np.roll(q, 1, axis=0)
+    if keyword != "PTP":
+        status = np.array([Status(S=0, T=None).of(robot, one).S for one in q])
+        same = status == np.roll(status, 1)
+        q, begin = q[same], begin[same]
+    distance, turn = errors_of_krl(krl_calibration, q, begin, keyword)
+    assert len(q) > 5
     assert distance.max() < 1e-5
     assert turn.max() < 1e-5
 
@@ -129,7 +155,7 @@ def errors_of_urscript(calibration, q):
 
 
 def test_urscript_computes_the_correction_in_single_precision(calibration):
-    distance, turn = errors_of_urscript(calibration, postures(calibration, 60))
+    distance, turn = errors_of_urscript(calibration, postures(calibration.model.robot, 60))
     assert distance.max() < 1e-5
     assert turn.max() < 1e-5
 
@@ -138,7 +164,7 @@ def test_urscript_stops_on_a_controller_of_another_arm(calibration, robot):
     """Its own factory calibration, for example: a tenth of a millimetre in one length."""
     joints = [replace(robot.joints[0], after=(Part(transform=se3.translation(x=1e-4)), *robot.joints[0].after))]
     cell = UrCell(replace(robot, joints=(*joints, *robot.joints[1:])), SPINDLE)
-    (near,) = postures(calibration, 1)
+    (near,) = postures(robot, 1)
     with pytest.raises(Stopped, match="kinematics are not those of the robot file"):
         urscript(calibration, cell)["taskcal_corrected_joints"]([np.float32(angle) for angle in near])
 
@@ -146,8 +172,8 @@ def test_urscript_stops_on_a_controller_of_another_arm(calibration, robot):
 @pytest.mark.parametrize(
     ("helper", "line", "name"), [(rapid_helper, 120, 32), (krl_helper, 140, 24), (urscript_helper, 400, 32)]
 )
-def test_helpers_keep_to_lengths_of_lines_and_names(calibration, helper, line, name):
-    text = helper(calibration, program(), Cell(), Bounds()).source.text
+def test_helpers_keep_to_lengths_of_lines_and_names(krl_calibration, helper, line, name):
+    text = helper(krl_calibration, program(), Cell(), Bounds()).source.text
     assert max(map(len, text.splitlines())) <= line
     assert max(map(len, re.findall(r"\w+", text))) <= name
     assert "@" not in text

@@ -46,7 +46,6 @@ ONE_IMPORTER = {
         "robot_programs.apt.read",
         "robot_programs.csv_path.read",
         "robot_programs.krl.read",
-        "robot_programs.krl.rewrite",
         "robot_programs.rapid.read",
         "robot_programs.rapid.rewrite",
         "robot_programs.tp.read",

@@ -2,16 +2,35 @@
 
 import re
 from collections.abc import Container, Iterator, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 from robot_programs.core.program import Unresolved
 from robot_programs.core.source import TextEdit
-from robot_programs.krl.data import BUILT_IN, File, Routine, Text
-from robot_programs.krl.syntax import Assignment, Call, Control, Declaration, MotionLine, Reference, Statement
+from robot_programs.krl.data import BUILT_IN, POSE, File, Routine, Text
+from robot_programs.krl.syntax import (
+    Aggregate,
+    Assignment,
+    Call,
+    Control,
+    Declaration,
+    MotionLine,
+    Operand,
+    Reference,
+    Statement,
+)
 from robot_programs.krl.values import HERE
 
 MOTIONS = ("PTP", "LIN", "CIRC", "SPTP", "SLIN", "SCIRC")
 """Those to points, of which a function makes others."""
+
+OF_PATH, OF_FRAME = "Path", "Frame"
+
+ENDINGS = ("", OF_PATH, OF_FRAME)
+"""Of the names of three functions: of an E6POS of a PTP; of one of a line or arc, which keeps the status before; of a FRAME."""
+
+FRAMES = frozenset({"$NULLFRAME", "$WORLD", "$ROBROOT", "$BASE", "$TOOL", "BASE_DATA", "TOOL_DATA"})
+"""Variables of the controller's that are frames, arrays without their index."""
 
 CARRIED = frozenset({"EK", "LK", "EB"})
 """Functions by which a base moves with an external axis, another robot or a conveyor; the controller's own BAS has them all."""
@@ -43,7 +62,7 @@ def wrap(files: Sequence[File], motions: Container[Text], function: str, without
     Args:
         files: of the program.
         motions: places of motions.
-        function: name of a function of an E6POS.
+        function: name of a function of an E6POS whose status and turn count; the names of two others begin with it, see `ENDINGS`.
         without: names of tools and bases, in lower case, one of which the program may have active.
     """
     measured = _measured(files)
@@ -60,26 +79,21 @@ def wrap(files: Sequence[File], motions: Container[Text], function: str, without
                             raise Unresolved(f"a base may be moved ({carried})")
                         if without:
                             raise Unresolved("a tool or base was measured, and it is not known which is active")
-                        _expect_points(line, routine, files, measured, named)
+                        _expect_points(line, measured, named)
+                        edits = tuple(_around(one, line, routine, files, function) for one in line.operands)
                     except Unresolved as reason:
                         yield Wrapped(file, line, (), str(reason))
                         continue
-                    text = file.source.text
-                    edits = (
-                        TextEdit(start=one.start, end=one.end, text=f"{function}({text[one.start : one.end]})")
-                        for one in line.operands
-                    )
-                    yield Wrapped(file, line, tuple(edits), "")
+                    yield Wrapped(file, line, edits, "")
 
 
 def calls_function(line: Statement, function: str) -> bool:
     """Whether a function stands around a point of a motion."""
-    return isinstance(line, MotionLine) and any(word.upper == function.upper() for word in line.words)
+    names = {f"{function}{ending}".upper() for ending in ENDINGS}
+    return isinstance(line, MotionLine) and any(word.upper in names for word in line.words)
 
 
-def _expect_points(
-    line: MotionLine, routine: Routine, files: Sequence[File], measured: Container[str], named: Container[str]
-) -> None:
+def _expect_points(line: MotionLine, measured: Container[str], named: Container[str]) -> None:
     """See that a motion goes to points of which a function can make others.
 
     Raises:
@@ -91,13 +105,55 @@ def _expect_points(
         raise Unresolved("it may be part of a SPLINE")
     if any(name.startswith(("$TOOL", "$BASE", "$IPO_MODE", "$LOAD")) for name in line.settings):
         raise Unresolved("it sets tool or base for itself, which the function does not see")
-    for operand in line.operands:
-        match operand.parts:
-            case (Reference() as point,) if _type(point.name, routine, files) == "E6POS":
-                if point.name.partition("[")[0] in measured:
-                    raise Unresolved(f"'{point.name}' comes from where the robot stood, which is true already")
-            case _:
-                raise Unresolved("its point is no variable that is declared as E6POS")
+    for name in (name for operand in line.operands for name in _names(line, operand)):
+        if name in measured:
+            raise Unresolved(f"'{name}' comes from where the robot stood, which is true already")
+
+
+def _names(line: MotionLine, operand: Operand) -> Iterator[str]:
+    """Names of which a point is made, without those of components and indices."""
+    yield from (part.name.partition("[")[0] for part in operand.parts if isinstance(part, Reference))
+    yield from (word.upper for word in line.words_of(operand) if word.kind == "name")
+
+
+def _around(operand: Operand, line: MotionLine, routine: Routine, files: Sequence[File], function: str) -> TextEdit:
+    """A point with the function around it that serves its type.
+
+    What ``:`` gives has the type of its right side, and status and turn count in PTP alone (KUKA System Software, geometric
+    operator; status and turn): the product with a FRAME is one, whatever stands before it.
+
+    Raises:
+        Unresolved: it has none.
+    """
+    text, parts = routine.file.source.text[operand.start : operand.end], operand.parts
+    joint, own = line.keyword.endswith("PTP"), [_type_of(part, routine, files) for part in parts]
+    if own == ["E6POS"] and isinstance(parts[0], Reference):
+        return TextEdit(start=operand.start, end=operand.end, text=f"{function}{'' if joint else OF_PATH}({text})")
+    missing = [p for p in parts if isinstance(p, Aggregate) and not all(p.value(name) is not None for name in POSE)]
+    if missing or (parts and isinstance(parts[0], Aggregate)) or "AXIS" in "".join(own):
+        raise Unresolved("its point is no variable, and no product of variables and complete frames")
+    if not parts and not _own_functions(line, operand, files):
+        raise Unresolved("its point comes from a function that the files do not have")
+    if joint and own[-1:] != ["FRAME"]:
+        raise Unresolved(
+            "its point is neither declared as E6POS nor as FRAME, whose status and turn are then not known"
+        )
+    frame = text if own == ["FRAME"] else f"{text}:$NULLFRAME"
+    return TextEdit(start=operand.start, end=operand.end, text=f"{function}{OF_FRAME}({frame})")
+
+
+def _own_functions(line: MotionLine, operand: Operand, files: Sequence[File]) -> bool:
+    """Whether all functions that compute a point stand in the files, or do geometry alone."""
+    words = line.words_of(operand)
+    called = {word.upper for word, behind in pairwise(words) if word.kind == "name" and behind.text == "("}
+    return bool(words) and called <= {head.name for file in files for head in file.heads} | {"INV_POS"}
+
+
+def _type_of(part: Aggregate | Reference, routine: Routine, files: Sequence[File]) -> str:
+    """Type of a part of a point; empty where it is not known."""
+    if isinstance(part, Reference):
+        return "FRAME" if part.name.partition("[")[0] in FRAMES else _type(part.name, routine, files)
+    return part.type or ("FRAME" if all(field.name in POSE for field in part.fields) else "")
 
 
 def _type(name: str, routine: Routine, files: Sequence[File]) -> str:

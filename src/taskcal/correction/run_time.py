@@ -9,14 +9,17 @@ single precision is enough; q is found by repeating q ← f⁻¹(C(q)⁻¹·F).
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core.program import Diagnostic, Program, Wrapping
+from robot_programs.core.program import Diagnostic, Program, Wrapping, pose_numbers
+from robot_programs.core.robot import arm_bends, meeting_point
 from robot_programs.core.source import Place, Source
+from robot_programs.krl.rewrite import Status
 from robot_programs.languages import language_of
 from taskcal.correction.cell import Cell
 from taskcal.correction.correction import Bounds, Correction, Helper
@@ -27,6 +30,7 @@ from taskcal.geometry.expressions import Dialect, Pool, StraightLine, is_zero, s
 from taskcal.identification.calibration import Calibration
 from taskcal.kernels.chain import ERROR_FRAME, FIXED, REVOLUTE
 from taskcal.robot.error_model import COMPONENTS
+from taskcal.robot.robot import Robot
 
 FUNCTION = "TaskcalCorrected"
 """Sixteen characters, as many as a name has on the oldest controllers."""
@@ -89,7 +93,7 @@ class Module:
             count = f"{len(motions)} motions are" if len(motions) > 1 else "1 motion is"
             text = (
                 f"{count} corrected at run time by {self.function}{where}; a call takes {self.operations} "
-                f"operations and the controller's inverse {USUAL_ROUNDS} times as a rule, {MAX_ROUNDS} at most"
+                f"operations and an inverse {USUAL_ROUNDS} times as a rule, {MAX_ROUNDS} at most"
             )
             said = [Diagnostic(place=start, text=text)]
             said += [Diagnostic(place=one, text="is corrected at run time, and not assessed here") for one in motions]
@@ -179,6 +183,133 @@ def _quaternion(R: Float[np.ndarray, "3 3"]) -> tuple[float, ...]:
     return float(w), float(x), float(y), float(z)
 
 
+# The inverse of the nominal robot in closed form: an arm of two parallel axes across axis 1, and a wrist whose axes meet.
+
+
+PROBES = 24
+"""Postures in which an arm's inverse and the sides that status tells apart are compared with the robot itself."""
+
+PROBE_RAD = 0.1
+"""By which each joint is turned, to see about which end of its axis it counts."""
+
+CLEAR = 1e-9
+"""Smaller numbers of an arm's geometry, metres or parts of one, are zero."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BentArm:
+    """Geometry of an arm with a spherical wrist, all joints at zero."""
+
+    axes: Float[np.ndarray, "6 3"]
+    origins: Float[np.ndarray, "6 3"]
+    """A point of each axis, metres."""
+    flange: Float[np.ndarray, "4 4"]
+    wrist: Float[np.ndarray, " 3"]
+    """Where the last three axes meet."""
+    sides: tuple[float, ...] = (1.0, 1.0, 1.0)
+    """Of axes 1, 3 and 5, as `joints` takes them, for a status S of zero; each of its bits changes one."""
+
+    @classmethod
+    def of(cls, robot: Robot) -> "BentArm":
+        """The arm of a robot.
+
+        Raises:
+            TaskcalError: it is none, or S does not tell its sides apart.
+        """
+        refused = TaskcalError(f"--helper: {robot.name} is no arm with a spherical wrist, which a helper in KRL needs")
+        zero = np.zeros((1, len(robot.joint_names)))
+        if arm_bends(robot, zero) is None:
+            raise refused
+        frames = robot.joint_frames(zero)[0]
+        to_flange = se3.inverse(robot.T_flange_tool)
+        wrist, _ = meeting_point(frames[3:])
+        turned = robot.tool_poses(PROBE_RAD * np.eye(6))[:, :3, :3] @ robot.tool_poses(zero)[0, :3, :3].T
+        axes = np.sign((se3.log(turned) * frames[:, :3, 2]).sum(axis=1))[:, None] * frames[:, :3, 2]
+        arm = cls(axes=axes, origins=frames[:, :3, 3], flange=robot.tool_poses(zero)[0] @ to_flange, wrist=wrist)
+        if max(abs(arm.axes[4] @ arm.axes[3]), abs(arm.axes[4] @ arm.axes[5])) > CLEAR:
+            raise refused
+        lower, upper = np.clip(robot.limits, -np.pi, np.pi).T
+        q = lower + (upper - lower) * np.random.default_rng(0).uniform(0.1, 0.9, size=(PROBES, 6))
+        choices = np.array(list(product((1.0, -1.0), repeat=3)))
+        found = set[tuple[float, ...]]()
+        for own, T in zip(q, robot.tool_poses(q) @ to_flange, strict=True):
+            off = [np.abs(np.sin(0.5 * (arm.joints(T[:3, :3], T[:3, 3], one)[0] - own))).max() for one in choices]
+            S = Status(S=0, T=None).of(robot, own).S or 0
+            if min(off) > CLEAR * 1e3:
+                raise refused
+            found.add(tuple(choices[int(np.argmin(off))] * [1.0 - 2.0 * (S >> bit & 1) for bit in range(3)]))
+        if len(found) > 1:
+            raise refused
+        return replace(arm, sides=found.pop())
+
+    def joints(self, R: Any, p: Any, sides: Any) -> tuple[Any, Any]:
+        """Joint positions of a pose of the flange in the base: numbers or expressions.
+
+        Args:
+            R: its rotation.
+            p: its place, metres.
+            sides: plus or minus one, of axes 1, 3 and 5.
+
+        Returns:
+            The six, radians; and two numbers that are negative where there are none: for axis 1, and for axis 3.
+        """
+        z, u = self.axes[:2]
+        across = np.array([u, np.cross(z, u), z])  # its last two span the plane of the arm, where all axes are at zero
+        plane = lambda point: _clear(across[1:] @ (point - self.origins[0]))  # noqa: E731
+        r = _clear(across) @ (p + R @ _clear(self.flange[:3, :3].T @ (self.wrist - self.flange[:3, 3])))
+        r = r - _clear(across @ self.origins[0])
+        # Axis 1: the wrist's distance from the plane of axis 1 along axis 2 is what it was
+        offset = _clear(u @ (self.wrist - self.origins[0]))
+        square = r[0] * r[0] + r[1] * r[1]
+        ahead = square - offset * offset
+        forward = sides[0] * np.sqrt(abs(ahead))
+        cosine, sine = offset * r[0] - forward * r[1], offset * r[1] + forward * r[0]
+        q1, c1, s1 = np.arctan2(sine, cosine), cosine / square, sine / square
+        # Axes 2 and 3: two sides of a triangle in the plane
+        second, third = plane(self.origins[1]), plane(self.origins[2])
+        arm, forearm = third - second, plane(self.wrist) - third
+        d = np.array([-1.0 * forward, r[2]]) - second
+        reach = d[0] * d[0] + d[1] * d[1]
+        along, aside = arm @ forearm, arm[0] * -forearm[1] + arm[1] * forearm[0]
+        cosine3 = 0.5 * (reach + -1.0 * (arm @ arm + forearm @ forearm))
+        bend = (arm @ arm) * (forearm @ forearm)
+        elbow = bend - cosine3 * cosine3
+        height = sides[1] * np.sqrt(abs(elbow))
+        cf, sf = along * cosine3 - aside * height, aside * cosine3 + along * height
+        turned = np.array([cf * forearm[0] - sf * forearm[1], sf * forearm[0] + cf * forearm[1]]) * (1.0 / bend) + arm
+        dot, cross = turned[0] * d[0] + turned[1] * d[1], turned[0] * d[1] - turned[1] * d[0]
+        q2, q3 = np.arctan2(cross, dot), np.sign(self.axes[2] @ u) * np.arctan2(sf, cf)
+        # The wrist: what is left of the rotation behind axis 3, in the axes of `across`
+        c23, s23 = (cf * dot - sf * cross) / (bend * reach), (sf * dot + cf * cross) / (bend * reach)
+
+        def behind_arm(axis: Float[np.ndarray, " 3"]) -> Any:
+            x, y, w = _clear(across) @ (R @ _clear(self.flange[:3, :3].T @ axis))
+            x, y = c1 * x + s1 * y, c1 * y - s1 * x
+            return np.array([x, c23 * y + s23 * w, c23 * w - s23 * y])
+
+        Z, Y = (_clear(across @ self.axes[k]) for k in (3, 4))
+        X, last, cross_axis = np.cross(Y, Z), behind_arm(self.axes[5]), behind_arm(self.axes[4])
+        nx, ny, nz = X @ last, Y @ last, Z @ last
+        straight = np.arctan2(X @ across @ self.axes[5], Z @ across @ self.axes[5])
+        fifth = sides[2] * (nx * Y - ny * X)
+        return np.array(
+            [
+                q1,
+                q2,
+                q3,
+                np.arctan2(sides[2] * ny, sides[2] * nx),
+                np.arctan2(sides[2] * np.sqrt(nx * nx + ny * ny), nz) - straight,
+                np.arctan2(cross_axis @ np.cross(last, fifth), cross_axis @ fifth),
+            ],
+        ), (ahead, elbow)
+
+
+def _clear(values: Any) -> Any:
+    """Numbers of a robot's geometry, what is nearly zero or one exactly so, which then costs nothing."""
+    near = np.round(values)
+    return np.where(np.abs(values - near) < CLEAR, near, values)
+
+
 # What the controller cannot know where the function is called.
 
 
@@ -251,7 +382,9 @@ def rapid_helper(calibration: Calibration, program: Program, cell: Cell, bounds:
     """A RAPID module with a function of a robtarget, a tooldata and a wobjdata."""
     pool = Pool()
     at = _inputs(pool, "at.x", "at.y", "at.z")
-    shift, turn = _needed(calibration, program, cell, _inputs(pool, *RAPID.degrees or ()), 1e-3 * at)
+    bases = (cell.T_world_base, program.T_world_base, np.eye(4))
+    base = next(T for T in bases if T is not None)
+    shift, turn = _needed(calibration, base, _inputs(pool, *RAPID.degrees or ()), 1e-3 * at)
     line = _written(pool, {"shift": 1e3 * shift, "turn": turn}, [f"{{0}}.{letter}" for letter in "xyz"], RAPID)
     axes = [
         f'IF Abs(p.extax.eax_{a})<1E+08 AND p.extax.eax_{a}<>0 TaskcalStop "axis {a} is away from zero";'
@@ -271,26 +404,37 @@ def _indented(lines: Sequence[str], by: int) -> str:
 
 
 # KRL: positions in millimetres and three angles, functions in degrees, numbers in single precision (KUKA System Software,
-# Operating and Programming Instructions for System Integrators: REAL, E6POS, E6AXIS, status and turn, DEFFCT, $AXIS_ACT, HALT).
-# Those do not describe INVERSE; of its arguments (position, start of the motion, error) Beckhoff's manual of TF5120 does, for
-# the function block KRC_Inverse that calls it.
+# Operating and Programming Instructions for System Integrators: REAL, FRAME, E6POS, status and turn, geometric operator, B_AND,
+# DEFFCT, $POS_ACT, $AXIS_ACT, HALT). By the section on status and turn these count in PTP alone; a line or an arc keeps the
+# status with which it begins, and so does a PTP to a point without status, whose turns are those of the shortest way. The axes
+# are computed here from the status, since the manuals for programmers do not describe INVERSE.
 
 KRL = Dialect(
     number=_single,
-    functions={"sin": "SIN({0})", "cos": "COS({0})", "sqrt": "SQRT({0})", "atan2": "ATAN2({0},{1})"},
+    functions={
+        "sin": "SIN({0})", "cos": "COS({0})", "sqrt": "SQRT({0})", "fabs": "ABS({0})", "atan2": "ATAN2({0},{1})",
+    },
     variable="T[{0}]",
     assignment="{0}={1}",
-    degrees={f"Q[{k}]": f"J.A{k}" for k in range(1, 7)}
-    | {f"{of}.{a}": f"{of}.{a}" for of in ("P", "$BASE") for a in "ABC"},
-)
+    degrees={f"Q[{k}]": f"J[{k}]" for k in range(1, 7)}
+    | {f"{of}.{a}": f"{of}.{a}" for of in ("P", "W", "H") for a in "ABC"},
+)  # fmt: skip
+
+BORDER_DEG = 1e-2
+"""Nearer to zero an axis has the turn that its angle has, whatever T says: single precision does not tell its side."""
 
 
 def krl_helper(calibration: Calibration, program: Program, cell: Cell, bounds: Bounds) -> Module:
-    """A KRL module with a function of an E6POS, for the tool and base that are active."""
+    """A KRL module with functions of an E6POS and a FRAME, for the tool and base that are active.
+
+    Raises:
+        TaskcalError: the robot has no spherical wrist on the usual arm.
+    """
+    axes, sides = _krl_axes(calibration.model.robot)
     pool = Pool()
-    (R, p), (R_base, place) = (_frame(pool, of) for of in ("P", "$BASE"))
+    (R, p), (R_base, place) = (_frame(pool, of) for of in ("P", "W"))
     joints = _inputs(pool, *(f"Q[{k}]" for k in range(1, 7)))
-    shift, turn = _needed(calibration, program, cell, joints, 1e-3 * (R_base @ p + place))
+    shift, turn = _needed(calibration, np.eye(4), joints, 1e-3 * (R_base @ p + place))
     about, w = R_base.T @ turn, (1.0 - turn @ turn).sqrt()
     changes = [Displacement(w, about, None).turned(R[:, k]) for k in range(3)]  # of the axes
     a, c = ([pool.input(f"P.{name}").cos(), pool.input(f"P.{name}").sin()] for name in "AC")
@@ -307,16 +451,32 @@ def krl_helper(calibration: Calibration, program: Program, cell: Cell, bounds: B
     ]
     line = _written(pool, {"D": results}, [f"{{0}}[{k}]" for k in range(1, 12)], KRL)
     alone = bool(cell.axes) and all(axis.carries == "nothing" for axis in cell.axes)
-    limit = _single(np.degrees(bounds.joint))
+    root = "$ROBROOT"
+    if cell.T_world_base is not None:
+        numbers = zip("XYZABC", pose_numbers(cell.T_world_base), strict=True)
+        root = "{FRAME: " + ",".join(f"{name} {_single(value)}" for name, value in numbers) + "}"
     words = {
         "AXES": "" if alone else "\n".join(_stop("$EX_AX_NUM>0", "external axes may carry robot or part")),
-        "JOINTS": "\n".join(
-            text for k in range(1, 7) for text in _stop(f"ABS(NOW.A{k}-FIRST.A{k})>{limit}", f"A{k} would swing")
-        ),
-        "TURNS": "\n".join(f"IF NOW.A{k}<0.0 THEN\nGOAL.T=GOAL.T+{2 ** (k - 1)}\nENDIF" for k in range(1, 7)),
-        "BODY": "\n".join(line.lines),
-    }
-    return _helper("krl.src", ".src", calibration, program, cell, bounds, line, words)
+        "SIDES": "\n".join(f"SIDES[{k}]={side:.1f}" for k, side in enumerate(sides, start=1)),
+        "ROOT": root, "BORDER": _single(BORDER_DEG), "JOINT": _single(np.degrees(bounds.joint)),
+        "AXES_VARIABLES": str(max(axes.variables, 1)), "AXES_BODY": "\n".join(axes.lines), "BODY": "\n".join(line.lines),
+    }  # fmt: skip
+    both = line._replace(operations=line.operations + axes.operations)
+    return _helper("krl.src", ".src", calibration, program, cell, bounds, both, words)
+
+
+def _krl_axes(robot: Robot) -> tuple[StraightLine, tuple[float, ...]]:
+    """Lines that compute the axes of a flange, and the sides of axes 1, 3 and 5 on which a status of zero has them.
+
+    Raises:
+        TaskcalError: there are none.
+    """
+    arm = BentArm.of(robot)
+    pool = Pool()
+    R, p = _frame(pool, "H")
+    q, margins = arm.joints(R, 1e-3 * p, _inputs(pool, "S[1]", "S[2]", "S[3]"))
+    elements = [*(f"A[{k}]" for k in range(1, 7)), "M[1]", "M[2]"]
+    return _written(pool, {"": [*np.degrees(1.0) * q, *margins]}, elements, KRL), arm.sides
 
 
 def _stop(condition: str, why: str) -> tuple[str, str, str]:
@@ -395,10 +555,9 @@ def _inputs(pool: Pool, *names: str) -> Any:
     return np.array([pool.input(name) for name in names], dtype=object)
 
 
-def _needed(calibration: Calibration, program: Program, cell: Cell, q: Any, place: Any) -> tuple[Any, Any]:
+def _needed(calibration: Calibration, T_world_base: Float[np.ndarray, "4 4"], q: Any, place: Any) -> tuple[Any, Any]:
     """Shift of a place in the world, metres, and half of the turn there, that the nominal robot needs at joints q, radians."""
-    bases = (cell.T_world_base, program.T_world_base, np.eye(4))
-    return _moved(displacement(calibration, q[None], next(T for T in bases if T is not None)), place)
+    return _moved(displacement(calibration, q[None], T_world_base), place)
 
 
 def _moved(by: Displacement, place: Any) -> tuple[Any, Any]:

@@ -65,6 +65,9 @@ class Expression:
             raise TypeError(f"a power of {power} cannot be written; write products")
         return self * self if power == 2 else self * self * self
 
+    def __abs__(self) -> Any:
+        return self.pool.make("fabs", self)
+
     def __bool__(self) -> bool:
         raise TypeError("it decides by comparisons")
 

@@ -28,5 +28,5 @@ def test_point_gets_a_function_where_no_base_is_carried(line: str, bases: str, g
     program = read_krl([Source.of(Path(name), text.encode()) for name, text in files.items()])
     found = program.wrap("CORRECTED", None)
     assert [place.path.name for place in found.wrapped] == (["part.src"] if gets else [])
-    assert ("LIN CORRECTED(PICK) C_DIS" in found.program.sources[0].text) == gets
+    assert ("LIN CORRECTEDPath(PICK) C_DIS" in found.program.sources[0].text) == gets
     assert len(found.left) == (0 if gets else 1)
