@@ -153,19 +153,21 @@ class Taker:
             since = -np.inf  # a person makes both, in any order
         waited, lost_since = 0.0, readings[-1].time_s
         patience = rules.beam_s if self.instrument.streams else rules.wait_s
-        limit = min(rules.read_s, 0.5 * rules.settle_s)
+        limit = min(rules.read_s, 0.2 * rules.settle_s)  # so that joints are read often enough to show the standstill
         while len(shots) < rules.shots:
             shot = self.instrument.read(limit)
+            if shot is not None and shot.time_s < since:
+                continue  # one of many that waited while the robot moved
             if self.controller.streams:
                 readings.append(self.controller.read(rules.read_s))
                 if not stands(readings, rules):
                     return None
             if shot is None:
                 waited += limit
-            elif shot.time_s >= since and not shot.valid:
+            elif not shot.valid:
                 shots.clear()
                 waited = max(waited, shot.time_s - lost_since) if self.instrument.streams else 0.0
-            elif shot.time_s >= since:
+            else:
                 shots.append(shot)
                 waited, lost_since = 0.0, shot.time_s
             if waited > patience:
