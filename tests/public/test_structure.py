@@ -56,6 +56,7 @@ ONE_IMPORTER = {
         "taskcal.tables.spreadsheet",
     },
     "the page of one subject": {
+        "taskcal.report.camera",
         "taskcal.report.fleet",
         "taskcal.report.performance",
         "taskcal.report.placement",
@@ -63,6 +64,7 @@ ONE_IMPORTER = {
         "taskcal.report.study",
     },
     "arithmetic that knows no robot": {
+        "taskcal.kernels.projection",
         "taskcal.estimation.trimmed_squares",
         "taskcal.geometry.polyline",
     },

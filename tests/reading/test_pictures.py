@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from taskcal.errors import TaskcalError
+from taskcal.geometry import se3
 from taskcal.reading.pictures import read_corners
 from taskcal.reading.reader import ReadOptions, read_campaign
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
 from taskcal.tables.forms import read_table
 from tests.observations.pictured import COLUMNS, CORNERS, LENS, MODEL, ROWS, SQUARE, take_pictures
 
@@ -68,6 +71,21 @@ def test_rows_and_images_are_paired_by_column_id_or_order(folder):
     found = read(folder, JOINTS | {"id": list("abcdefgh")})
     np.testing.assert_allclose(found.points, whole.points)
     assert any("in their order, from 0.png to 7.png" in note for note in found.notes)
+
+
+def test_poses_of_the_wrist_stand_for_joints(folder):
+    """Of a robot that is a wrist, as a controller writes them."""
+    T = MODEL.poses(SEEN.q)
+    x, y, z = T[:, :3, 3].T
+    turned = dict(zip(("qx", "qy", "qz", "qw"), se3.to_quaternion(T[:, :3, :3]).T, strict=True))
+    file = write(
+        folder / "wrist.csv", {"image": [f"{k}.png" for k in range(8)], "x_m": x, "y_m": y, "z_m": z, **turned}
+    )
+    options = ReadOptions(board=folder / "board.toml", images=folder / "seen.corners.csv")
+    found = read_campaign(file, load_robot("wrist"), options=options)
+    np.testing.assert_allclose(ErrorModel(load_robot("wrist")).poses(found.q), T, atol=1e-9)
+    with pytest.raises(TaskcalError, match="with poses of the wrist alone take --robot wrist"):
+        read_campaign(file, ROBOT, options=options)
 
 
 def test_corners_are_written_as_they_are_read(folder):

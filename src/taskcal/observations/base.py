@@ -408,6 +408,12 @@ class Observation(ABC):
         """So many rows as if everything read zero."""
         return Measured(np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)) if self.oriented else None)
 
+    def reproject(
+        self, target: Float[np.ndarray, "n 4 4"], unknown: Float[np.ndarray, " u"]
+    ) -> Float[np.ndarray, "c 2"] | None:
+        """Pixels of all corners less those predicted for the target where the robot has it; None for kinds without pictures."""
+        return None
+
     def with_stated(self, path: Path) -> "Observation | None":
         """The observation with the lengths that a file states; None for kinds of which nothing is stated."""
         return None

@@ -193,6 +193,45 @@ class Pixels(Standalone):
             np.concatenate([np.ones(len(root)), scales]),
         )
 
+    def reproject(
+        self, target: Float[np.ndarray, "n 4 4"], unknown: Float[np.ndarray, " u"]
+    ) -> Float[np.ndarray, "c 2"] | None:
+        """Pixels of all corners less those predicted for the target where the robot has it."""
+        if self.pictures is None or self.of is None:
+            return None
+        rows = np.zeros(len(self.pictures), dtype=int)
+        rows[self.of[self.of >= 0]] = np.flatnonzero(self.of >= 0)
+        poses, own = unknown[: self._camera.start].reshape(-1, 6), self._camera
+        place = self.pictures.board if self.on_wrist else np.zeros(len(rows), dtype=int)
+        M = se3.inverse(se3.pose(se3.exp(poses[:, 3:]), poses[:, :3])[place]) @ target[rows]
+        T = se3.inverse(M) if self.on_wrist else M
+        # corners are at their stated places, so that a larger board is seen as one that is nearer
+        T[:, :3, 3] /= self._scales(unknown)[self.pictures.board, None]
+        return self.pictures.pixel - self.pictures.predicted(T, unknown[own])
+
+    def two_steps(self, tool: Float[np.ndarray, "n 4 4"]) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, " u"]]:
+        """The usual way: a camera from the pictures alone, then hand and eye from their poses and those of the nominal tool.
+
+        Args:
+            tool: its nominal poses at all rows.
+
+        Returns:
+            pose of what moves in the tool frame, and the unknowns.
+        """
+        assert self.of is not None
+        rows = np.flatnonzero(self.of >= 0)
+        here = replace(self, of=self.of[rows])
+        T, M = here._of_one_board(tool[rows])
+        R = hand_eye_rotation(T, M)
+        X, unknown = se3.pose(R, hand_eye_place(T, M, R)), np.full(len(self.unknowns), np.nan)
+        return X, here.settle(tool[rows] @ X, here.blank(len(rows)), unknown)
+
+    def _of_one_board(self, tool: Float[np.ndarray, "n 4 4"]) -> tuple[np.ndarray, np.ndarray]:
+        """Poses of the tool, and M as pictures alone have it, of the rows that show the board that most show."""
+        M, board = self.measured(self._pictured())[self.numbers], self.board_of
+        most = board == np.bincount(board).argmax() if self.on_wrist else np.ones(len(board), dtype=bool)
+        return tool[most], M[most]
+
     def check(self, rows: Search) -> None:
         """Raise a `CampaignError` where the pictures are too few to find camera and board."""
         if len(rows.tool) < FEWEST:
@@ -202,9 +241,8 @@ class Pixels(Standalone):
 
     def starts(self, rows: Search) -> Iterable[Float[np.ndarray, " x"]]:
         """The hand-eye of linear equations, and many orientations, with the places that fit best beside them."""
-        counts = np.bincount(self.board_of)
-        most = self.board_of == counts.argmax() if self.on_wrist else np.ones(len(self.numbers), dtype=bool)
-        T, M = rows.tool[most], se3.pose(rows.measured.rotations, rows.measured.points)[most]  # pyright: ignore[reportArgumentType]
+        here = replace(self, of=rows.kind.of)
+        T, M = here._of_one_board(rows.tool)
         for R in (hand_eye_rotation(T, M), *orientations()):
             yield rows.about(se3.pose(R, hand_eye_place(T, M, R)))
 

@@ -101,6 +101,29 @@ def _catalogued(name: str) -> Robot:
 
 
 @checked
+def _joint(name: str, kind: str, *turns: tuple[str, float]) -> dict[str, Any]:
+    """A joint of the free wrist, behind some turns of 90°."""
+    limits = {"limits_mm": [-1e5, 1e5]} if kind == "prismatic" else {"limits_deg": [-360.0, 360.0]}
+    return {"name": name, "type": kind, "steps": [{f"r{axis}_deg": angle} for axis, angle in turns], **limits}
+
+
+FREE_WRIST: dict[str, Any] = {
+    "name": "wrist",
+    "title": "a wrist whose pose is given: three slides, then turns about z, y and x",
+    "joint": [
+        _joint("slide_x", "prismatic", ("y", 90.0)),
+        _joint("slide_y", "prismatic", ("y", -90.0), ("x", -90.0)),
+        _joint("slide_z", "prismatic", ("x", 90.0)),
+        _joint("turn_z", "revolute"),
+        _joint("turn_y", "revolute", ("x", -90.0)),
+        _joint("turn_x", "revolute", ("x", 90.0), ("y", 90.0)),
+    ],
+    "tool": [{"ry_deg": -90.0}],
+    "tolerance": {"translation_mm": 1e-6, "rotation_mrad": 1e-6},
+}
+"""No robot, but what moves as controllers write poses: its joints are a pose's numbers, and no geometry of it can be off."""
+
+
 def load_robot(
     source: str | Path, *, tip: str | None = None, base: str | None = None, trust_xacro: bool = False
 ) -> Robot:
@@ -123,6 +146,8 @@ def load_robot(
     text = str(source)
     if text in catalogue_names():
         return _catalogued(text)
+    if text == FREE_WRIST["name"]:
+        return robot_from(FREE_WRIST)
     path = Path(source)
     linked = tuple(suffix for one in importers() if "tip" in one.options for suffix in one.suffixes)
     if "#" in text and not path.suffix.lower().endswith((".toml", *linked)):

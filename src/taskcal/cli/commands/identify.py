@@ -19,6 +19,7 @@ from taskcal.cli.options.fit import FitCommandOptions, HoldoutOptions
 from taskcal.cli.output import info, placement, say, show, show_facts, started_as, tell
 from taskcal.cli.progress import bar_by_parts, bar_over
 from taskcal.errors import CampaignError, FileError, FitError, TaskcalError
+from taskcal.report.camera import camera_facts
 from taskcal.report.content import Column, Table, describe_effective, millimetres
 
 if TYPE_CHECKING:
@@ -186,6 +187,7 @@ def report(calibration: "taskcal.Calibration", measured: "taskcal.Campaign", fit
     """
     from taskcal.identification.calibration import list_unknowns
     from taskcal.report.calibration import describe_unobservable
+    from taskcal.report.camera import describe_camera
     from taskcal.report.content import model_error_origin, prior_scale_origin
 
     wrong = {row.id for row in calibration.left_out}
@@ -204,6 +206,7 @@ def report(calibration: "taskcal.Calibration", measured: "taskcal.Campaign", fit
         "prior_scale_origin": prior_scale_origin(calibration) or None,
         "tracker_frame": placement(calibration.T_tracker_base) if tracked else None,
         "observations": list_unknowns(calibration),
+        **describe_camera(calibration, right),
         "registration": {"method": registration.method, "file": registration.file or None},
         "targets": {
             name: {**placement(T), "located": not unlocated, "unlocated": unlocated or None}
@@ -395,6 +398,7 @@ def _facts(result: Mapping[str, Any], *, parameters: bool) -> list[tuple[str, st
         *([("largest correlations", "; ".join(pairs))] if parameters else []),
         ("tracker frame", _measuring_frame(result)),
     ]
+    facts += camera_facts(result)
     for name, target in result["targets"].items():
         unsure = f"; {target['unlocated']}" if target["unlocated"] else ""
         facts.append((f"target {name}", f"at {_point(target)} of the tool frame{unsure}"))
