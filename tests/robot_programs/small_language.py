@@ -114,6 +114,9 @@ class Maker:
             ways += [self.fixed, lambda: ("beside", self.fixed(), self.number(0))]
         if functions and not self.inside:
             ways.append(lambda: ("calls", self.rng.choice(functions), self.variable(), self.number(0)))
+            if computing := [one for one in functions if one.computes]:
+                called = ("calls", self.rng.choice(computing), self.variable(), self.number(0))
+                ways.append(lambda: ("beside", called, self.number(0)))
         return self.pick(*ways, lambda: ("literal", *(self.rng.randint(0, 90) for _ in AXES)))
 
     def fixed(self) -> Node:

@@ -1,13 +1,16 @@
 """Points that only the running program knows, put through a function: which may be, and where they stand."""
 
 import re
-from collections.abc import Container, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
 from robot_programs.core.program import Unresolved
 from robot_programs.core.source import TextEdit
-from robot_programs.krl.data import BUILT_IN, POSE, File, Routine, Text
+from robot_programs.krl.data import BUILT_IN, POSE, Data, File, Routine, Text
+from robot_programs.krl.routines import callers_of, roots_of, routines_of
 from robot_programs.krl.syntax import (
     Aggregate,
     Assignment,
@@ -18,8 +21,10 @@ from robot_programs.krl.syntax import (
     Operand,
     Reference,
     Statement,
+    Word,
+    whole_call,
 )
-from robot_programs.krl.values import HERE
+from robot_programs.krl.values import HERE, Names
 
 MOTIONS = ("PTP", "LIN", "CIRC", "SPTP", "SLIN", "SCIRC")
 """Those to points, of which a function makes others."""
@@ -31,6 +36,9 @@ ENDINGS = ("", OF_PATH, OF_FRAME)
 
 FRAMES = frozenset({"$NULLFRAME", "$WORLD", "$ROBROOT", "$BASE", "$TOOL", "BASE_DATA", "TOOL_DATA"})
 """Variables of the controller's that are frames, arrays without their index."""
+
+HELD = ("$BASE", "$TOOL", "BASE_DATA", "TOOL_DATA")
+"""Those that motions are counted in."""
 
 CARRIED = frozenset({"EK", "LK", "EB"})
 """Functions by which a base moves with an external axis, another robot or a conveyor; the controller's own BAS has them all."""
@@ -50,7 +58,9 @@ class Wrapped(NamedTuple):
     """A motion that is given a function, or not."""
 
     file: File
-    line: MotionLine
+    start: int
+    name: str
+    """Its keyword; or what is assigned there."""
     edits: tuple[TextEdit, ...]
     obstacle: str
     """Why it is not; empty where it is."""
@@ -65,7 +75,9 @@ def wrap(files: Sequence[File], motions: Container[Text], function: str, without
         function: name of a function of an E6POS whose status and turn count; the names of two others begin with it, see `ENDINGS`.
         without: names of tools and bases, in lower case, one of which the program may have active.
     """
-    measured = _measured(files)
+    data = Data(files=tuple(files), roots=roots_of(callers_of(routines_of(tuple(files)))))
+    measured = _Measured.of(files, data)
+    elsewhere: dict[Text, Wrapped] = {}
     own = [file for file in files if file.module != BUILT_IN]
     named = {name for file in own for name in file.mentions}
     coupled = (match[0] for file in own if (match := _COUPLED.search(file.source.text)))
@@ -79,12 +91,14 @@ def wrap(files: Sequence[File], motions: Container[Text], function: str, without
                             raise Unresolved(f"a base may be moved ({carried})")
                         if without:
                             raise Unresolved("a tool or base was measured, and it is not known which is active")
-                        _expect_points(line, measured, named)
+                        elsewhere |= measured.elsewhere(routine)
+                        _expect_points(line, routine, measured, named)
                         edits = tuple(_around(one, line, routine, files, function) for one in line.operands)
                     except Unresolved as reason:
-                        yield Wrapped(file, line, (), str(reason))
+                        yield Wrapped(file, line.start, line.keyword, (), str(reason))
                         continue
-                    yield Wrapped(file, line, edits, "")
+                    yield Wrapped(file, line.start, line.keyword, edits, "")
+    yield from elsewhere.values()
 
 
 def calls_function(line: Statement, function: str) -> bool:
@@ -93,7 +107,7 @@ def calls_function(line: Statement, function: str) -> bool:
     return isinstance(line, MotionLine) and any(word.upper in names for word in line.words)
 
 
-def _expect_points(line: MotionLine, measured: Container[str], named: Container[str]) -> None:
+def _expect_points(line: MotionLine, routine: Routine, measured: "_Measured", named: Container[str]) -> None:
     """See that a motion goes to points of which a function can make others.
 
     Raises:
@@ -105,8 +119,8 @@ def _expect_points(line: MotionLine, measured: Container[str], named: Container[
         raise Unresolved("it may be part of a SPLINE")
     if any(name.startswith(("$TOOL", "$BASE", "$IPO_MODE", "$LOAD")) for name in line.settings):
         raise Unresolved("it sets tool or base for itself, which the function does not see")
-    for name in (name for operand in line.operands for name in _names(line, operand)):
-        if name in measured:
+    for name in (*(name for operand in line.operands for name in _names(line, operand)), *HELD):
+        if measured.says(measured.names(routine).key(name), routine):
             raise Unresolved(f"'{name}' comes from where the robot stood, which is true already")
 
 
@@ -180,24 +194,92 @@ def _type(name: str, routine: Routine, files: Sequence[File]) -> str:
     return next(iter(types)).upper() if len(types) == 1 else ""
 
 
-def _measured(files: Sequence[File]) -> frozenset[str]:
-    """Names, whatever they mean where, that are given values from where the robot stood."""
-    lines = [(routine, line) for file in files for routine in file.sections for line in routine.lines]
-    parameters = {routine.name: routine.parameters for routine, _ in lines}
-    found, before = set(MEASURING), 0
-    while len(found) > before:
-        before = len(found)
-        for routine, line in lines:
-            match line:
-                case Assignment() if not found.isdisjoint(word.upper for word in line.words):
-                    found.add(line.variable.partition("[")[0])
-                case Control(keyword="RETURN") if not found.isdisjoint(word.upper for word in line.words):
-                    found.add(routine.name)
-                case Call():
-                    for parameter, words in zip(parameters.get(line.name, ()), line.arguments, strict=False):
-                        given = {word.upper for word in words if word.kind == "name"}
-                        if parameter in found or not found.isdisjoint(given):
-                            found |= {parameter, *given}
-                case _:
-                    pass
-    return frozenset(found)
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Measured:
+    """What the program's own variables have from where the robot stood."""
+
+    data: Data
+    places: dict[str, dict[Text, Routine]]
+    """By key of a variable, or name of a function: the lines that give it such a value, and their routines."""
+    known: dict[Routine, Names]
+
+    @classmethod
+    def of(cls, files: Sequence[File], data: Data) -> "_Measured":
+        """What is so in some files."""
+        own = [routine for file in files if file.module != BUILT_IN for routine in file.sections]
+        out = cls(data=data, places={}, known={})
+        called: dict[str, list[Routine]] = defaultdict(list)
+        for routine in own:
+            called[routine.name].append(routine)
+        before = -1
+        while before < (before := sum(map(len, out.places.values()))):
+            for routine in own:
+                for line in routine.lines:
+                    for key in out._given_by(line, routine, called):
+                        out.places.setdefault(key, {})[routine.file.number, line.start] = routine
+        return out
+
+    def names(self, routine: Routine) -> Names:
+        """What names mean in a routine."""
+        if routine not in self.known:
+            self.known[routine] = Names.of(routine, self.data)
+        return self.known[routine]
+
+    def says(self, key: str, routine: Routine) -> bool:
+        """Whether a variable has such a value in a routine.
+
+        Tools and bases that a program of its own measures count as what the data list states, as in all motions.
+        """
+        others = self.places.get(key, {}).values()
+        return key in MEASURING or any(key not in HELD or not self.data.apart(routine.name, o.name) for o in others)
+
+    def elsewhere(self, routine: Routine) -> dict[Text, Wrapped]:
+        """Where tools and bases are so in a program other than that of a routine."""
+        why = "it is set from where the robot stood, in a program of its own; its value is taken as true"
+        return {
+            (number, start): Wrapped(other.file, start, key, (), why)
+            for key in HELD
+            for (number, start), other in self.places.get(key, {}).items()
+            if self.data.apart(routine.name, other.name)
+        }
+
+    def _given_by(self, line: Statement, routine: Routine, called: Mapping[str, Sequence[Routine]]) -> set[str]:
+        """Keys of what a line gives such a value."""
+        match line:
+            case Assignment():
+                call = whole_call(line.words)
+                given = set[str]() if call is None else self._passed(call, routine, called)
+                if self._any(line.words, routine):
+                    given.add(self.names(routine).key(line.variable.partition("[")[0]))
+                return given
+            case Control(keyword="RETURN") if self._any(line.words, routine):
+                return {routine.name}
+            case Call():
+                return self._passed(line, routine, called)
+            case _:
+                return set()
+
+    def _passed(self, call: Call, routine: Routine, called: Mapping[str, Sequence[Routine]]) -> set[str]:
+        """Keys of what a call gives such a value: parameters, and variables that are passed by reference."""
+        out, modes = set[str](), self.data.by_value.get(call.name, ())
+        for other in called.get(call.name, ()):
+            for k, (parameter, words) in enumerate(zip(other.parameters, call.arguments, strict=False)):
+                key = self.names(other).key(parameter)
+                if self._any(words, routine):
+                    out.add(key)
+                elif key in self.places and not (k < len(modes) and modes[k]):
+                    out |= _keys(words, self.names(routine))
+        return out
+
+    def _any(self, words: Iterable[Word], routine: Routine) -> bool:
+        return any(self.says(key, routine) for key in _keys(words, self.names(routine)))
+
+
+def _keys(words: Iterable[Word], names: Names) -> set[str]:
+    """Keys of the variables of which an expression is made."""
+    before = (None, *words)
+    return {
+        names.key(word.upper)
+        for dot, word in pairwise(before)
+        if word is not None and word.kind == "name" and (dot is None or dot.text != ".")
+    }

@@ -367,8 +367,6 @@ class Data:
     """By name in capitals: tools and bases that no data list states, given beside the files."""
     roots: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
     """By name of a routine: the routines that nothing calls, from which it is reached."""
-    always: frozenset[str] = frozenset()
-    """Routines of the submit interpreter, which runs beside every program."""
     elements: Mapping[tuple[int, int], frozenset[str]] = field(default_factory=dict[tuple[int, int], frozenset[str]])
     """By file and first character of an assignment by a computed index: the elements that it sets, where that is known."""
     refused: set[str] = field(default_factory=set[str])
@@ -405,6 +403,11 @@ class Data:
             for routine in file.sections
             for name in routine.own
         }
+
+    @cached_property
+    def always(self) -> frozenset[str]:
+        """Routines of the submit interpreter, which runs beside every program."""
+        return frozenset(line.name for file in self.files if file.submits for line in file.heads)
 
     @cached_property
     def by_value(self) -> Mapping[str, tuple[bool, ...]]:
@@ -515,7 +518,7 @@ class Data:
         datum = self._meant(name, module, routine, structure=True)
         elements = dict.fromkeys((name, variable))  # in one order, so that one place is named each time
         for where, changing, place in (change for element in elements for change in self._changed.get(element, [])):
-            if datum is not None and variable in TABLES and self._apart(routine, changing):
+            if datum is not None and variable in TABLES and self.apart(routine, changing):
                 self.set_elsewhere.setdefault(name, place)
             elif where == module or (datum is not None and datum.shared):
                 self.refused.add(variable)
@@ -529,7 +532,7 @@ class Data:
             raise NotInFiles(f"{name} {NotInFiles.SAYS}; pass {files}")
         return datum
 
-    def _apart(self, routine: str, other: str) -> bool:
+    def apart(self, routine: str, other: str) -> bool:
         """Whether no run of the program comes through both of two routines."""
         roots, others = self.roots.get(routine, frozenset()), self.roots.get(other, frozenset())
         return bool(roots) and bool(others) and not roots & others and not others & self.always

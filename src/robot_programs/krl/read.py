@@ -42,7 +42,6 @@ from robot_programs.krl.routines import (
     changed_by,
     changing,
     concerned,
-    declared_in,
     matters,
     only_computes,
     read_names,
@@ -67,6 +66,7 @@ from robot_programs.krl.syntax import (
     Statement,
     Tree,
     Word,
+    closing,
     lines_of_words,
     passed_by_reference,
     passed_in_motion,
@@ -764,7 +764,9 @@ class _Walk(flow.Walk[State, Routine]):
         returned = None
         called = self._function(line.words)
         if called is None:
-            state = self._forgotten(line.changed, self.asked(line, state))
+            returned = self._with_functions(line.words, state)
+            if returned is None:
+                state = self._forgotten(line.changed, self.asked(line, state))
         else:
             state, returned = self._followed(called, state)
             if returned is None:
@@ -807,6 +809,30 @@ class _Walk(flow.Walk[State, Routine]):
         """The function of the program whose value is all of an expression; None where it is anything else."""
         called = whole_call(words)
         return called if called is not None and called.name in self.flow.routines else None
+
+    def _with_functions(self, words: Sequence[Word], state: State) -> AbstractValue | None:
+        """Value of an expression that calls functions of the program; None where it calls none, or they do more than compute."""
+        routines, variables, out = self.flow.routines, dict(state.variables), list[Word]()
+        at, found = 0, False
+        while at < len(words):
+            word, end = words[at], at + 1
+            if word.kind == "name" and word.upper in routines and end < len(words) and words[end].text == "(":
+                end += closing(words[end:]) + 1
+                call = whole_call(words[at:end])
+                if call is None or not self._only_computes(call):
+                    return None
+                _, value = self._followed(call, state)
+                word, found = word._replace(text=f"{call.name}@{word.start}"), True  # a name that no variable has
+                variables[word.upper] = self._of_function(call.name, value)
+            out.append(word)
+            at = end
+        return given_by(out, replace(self.frames.known(state), variables=variables)) if found else None
+
+    def _only_computes(self, call: Call) -> bool:
+        """Whether a call of a routine of the files changes nothing."""
+        routines = self.flow.routines
+        same = routines[call.name]
+        return not passed_by_reference(call, self.flow.by_value) and all(only_computes(one, routines) for one in same)
 
     def _followed(self, call: Call, state: State) -> tuple[State, AbstractValue | None]:
         """State after a call of a routine of the files, and what it returns."""
@@ -886,13 +912,18 @@ class _Walk(flow.Walk[State, Routine]):
     def _points_returned(self, line: MotionLine, state: State) -> tuple[State, dict[int, AbstractValue]]:
         """State after the program's functions in a motion, and what they return of its points, by their first character."""
         returned: dict[int, AbstractValue] = {}
+        known = 0
         for operand in line.operands:
             words = () if operand.parts else line.words_of(operand)
             called = self._function(words)
             if called is not None and state.reached:
                 state, value = self._followed(called, state)
                 returned[operand.start] = self._of_function(called.name, value)
-        if len(returned) < sum(name in self.flow.routines for name in calls_of(line)):
+                known += 1
+            elif called is None and (computed := self._with_functions(words, state)) is not None:
+                returned[operand.start] = computed
+                known += sum(word.upper in self.flow.routines for word in words)
+        if known < sum(name in self.flow.routines for name in calls_of(line)):
             state = self._forgotten(passed_in_motion(line, self.flow.by_value), self.asked(line, state))
         return state, returned
 
@@ -950,11 +981,7 @@ class _Reading:
         """Follow the program from all routines that nothing calls."""
         routines = routines_of(self.files)
         callers = callers_of(routines)
-        for routine, line in declared_in(routines).values():
-            for name in calls_of(line.action) if line.action is not None else ():
-                callers.get(name, set()).add(routine.name)
-        always = frozenset(line.name for file in self.files if file.submits for line in file.heads)
-        data = Data(files=self.files, given=self.given, roots=roots_of(callers), always=always, elements=self.elements)
+        data = Data(files=self.files, given=self.given, roots=roots_of(callers), elements=self.elements)
         flow = self._flow(routines, data)
         beside = unasked(self.files, routines)
         roots = [name for name in routines if not callers[name] - {name} or name in beside]

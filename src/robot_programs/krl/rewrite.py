@@ -240,8 +240,8 @@ class KrlProgram(Program):
         motions = self.unresolved | {site.text for site in self.sites}.difference(staying)
         found = (
             Wrapped(
-                place=one.file.source.place(one.line.start),
-                name=one.line.keyword,
+                place=one.file.source.place(one.start),
+                name=one.name,
                 edits=one.edits,
                 obstacle=one.obstacle,
             )

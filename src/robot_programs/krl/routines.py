@@ -169,11 +169,15 @@ def _called(same: Sequence[Routine], routines: Mapping[str, object]) -> frozense
 
 
 def callers_of(routines: dict[str, list[Routine]]) -> dict[str, set[str]]:
-    """By name of routines: names of those that call them."""
+    """By name of routines: names of those that call them, or declare what runs beside them and does."""
     out: dict[str, set[str]] = {name: set() for name in routines}
     for name, same in routines.items():
         for called in _called(same, routines):
             out[called].add(name)
+    for routine, line in declared_in(routines).values():
+        for called in _called_by_action(line):
+            if called in out:
+                out[called].add(routine.name)
     return out
 
 

@@ -30,3 +30,65 @@ def test_point_gets_a_function_where_no_base_is_carried(line: str, bases: str, g
     assert [place.path.name for place in found.wrapped] == (["part.src"] if gets else [])
     assert ("LIN CORRECTEDPath(PICK) C_DIS" in found.program.sources[0].text) == gets
     assert len(found.left) == (0 if gets else 1)
+
+
+def wrapped(*texts: str, data: str = "") -> tuple[list[str], list[str]]:
+    """Motions of some files that get a function, and what is said of the others."""
+    files = {f"f{k}.src": text for k, text in enumerate(texts)} | {"$config.dat": f"DEFDAT $CONFIG\n{data}\nENDDAT\n"}
+    found = read_krl([Source.of(Path(name), text.encode()) for name, text in files.items()]).wrap("NEW", None)
+    lines = [found.program.sources[int(p.path.stem[1:])].text.splitlines()[p.line - 1].strip() for p in found.wrapped]
+    return lines, [d.text for d in found.left]
+
+
+@pytest.mark.parametrize(
+    ("motion", "becomes"),
+    [
+        ("PTP P", "PTP NEW(P)"),
+        ("SLIN P", "SLIN NEWPath(P)"),
+        ("CIRC P,F", "CIRC NEWPath(P),NEWFrame(F)"),
+        ("PTP F", "PTP NEWFrame(F)"),
+        ("PTP P:F", "PTP NEWFrame(P:F:$NULLFRAME)"),
+        ("LIN F:P", "LIN NEWFrame(F:P:$NULLFRAME)"),
+        ("LIN P:{X 1,Y 2,Z 3,A 0,B 0,C 0} C_DIS", "LIN NEWFrame(P:{X 1,Y 2,Z 3,A 0,B 0,C 0}:$NULLFRAME) C_DIS"),
+        ("LIN INV_POS(F):P", "LIN NEWFrame(INV_POS(F):P:$NULLFRAME)"),
+        ("LIN XP1", "LIN NEWFrame(XP1:$NULLFRAME)"),
+        ("PTP F:P", ""),
+        ("PTP XP1", ""),
+        ("LIN P:{X 1}", ""),
+        ("LIN OTHERS(P)", ""),
+        ("LIN $POS_ACT:F", ""),
+        ("PTP Q", ""),
+        ("LIN_REL {X 1}", ""),
+    ],
+)
+def test_function_serves_the_type_of_a_point(motion: str, becomes: str) -> None:
+    """What is a FRAME by its last part is one; of a PTP to anything else status and turn have to be known."""
+    text = f"DEF A ( )\nDECL E6POS P\nDECL FRAME F\nDECL E6AXIS Q\nASK(P,F,Q)\n{motion}\nEND\n"
+    lines, left = wrapped(text)
+    assert lines == ([becomes] if becomes else [])
+    assert len(left) == (not becomes)
+
+
+PROBED = "DEF PROBE ( )\n{}BASE_DATA[3]=MET:F\nEND\n"
+MAIN = "DEF MAIN ( )\nDECL E6POS P\nASK(P)\n{}LIN P\nEND\n"
+
+
+@pytest.mark.parametrize(
+    ("main", "probe", "gets", "says"),
+    [
+        ("PROBE()\n", "MET=$POS_INT\n", False, "'BASE_DATA' comes from where the robot stood"),
+        ("", "MET=$POS_INT\n", True, "BASE_DATA is not corrected at run time: it is set from where the robot stood"),
+        ("PROBE()\n", "MET=GIVEN\n", True, ""),
+        ("PROBE()\n", "DECL FRAME MET\nMET=$POS_INT\nMET.X=0\n", False, "'BASE_DATA' comes from"),
+        ("PROBE()\n", "DECL FRAME P\nP=$POS_INT\n", True, ""),
+        ("INTERRUPT DECL 5 WHEN $IN[1] DO PROBE()\n", "MET=$POS_INT\n", False, "'BASE_DATA' comes from"),
+    ],
+)
+def test_base_from_where_the_robot_stood_is_true_already(main: str, probe: str, gets: bool, says: str) -> None:
+    """Unless a program of its own sets it; and a variable of one routine is none of another."""
+    lines, left = wrapped(
+        MAIN.format(main), PROBED.format(probe), data="DECL FRAME MET\nDECL FRAME F\nDECL FRAME GIVEN"
+    )
+    assert lines == (["LIN NEWPath(P)"] if gets else [])
+    assert says in "".join(left)
+    assert bool(left) == bool(says)
