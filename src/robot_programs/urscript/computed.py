@@ -8,6 +8,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator
 from typing import NamedTuple
 
+from robot_programs.core.errors import shown
 from robot_programs.core.program import Unresolved
 from robot_programs.core.source import Source, TextEdit
 from robot_programs.urscript.holders import MEASURING, Holders, is_measuring
@@ -74,17 +75,17 @@ def _edit(
         if "qnear" in inverse:
             near = text[inverse["qnear"].start : inverse["qnear"].end]
             if any(one.kind == "call" and not is_measuring(one) for one in inside(inverse["qnear"])):
-                raise Unresolved(f"the joint positions near it, {near}, would be computed twice")
+                raise Unresolved(f"the joint positions near it, {shown(near)}, would be computed twice")
     own = text[target.start : target.end]
     if holders.is_measured(target):
-        raise Unresolved(f"'{own}' comes from where the robot stood, which is true already")
-    found = kinds.of(target) or ({"pose"} if call.name != "movej" or inverse is not None else frozenset[str]())
+        raise Unresolved(f"'{shown(own)}' comes from where the robot stood, which is true already")
+    found = kinds.of(target) or (frozenset[str]() if inverse is None else frozenset({"pose"}))
     if found == {"joints"} and inverse is None:
         if keep_joints:
             raise Unresolved("it goes to joint positions, which are to be kept")
         return TextEdit(start=target.start, end=target.end, text=f"{function}_joints({own})")
     if found != {"pose"}:
-        raise Unresolved(f"the text does not tell whether '{own}' is a pose or joint positions")
+        raise Unresolved(f"the text does not tell whether '{shown(own)}' is a pose or joint positions")
     return TextEdit(start=target.start, end=target.end, text=f"{function}({own}, {near})")
 
 
