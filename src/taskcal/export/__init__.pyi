@@ -1,6 +1,9 @@
 # The public names of this folder, each once: __init__.py reads this list and loads them as they are used.
 
 from taskcal.export.c_source import export_c as export_c
+from taskcal.export.camera import export_camera_info as export_camera_info
+from taskcal.export.camera import export_camera_urdf as export_camera_urdf
+from taskcal.export.camera import export_opencv_yaml as export_opencv_yaml
 from taskcal.export.controller import ControllerOffsets as ControllerOffsets
 from taskcal.export.controller import fit_offsets as fit_offsets
 from taskcal.export.descriptions import draw_sample as draw_sample

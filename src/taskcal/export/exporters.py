@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from taskcal.errors import UnknownName
 from taskcal.export.c_source import export_c
+from taskcal.export.camera import export_camera_info, export_camera_urdf, export_opencv_yaml
 from taskcal.export.descriptions import NAMES, Form, export_description
 from taskcal.export.forms import Export, export_dh, export_flexiv_yaml, export_ur_yaml, export_xarm_yaml
 from taskcal.identification.calibration import Calibration
@@ -34,6 +35,8 @@ class Exporter:
     Raises:
         TaskcalError: the form cannot hold the robot, or loses something that is not accepted (`Loss.refuse`).
     """
+    of_robot: bool = True
+    """Whether it holds the robot, of which the calibration must know something over its poses; else its camera alone."""
     description: Form | None = None
     """Of links and joints, which may have meshes and samples (`export_description`, `export_samples`): the form's name there."""
 
@@ -64,6 +67,14 @@ for _name, _python in (("c", False), ("cffi", True)):
         folder=lambda one, prefix, python=_python: export_c(one, prefix=prefix, python=python),
         write=lambda one, _, __: export_c(one),
     )
+
+
+for _name, _export in (
+    ("camera-info", export_camera_info),
+    ("opencv-yaml", export_opencv_yaml),
+    ("camera-urdf", export_camera_urdf),
+):
+    _EXPORTERS[_name] = Exporter(name=_name, write=lambda one, _, __, export=_export: export(one), of_robot=False)
 
 
 def exporters() -> tuple[Exporter, ...]:

@@ -1,0 +1,70 @@
+"""The camera of a calibration from images, in the files of ROS and OpenCV."""
+
+import xml.etree.ElementTree as ET
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from taskcal.errors import TaskcalError
+from taskcal.export.camera import Camera, export_camera_info, export_camera_urdf, export_opencv_yaml
+from taskcal.geometry import se3
+from taskcal.geometry.euler import from_angles
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.identify import identify
+from tests.laws.calibrations import calibrated
+from tests.observations.pictured import CAMERA, CORNERS, MODEL, Pictured, take_pictures
+
+
+@pytest.fixture(scope="module", params=[True, False], ids=["on the wrist", "beside the robot"])
+def found(request) -> tuple[Pictured, Calibration]:
+    true = take_pictures(3, on_wrist=request.param)
+    return true, identify(MODEL, true.campaign())
+
+
+def test_the_exported_camera_projects_as_the_true_one(found):
+    """Through OpenCV, with board and robot: to a few pixels of corners that have noise of 0.15, as far as the robot is known."""
+    true, calibration = found
+    camera = Camera.of(calibration)
+    there = true.moving if true.on_wrist else true.standing
+    assert np.linalg.norm(camera.T_parent_camera[:3, 3] - there[:3, 3]) < 0.02
+    assert np.linalg.norm(se3.log(camera.T_parent_camera[:3, :3] @ there[:3, :3].T)) < 0.02
+    board = np.array([0.0, 0.0, 0.5]) - CORNERS.mean(axis=0)
+    at = cv2.projectPoints(CORNERS, np.zeros(3), board, camera.matrix, camera.distortion)[0]
+    fx, fy, cx, cy = CAMERA[:4] * 1e3
+    truth = cv2.projectPoints(CORNERS, np.zeros(3), board, np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), CAMERA[4:])[
+        0
+    ]
+    off = (at - truth).reshape(-1, 2)
+    assert np.abs(off - off.mean(axis=0)).max() < 3.0
+
+
+def test_every_file_reads_back_as_it_was_written(found, tmp_path):
+    _, calibration = found
+    camera = Camera.of(calibration)
+    info = yaml.safe_load(export_camera_info(calibration).text)
+    assert (info["image_width"], info["image_height"]) == (camera.lens.width, camera.lens.height)
+    assert info["distortion_model"] == "plumb_bob"
+    np.testing.assert_array_equal(np.reshape(info["camera_matrix"]["data"], (3, 3)), camera.matrix)
+    np.testing.assert_array_equal(info["distortion_coefficients"]["data"], camera.distortion)
+    np.testing.assert_array_equal(np.reshape(info["projection_matrix"]["data"], (3, 4))[:, :3], camera.matrix)
+
+    path = tmp_path / "camera.yaml"
+    path.write_text(export_opencv_yaml(calibration).text, encoding="utf-8")
+    store = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    np.testing.assert_array_equal(store.getNode("camera_matrix").mat(), camera.matrix)
+    np.testing.assert_array_equal(store.getNode("distortion_coefficients").mat()[0], camera.distortion)
+    pose = "T_tool_camera" if camera.parent == "tool" else "T_base_camera"
+    np.testing.assert_array_equal(store.getNode(pose).mat(), camera.T_parent_camera)
+
+    joint = ET.fromstring(export_camera_urdf(calibration).text).find("joint")
+    assert joint.find("parent").get("link") == camera.parent
+    xyz, rpy = (np.array(joint.find("origin").get(key).split(), dtype=float) for key in ("xyz", "rpy"))
+    T = se3.pose(from_angles("rpy", rpy[None])[0], xyz)
+    np.testing.assert_allclose(T, camera.T_parent_camera, atol=1e-12)
+
+
+def test_a_calibration_without_images_has_no_camera():
+    with pytest.raises(TaskcalError, match="has no camera"):
+        export_camera_info(calibrated("ur5"))
