@@ -12,7 +12,7 @@ from taskcal.live.devices import JointReading, Shot
 from taskcal.live.stillness import MissedError, Rules, StoppedError, Taker, scatter_of, stands
 from taskcal.live.virtual import VirtualController, VirtualTracker
 
-RULES = Rules()
+RULES = Rules(wait_s=20.0)
 POSE = np.array([0.3, -1.2, 1.1, -1.3, 0.4, 0.1])
 
 

@@ -26,7 +26,7 @@ ONE_IMPORTER = {
         "taskcal.diagnosis.drift",
         "taskcal.identification.chunked_fit",
         "taskcal.identification.group_search",
-        "taskcal.live.stillness",
+        "taskcal.live.runner",
         "taskcal.planning.experiment",
         "taskcal.reading.detection",
         "taskcal.reading.inference",

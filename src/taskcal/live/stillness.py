@@ -49,6 +49,8 @@ class Rules:
 class Taken:
     """A row: means over the standstill."""
 
+    time_s: float
+    """Of the last reading of the joints, as the devices count it."""
     joints: Float[np.ndarray, " joints"]
     point: Float[np.ndarray, " 3"]
     scatter: float
@@ -112,7 +114,13 @@ class Taker:
             scatter = scatter_of(points)
             if scatter <= self.rules.max_scatter_m:
                 joints = np.mean([one.joints for one in readings], axis=0)
-                return Taken(joints=joints, point=points.mean(axis=0), scatter=scatter, shots=len(points))
+                return Taken(
+                    time_s=readings[-1].time_s,
+                    joints=joints,
+                    point=points.mean(axis=0),
+                    scatter=scatter,
+                    shots=len(points),
+                )
         raise MissedError(
             f"{self.rules.tries} times the robot moved, or {self.rules.shots} shots scattered by more than "
             f"{self.rules.max_scatter_m * 1e3:g} mm; see that robot, target and tracker stand firmly"

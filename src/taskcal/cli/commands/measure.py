@@ -1,0 +1,354 @@
+"""``taskcal measure``: the campaign that chooses its own poses, and stops when the task's tolerance is proven."""
+
+import json
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Generator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import typer
+
+import taskcal
+from taskcal.cli.command import option
+from taskcal.cli.options.common import JsonOption, RobotOption, SeedOption, TaskOption, above_zero, look_at, metres
+from taskcal.cli.output import check_outputs, files_of_task, info, plain, say, show_facts, tell
+
+if TYPE_CHECKING:
+    from taskcal.live.devices import Controller, Device
+    from taskcal.live.runner import Answer, Event, Outcome, Question
+    from taskcal.live.steering import Aim, State, Steering
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeviceOptions:
+    """What is read, and how it is reached."""
+
+    controller: str = option(
+        ..., "NAME", "Where the joints come from: hand, virtual, …; an unknown name lists them all.", also="-c"
+    )
+    controller_address: str | None = option(None, "ADDRESS", "Of the controller, such as HOST or HOST:PORT.")
+    instrument: str = option(..., "NAME", "Where the points come from: folder, virtual, …", also="-i")
+    instrument_address: str | None = option(
+        None, "ADDRESS", "Of the instrument, such as HOST:PORT, or a path for folder."
+    )
+    columns: str = option(
+        "",
+        "'NAME …'",
+        "Columns of the instrument's lines, such as 'x_mm y_mm z_mm', where no header states them; - skips one.",
+    )
+    timeout_s: float = option(5.0, "S", "Limit of each answer of a device.", min=0.1, max=600.0)
+    drive: bool = option(
+        False, help="Move the robot, the first time at a tenth of the speed; without it the controller is only read."
+    )
+    speed_percent: float = option(10.0, "P", "With --drive: share of the joints' largest speeds.", min=0.1, max=100.0)
+
+    @contextmanager
+    def opened(self, robot: "taskcal.Robot") -> "Generator[tuple[Controller, Any]]":
+        """Both connections, which are closed at the end.
+
+        Raises:
+            UnknownName: there is no such controller or instrument.
+            DeviceError: one cannot be reached.
+            typer.BadParameter: the controller cannot move a robot.
+        """
+        from taskcal.live.devices import controller_of, instrument_of
+
+        controller, instrument = controller_of(self.controller), instrument_of(self.instrument)
+        if self.drive and not controller.can_move:
+            raise typer.BadParameter(f"'{self.controller}' does not move a robot; leave it out", param_hint="--drive")
+        with ExitStack() as stack:
+            first = stack.enter_context(controller.open(self.controller_address, robot, self.timeout_s))
+            yield (
+                first,
+                stack.enter_context(instrument.open(self.instrument_address, self.timeout_s, self.columns)),
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RowOptions:
+    """When a row counts, and how many are measured."""
+
+    shots: int | None = option(
+        None, "N", "Shots of a row, averaged; 3, or 1 where a person makes each.", min=1, max=1000
+    )
+    settle_s: float = option(1.0, "S", "Time for which the robot stands before it is measured.", min=0.05, max=60.0)
+    max_scatter_mm: float = option(0.1, "MM", "Scatter of the shots above which they are taken again.", min=1e-6)
+    most: int = option(100, "N", "Rows at most.", min=1, max=100_000)
+    effects: Literal["auto", "none"] = option("auto", help="Estimate non-geometric effects, too, or geometry alone.")
+
+
+def command(
+    *,
+    robot: RobotOption,
+    task: TaskOption,
+    devices: DeviceOptions,
+    output: Path = option(
+        ..., "CAMPAIGN.csv", "The campaign; calibration and report are written beside it.", also="-o"
+    ),
+    resume: bool = option(False, help="Go on with the campaign that is there."),
+    accuracy_mm: float | None = option(
+        None, "MM", "Tolerance to be proven, 3D rms over the task; the task's by default.", callback=above_zero
+    ),
+    station: Path | None = option(
+        None, "STATION.toml", "Tracker, its one reflector and keep-out boxes.", callback=look_at
+    ),
+    rows: RowOptions,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure live: choose each pose by what was measured so far, until the tolerance is proven.
+
+    Every row is on the disk before the next pose is shown. Ctrl-C finishes the row in hand, and --resume goes on.
+
+    A person or a program moves the robot, unless --drive is given. With --json, each row is a line.
+    """
+    beside = {".calibration.json": "calibration", ".report.html": "report"}
+    files = {name: output.with_suffix(suffix) for suffix, name in beside.items()}
+    check_outputs("measure", [("--output", output)], [robot, station, *files_of_task(task)], updated=["--output"])
+    from taskcal.live.journal import Journal
+    from taskcal.live.runner import Drive, Runner
+    from taskcal.live.steering import Steering
+
+    aim = _aim(robot, task, station, accuracy_mm, rows, seed)
+    target = "tool" if aim.station is None else aim.station.reflectors[0].name
+    journal = Journal(output, aim.model.robot, target)
+    with devices.opened(aim.model.robot) as (controller, instrument):
+        if resume:
+            journal.resume(aim.settings)
+            info(f"{output}: {len(journal.rows)} rows are there; going on")
+        else:
+            journal.begin({**aim.settings, "begun": time.time()})
+        with _finishing_the_row(controller) as stopped:
+            steering = Steering(aim, journal)
+            terminal = _Terminal(controller=controller, aim=aim, as_json=as_json)
+            taker = rows_taker(rows, controller, instrument, stopped)
+            drive = (
+                Drive(controller=controller, aim=aim, speed=devices.speed_percent / 100.0) if devices.drive else None
+            )
+            runner = Runner(steering=steering, taker=taker, tell=terminal.tell, ask=terminal.ask, drive=drive)
+            outcome = runner.run()
+    result = _finish(steering, outcome, files)
+    _give(result, outcome, aim, output, as_json=as_json)
+
+
+def rows_taker(rows: RowOptions, controller: "Controller", instrument: Any, stopped: Callable[[], bool]) -> Any:
+    """What takes rows, by the options."""
+    from taskcal.live.stillness import Rules, Taker
+
+    shots = rows.shots or (3 if instrument.streams else 1)
+    rules = Rules(settle_s=rows.settle_s, max_scatter_m=rows.max_scatter_mm * 1e-3, shots=shots)
+    return Taker(controller=controller, instrument=instrument, rules=rules, stopped=stopped)
+
+
+def _aim(robot: str, task: Path, station: Path | None, accuracy_mm: float | None, rows: RowOptions, seed: int) -> "Aim":
+    """What is to be proven.
+
+    Raises:
+        TaskcalError: no such robot, task or station, or a station of several reflectors.
+    """
+    from taskcal.errors import FileError
+    from taskcal.live.steering import Aim
+
+    model, described = taskcal.ErrorModel(taskcal.load_robot(robot)), taskcal.load_task(task)
+    stood = None if station is None else taskcal.load_station(station)
+    if station is not None and stood is not None and len(stood.reflectors) != 1:
+        raise FileError(station, f"has {len(stood.reflectors)} reflectors; one is measured live: leave the others out")
+    tolerance = metres(accuracy_mm) or described.accuracy
+    if tolerance is None:
+        info(
+            f"the task states no accuracy: {rows.most} rows are measured, and nothing is proven (--accuracy-mm states one)"
+        )
+    return Aim(
+        model=model,
+        task=described,
+        station=stood,
+        tolerance=tolerance,
+        most=rows.most,
+        seed=seed,
+        effects=rows.effects == "auto",
+    )
+
+
+@contextmanager
+def _finishing_the_row(controller: "Device") -> Generator[Callable[[], bool]]:
+    """Let Ctrl-C end the measurement after the row in hand, and a second one at once; joints that are typed are no row yet."""
+    from taskcal.live.stillness import StoppedError
+
+    asked = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked.is_set
+        return
+
+    def hear(*_: Any) -> None:
+        if asked.is_set():
+            raise KeyboardInterrupt
+        asked.set()
+        if not controller.streams:
+            raise StoppedError
+        info("stopping after the row in hand; Ctrl-C again stops at once, without it")
+
+    earlier, before = signal.set_wakeup_fd(-1), signal.signal(signal.SIGINT, hear)
+    try:
+        yield asked.is_set
+    finally:
+        signal.signal(signal.SIGINT, before)
+        signal.set_wakeup_fd(earlier)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Terminal:
+    """Shows events, and asks."""
+
+    controller: "Controller"
+    aim: "Aim"
+    as_json: bool
+
+    def tell(self, event: "Event") -> None:
+        """Show an event."""
+        if event.kind == "note":
+            info(event.text)
+        elif event.kind == "pose" and event.step is not None:
+            step = event.step
+            after = "" if event.next_error is None else f", after it {event.next_error * 1e3:.4f} mm are expected"
+            info(f"pose {step.number}, {step.purpose}{after}: {_in_degrees(self.aim.model.robot, step.q)}")
+        elif event.kind == "row" and event.taken is not None:
+            taken = event.taken
+            info(f"  measured, {taken.shots} shots, scatter {taken.scatter * 1e3:.3f} mm")
+        elif event.state is not None and event.state.rows:
+            if self.as_json:
+                print(json.dumps(plain(_line(self.aim, event)), allow_nan=False), flush=True)
+            elif event.state.budget is not None:
+                for line in _in_words(event.state, self.aim, event.pose_s):
+                    say(line)
+
+    def ask(self, question: "Question") -> "Answer":
+        """Ask on the terminal; without one it is to stop."""
+        from taskcal.live.runner import MEANINGS
+
+        info(question.text)
+        if not sys.stdin.isatty():
+            info("nobody is there to answer: stopped; --resume goes on")
+            return "stop"
+        for answer in question.answers:
+            info(f"  {answer[0]}  {answer}: {MEANINGS[answer]}")
+        while True:
+            print("> ", end="", file=sys.stderr, flush=True)
+            text = sys.stdin.readline().strip().casefold()
+            for answer in question.answers:
+                if text and answer.startswith(text):
+                    return answer
+
+
+def _in_degrees(robot: "taskcal.Robot", q: Any) -> str:
+    return " ".join(f"{name} {value:.3f}" for name, value in _pose(robot, q).items())
+
+
+def _pose(robot: "taskcal.Robot", q: Any) -> dict[str, float]:
+    """Joints by the names of a campaign's columns."""
+    import numpy as np
+
+    return {
+        f"{name}_{'mm' if slides else 'deg'}": float(value * 1e3 if slides else np.degrees(value))
+        for name, slides, value in zip(robot.joint_names, robot.prismatic, q, strict=True)
+    }
+
+
+def _in_words(state: "State", aim: "Aim", pose_s: float | None) -> list[str]:
+    """What is known, in words."""
+    assert state.budget is not None
+    low, high = state.budget.interval
+    text = f"{state.rows} rows: {state.budget.after * 1e3:.4f} mm expected over the task (95 %: {low * 1e3:.4f} to "
+    text += f"{high * 1e3:.4f})"
+    if aim.tolerance is not None:
+        text += f", tolerance {aim.tolerance * 1e3:g} mm {'met' if state.met else 'not met'}"
+    if len(state.kept_out):
+        text += f"; {len(state.kept_out)} poses kept out: {_rms(state) * 1e3:.4f} mm rms"
+    if state.look is not None:
+        text += f", at most {state.look.bound * 1e3:.4f} mm by the look at {state.look.kept_out}"
+    if state.more:
+        left = "" if pose_s is None else f", {state.more * pose_s / 60.0:.0f} min"
+        text += f"; about {state.more} more{left}"
+    return [text]
+
+
+def _rms(state: "State") -> float:
+    import numpy as np
+
+    return float(np.sqrt(np.mean(state.kept_out**2))) if len(state.kept_out) else float("nan")
+
+
+def _line(aim: "Aim", event: "Event") -> dict[str, Any]:
+    """What is known after a row, for programs; lengths that are not known are null."""
+    state = event.state
+    assert state is not None
+    budget, look = state.budget, state.look
+    known = budget is not None
+    return {
+        "rows": state.rows,
+        "pose": _pose(aim.model.robot, state.last) if state.last is not None else None,
+        "purpose": state.purpose,
+        "expected_error_mm": budget.after * 1e3 if known else None,
+        "interval_mm": [bound * 1e3 for bound in budget.interval] if known else None,
+        "kept_out": len(state.kept_out),
+        "kept_out_rms_mm": _rms(state) * 1e3,
+        "bound_mm": None if look is None else look.bound * 1e3,
+        "tolerance_mm": None if aim.tolerance is None else aim.tolerance * 1e3,
+        "proven": state.proven,
+        "poses_left": state.more,
+        "seconds_a_pose": event.pose_s,
+    }
+
+
+def _finish(steering: "Steering", outcome: "Outcome", files: Mapping[str, Path]) -> dict[str, Any]:
+    """Write calibration and report beside the campaign, if there are rows enough.
+
+    Raises:
+        TaskcalError: a file cannot be written.
+    """
+    from taskcal.correction.verdict import judge
+    from taskcal.io.files import write_all
+    from taskcal.planning.task_map import uncertainty_over
+    from taskcal.report.calibration import calibration_page
+
+    result: dict[str, Any] = {"ended": outcome.reason, "rows": outcome.state.rows, "proven": outcome.state.proven}
+    if outcome.state.budget is None:
+        return {**result, "calibration": None, "report": None}
+    task, calibration = steering.aim.task, steering.calibration()
+    page = calibration_page(
+        calibration,
+        judged=judge(calibration, task),
+        over=uncertainty_over(calibration, task),
+        space=task.workspace,
+        remainder=None,
+        rungs=(),
+    )
+    calibration.save(files["calibration"])
+    write_all({files["report"]: page.html()})
+    return {**result, **{name: str(path) for name, path in files.items()}}
+
+
+_ENDS = {
+    "proven": "proven: all of the 95 % interval keeps the tolerance, and the poses kept out confirm it",
+    "most": "not proven: as many rows as --most allows; --resume with more goes on",
+    "stopped": "stopped; --resume goes on",
+}
+
+
+def _give(result: Mapping[str, Any], outcome: "Outcome", aim: "Aim", output: Path, *, as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(plain({**result, "campaign": str(output)}), allow_nan=False), flush=True)
+        return
+    facts = [("ended", _ENDS[outcome.reason]), ("campaign", f"{output}, {outcome.state.rows} rows")]
+    if outcome.state.proven and aim.tolerance is not None:
+        facts.append(("tolerance", f"{aim.tolerance * 1e3:g} mm, 3D rms over '{aim.task.name}'"))
+    if result["calibration"] is not None:
+        facts += [("calibration", f"wrote {result['calibration']}"), ("report", f"wrote {result['report']}")]
+    else:
+        facts.append(("calibration", "none: too few rows yet"))
+    tell()
+    show_facts(facts)

@@ -1,0 +1,187 @@
+"""What was measured, durable before the robot moves on: an ordinary campaign, and beside it what must be known to go on."""
+
+import csv
+import json
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.errors import FileError, shown
+from taskcal.observations.base import written
+from taskcal.reading.writer import joints_text
+from taskcal.robot.robot import Robot
+
+Purpose = Literal["chosen", "kept-out", "reference"]
+"""Why a row was measured: chosen for the fit, kept out to judge it, or the first pose again."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Row:
+    """A row of the campaign."""
+
+    number: int
+    """From 1."""
+    purpose: Purpose
+    station: int
+    """Of the tracker, from 1."""
+    time_s: float
+    """Since the campaign began, seconds."""
+    joints: Float[np.ndarray, " joints"]
+    point: Float[np.ndarray, " 3"]
+    """In the tracker's frame, metres."""
+
+    @property
+    def id(self) -> str:
+        """Number and purpose, such as ``15-kept-out``; of chosen rows the number alone."""
+        return f"{self.number}" if self.purpose == "chosen" else f"{self.number}-{self.purpose}"
+
+
+class Journal:
+    """The campaign's file, and the notes beside it; both are only ever appended to."""
+
+    def __init__(self, path: Path, robot: Robot, target: str = "tool"):
+        self.path, self.notes_path = path, path.with_suffix(".measure.jsonl")
+        self.robot, self._target = robot, "" if target == "tool" else f"{target}_"
+        self.rows: tuple[Row, ...] = ()
+        self.notes: tuple[Mapping[str, Any], ...] = ()
+        self.dropped = False
+        """Whether a line that a kill had left half-written was dropped."""
+
+    def begin(self, settings: Mapping[str, Any]) -> None:
+        """Begin a campaign.
+
+        Args:
+            settings: with which it has to go on.
+
+        Raises:
+            FileError: a file is there already, or cannot be written.
+        """
+        for path in (self.path, self.notes_path):
+            if path.exists():
+                raise FileError(path, "is there already; go on with it (--resume), or give another name")
+        _append(self.notes_path, json.dumps({"settings": dict(settings)}) + "\n")
+        _append(self.path, self._lines([])[0])
+        folder = os.open(self.path.resolve().parent, os.O_RDONLY)
+        os.fsync(folder)
+        os.close(folder)
+        self.notes = ({"settings": dict(settings)},)
+
+    def resume(self, settings: Mapping[str, Any]) -> None:
+        """Go on with a campaign.
+
+        Raises:
+            FileError: there is none, it is of another kind, or it was begun with other settings.
+        """
+        if not self.path.exists() or not self.notes_path.exists():
+            lacking = self.notes_path if self.path.exists() else self.path
+            raise FileError(lacking, "is not there, so that nothing can be gone on with; begin without --resume")
+        try:
+            self.notes = tuple(json.loads(line) for line in self._whole_lines(self.notes_path))
+        except ValueError as error:
+            raise FileError(self.notes_path, "is damaged; begin another campaign") from error
+        begun = self.notes[0].get("settings", {}) if self.notes else {}
+        for name, value in settings.items():
+            if begun.get(name) != value:
+                raise FileError(
+                    self.notes_path,
+                    f"the campaign was begun with another {name}: {shown(str(begun.get(name)))}, not {shown(str(value))}; "
+                    "give the same, or begin another campaign",
+                )
+        header, *lines = self._whole_lines(self.path) or [""]
+        if f"{header}\n" != self._lines([])[0]:
+            raise FileError(self.path, "has other columns than a campaign that is measured with this robot", line=1)
+        self.rows = tuple(self._row(line, number) for number, line in enumerate(lines, 1))
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """With which the campaign was begun."""
+        return self.notes[0]["settings"]
+
+    def append(self, row: Row) -> None:
+        """Write a row; it is on the disk when this returns.
+
+        Raises:
+            FileError: the disk refuses.
+        """
+        line = self._lines([row])[1]
+        _append(self.path, line)
+        self.rows = (*self.rows, self._row(line, row.number))  # as it will be read: resuming must make no difference
+
+    def note(self, what: Mapping[str, Any]) -> None:
+        """Write a note; it is on the disk when this returns.
+
+        Raises:
+            FileError: the disk refuses.
+        """
+        _append(self.notes_path, json.dumps(dict(what)) + "\n")
+        self.notes = (*self.notes, what)
+
+    def noted(self, kind: str) -> tuple[Any, ...]:
+        """Values of all notes of a kind."""
+        return tuple(note[kind] for note in self.notes if kind in note)
+
+    def _lines(self, rows: Iterable[Row]) -> list[str]:
+        """The header, and a line for each row."""
+        own = list(rows)
+        point = np.array([row.point for row in own]).reshape(-1, 3) * 1e3
+        more = {
+            "id": [row.id for row in own],
+            **{f"{self._target}{axis}_mm": written(point[:, k]) for k, axis in enumerate("xyz")},
+            "station": [str(row.station) for row in own],
+            "time_s": [f"{row.time_s:.1f}" for row in own],
+        }
+        joints = np.array([row.joints for row in own]).reshape(-1, len(self.robot.joints))
+        return joints_text(joints, self.robot, more).splitlines(keepends=True)
+
+    def _row(self, line: str, number: int) -> Row:
+        """A row as it was written."""
+        try:
+            text, *cells, station, time_s = next(csv.reader([line]))
+            values = np.array([float(cell) for cell in cells])
+            own, _, purpose = text.partition("-")
+            if int(own) != number or (purpose or "chosen") not in get_args(Purpose):
+                raise ValueError(text)
+            units = np.where(self.robot.prismatic, 1e-3, np.pi / 180.0)
+            return Row(
+                number=number,
+                purpose=purpose or "chosen",  # pyright: ignore[reportArgumentType]
+                station=int(station),
+                time_s=float(time_s),
+                joints=values[:-3] * units,
+                point=values[-3:] * 1e-3,
+            )
+        except (ValueError, StopIteration, IndexError) as error:
+            raise FileError(
+                self.path,
+                f"row {number} is not as it was written; undo the change, or begin another campaign",
+                line=number + 1,
+            ) from error
+
+    def _whole_lines(self, path: Path) -> list[str]:
+        """Lines of a file; a half-written last one is taken off the file."""
+        content = path.read_bytes()
+        whole = content.rfind(b"\n") + 1
+        if whole < len(content):
+            os.truncate(path, whole)
+            self.dropped = True
+        return content[:whole].decode("utf-8", "replace").splitlines()
+
+
+def _append(path: Path, line: str) -> None:
+    """Append a line; return once it is on the disk.
+
+    Raises:
+        FileError: the disk refuses.
+    """
+    try:
+        with path.open("ab") as file:
+            file.write(line.encode())
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise FileError(path, f"cannot be written: {error.strerror or error}; mend that, and resume") from error

@@ -1,0 +1,270 @@
+"""The loop: shows a pose, takes its row, writes it, and judges; events go out and answers come in, with no terminal in between."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from statistics import median
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.kinematics.clearance import clear_of_boxes, clear_of_itself, place_links
+from taskcal.live.devices import Controller
+from taskcal.live.journal import Journal, Row
+from taskcal.live.steering import Aim, State, Steering, Step
+from taskcal.live.stillness import MissedError, StoppedError, Taken, Taker
+
+Answer = Literal["again", "skip", "moved", "keep", "stop"]
+"""Measure again; leave the pose out; the tracker was moved, and stands elsewhere from now on; go on as it is; stop."""
+
+MEANINGS: dict[Answer, str] = {
+    "again": "measure again (after the reflector is back in its nest, the beam is there, …)",
+    "skip": "leave this pose out",
+    "moved": "the tracker was moved: a new station from here on",
+    "keep": "go on as it is",
+    "stop": "stop; the rows stay, and --resume goes on",
+}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Event:
+    """What happened; of some kinds one field has it."""
+
+    kind: Literal["pose", "row", "state", "note"]
+    text: str = ""
+    """In words, of a note."""
+    step: Step | None = None
+    taken: Taken | None = None
+    state: State | None = None
+    next_error: float | None = None
+    """Expected over the task after the pose that is shown, metres."""
+    pose_s: float | None = None
+    """Time that a pose takes, median of the last ones, seconds."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Question:
+    """Asked where a person has to decide."""
+
+    text: str
+    answers: tuple[Answer, ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Outcome:
+    """How it ended."""
+
+    state: State
+    reason: Literal["proven", "most", "stopped"]
+
+
+FIRST_SPEED_SHARE = 0.1
+"""Of the speed limit, with which the robot is driven to the first pose, so that a person sees in time where it goes."""
+
+PATH_STEP = float(np.radians(2.0))
+"""Between postures at which a motion is checked for clearance, radians or metres: 3.5 % of the arm's length at most."""
+
+PACE_ROWS = 10
+"""Last rows whose time counts for that of the next. A convention."""
+
+
+@dataclass(eq=False, kw_only=True)
+class Drive:
+    """Moves the robot, joint by joint on a straight way, if that is clear."""
+
+    controller: Controller
+    aim: Aim
+    speed: float
+    """Share of the joints' largest speeds."""
+    first: bool = True
+
+    def clear(self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"]) -> bool:
+        """Whether links meet neither each other nor the station's boxes on the way, as far as the files state these."""
+        steps = max(int(np.ceil(np.abs(end - start).max() / PATH_STEP)), 1)
+        q = start + np.linspace(0.0, 1.0, steps + 1)[:, None] * (end - start)
+        links = place_links(self.aim.model, q)
+        boxes = () if self.aim.station is None else self.aim.station.keep_out
+        return bool((clear_of_itself(links) & clear_of_boxes(links, boxes)).all())
+
+    def go(self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"]) -> None:
+        """Begin the motion, the first one slowly.
+
+        Raises:
+            MissedError: the way is not clear.
+            DeviceError: the controller refuses.
+        """
+        if not self.clear(start, end):
+            raise MissedError(
+                "the straight way of all joints to the pose is not clear; jog the robot there, and measure again"
+            )
+        self.controller.move(end, self.speed * (FIRST_SPEED_SHARE if self.first else 1.0))
+        self.first = False
+
+
+@dataclass(eq=False, kw_only=True)
+class Runner:
+    """One session of a campaign."""
+
+    steering: Steering
+    taker: Taker
+    tell: Callable[[Event], None]
+    ask: Callable[[Question], Answer]
+    drive: Drive | None = None
+    """None where the robot is moved by a person or a program of its own."""
+    now: Callable[[], float] = time.time
+    """Seconds since 1970."""
+
+    def __post_init__(self) -> None:
+        self._doubt = False
+        self._here: Float[np.ndarray, " joints"] | None = None
+        self._base_s = self.now() - float(self._journal.settings["begun"])
+        self._first_s: float | None = None
+
+    @property
+    def _journal(self) -> Journal:
+        return self.steering.journal
+
+    def run(self) -> Outcome:
+        """Measure until it is proven, there are enough rows, or the person stops; every row is on the disk before the next.
+
+        Raises:
+            TaskcalError: a connection is lost, the disk refuses, or no pose is left; what was measured stays.
+        """
+        if self._journal.dropped:
+            self.tell(Event(kind="note", text="a line that was half-written when the last session ended was taken off"))
+        state = State(rows=0)
+        try:
+            while True:
+                state = self.steering.update()
+                if (outcome := self._pose(state)) is not None:
+                    return outcome
+        except StoppedError:
+            return Outcome(state=state, reason="stopped")
+
+    def _pose(self, state: State) -> Outcome | None:
+        """One pose, from its choice to its row; or how it ended."""
+        self.tell(Event(kind="state", state=state, pose_s=self._pace()))
+        if state.proven:
+            return Outcome(state=state, reason="proven")
+        if state.rows >= self.steering.aim.most:
+            return Outcome(state=state, reason="most")
+        if self.taker.stopped():
+            return Outcome(state=state, reason="stopped")
+        step, error = self.steering.next(state, doubt=self._doubt, clear=self._clear())
+        self.tell(Event(kind="pose", step=step, state=state, next_error=error))
+        row = self._row(step)
+        if row is None:
+            self.steering.skip(step)
+        else:
+            self._journal.append(row)
+        return None
+
+    def _clear(self) -> Callable[[Float[np.ndarray, " joints"]], bool] | None:
+        drive, here = self.drive, self._here
+        return None if drive is None or here is None else lambda q: drive.clear(here, q)
+
+    def _pace(self) -> float | None:
+        times = [row.time_s for row in self._journal.rows[-PACE_ROWS - 1 :]]
+        return median(np.diff(times)) if len(times) > 1 else None
+
+    def _decide(self, text: str, *answers: Answer) -> Answer:
+        """The person's answer.
+
+        Raises:
+            StoppedError: it is to stop.
+        """
+        answer = self.ask(Question(text=text, answers=(*answers, "stop")))
+        if answer == "stop":
+            raise StoppedError
+        return answer
+
+    def _row(self, step: Step) -> Row | None:
+        """The row of a pose; None where it is left out."""
+        go = True
+        while True:
+            try:
+                row = self._measured(step, go=go)
+            except MissedError as missed:
+                if self._decide(str(missed), "again", "skip") == "skip":
+                    self._doubt = False
+                    return None
+                continue
+            if step.purpose == "reference":
+                answer = self._compare(row)
+                if answer == "again":
+                    go = False
+                    continue
+                return replace(row, station=self.steering.station)
+            return self._checked(step, row)
+
+    def _measured(self, step: Step, *, go: bool = True) -> Row:
+        """Go to a pose and measure; or measure where the robot is.
+
+        Raises:
+            MissedError: it does not arrive, or the target is not seen.
+            StoppedError: the person asked to stop.
+        """
+        controller = self.taker.controller
+        if go and self.drive is not None:
+            here = controller.read(self.taker.rules.read_s).joints
+            self.drive.go(here, step.q)
+        elif go:
+            controller.show(step.q)
+        taken = self.taker.take(step.q)
+        self.tell(Event(kind="row", step=step, taken=taken))
+        self._here = taken.joints
+        self._first_s = taken.time_s if self._first_s is None else self._first_s
+        return Row(
+            number=step.number,
+            purpose=step.purpose,
+            station=self.steering.station,
+            time_s=self._base_s + taken.time_s - self._first_s,
+            joints=taken.joints,
+            point=taken.point,
+        )
+
+    def _checked(self, step: Step, row: Row) -> Row:
+        """A row as it is expected; or the second of two that agree, where it is not."""
+        off = self.steering.surprise(row)
+        if off is None:
+            return row
+        self.tell(
+            Event(kind="note", text=f"the target is {off * 1e3:.3f} mm from where it is expected: measured again")
+        )
+        again = self._measured(step, go=False)
+        if (still := self.steering.surprise(again)) is None:
+            self.tell(
+                Event(kind="note", text="the second measurement is as expected; the first was wrong, and is dropped")
+            )
+            return again
+        self.tell(
+            Event(
+                kind="note",
+                text=f"twice the same: kept, {still * 1e3:.3f} mm off; the first pose is measured again next",
+            )
+        )
+        self._journal.note({"surprise": row.number})
+        self._doubt = True
+        return again
+
+    def _compare(self, row: Row) -> Answer:
+        """Compare the reference pose with what it was, and ask where it has moved.
+
+        Raises:
+            StoppedError: the person stops.
+        """
+        self._doubt = False
+        off = self.steering.drift(row)
+        if off is None:
+            return "keep"
+        answer = self._decide(
+            f"at the first pose, measured again, the target is {off * 1e3:.3f} mm from where it was: reflector or tracker was "
+            "moved, or the robot",
+            "again", "moved", "keep",
+        )  # fmt: skip
+        if answer == "moved":
+            last = max((one.number for one in self._journal.rows if one.purpose == "reference"), default=0)
+            wrong = [number for number in self._journal.noted("surprise") if number > last]
+            self._journal.note({"moved": row.number, "excluded": wrong})
+        return answer

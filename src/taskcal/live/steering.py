@@ -1,0 +1,515 @@
+"""What to measure next, what is known so far, and whether it is proven: pure functions of the rows, the settings and the notes.
+
+The same rows give the same next pose, whether the measurement went on without a stop or was resumed.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from taskcal.campaigns.campaign import Campaign, Stations
+from taskcal.correction.correction import ErrorBudget
+from taskcal.errors import CampaignError, ReachError
+from taskcal.estimation.experiment_design import choose
+from taskcal.estimation.matrices import single_threaded
+from taskcal.identification.calibration import Calibration, covariance_on, residuals_on
+from taskcal.identification.effects import explain
+from taskcal.identification.holdout import with_held_out
+from taskcal.identification.identify import fit_nominal, identify
+from taskcal.identification.options import FitOptions
+from taskcal.live.journal import Journal, Purpose, Row
+from taskcal.observations.base import TrackerNoise
+from taskcal.observations.instrument import Measurable
+from taskcal.observations.point import Station, Tracker
+from taskcal.planning.plan import POOL_SEED, PlanOptions, PoseChoice
+from taskcal.reading.reader import read_campaign
+from taskcal.robot.error_model import ErrorModel
+from taskcal.task.task import Task
+
+START_ROWS = 12
+"""Rows that are planned at once before the first fit: 36 numbers for the nine of frame and target and the six or more of a robot
+that matter most. A convention."""
+
+REFIT_GROWTH = 1.3
+"""Of the fitted rows, after which all of them are fitted anew with all effects, which takes seconds; between, a row adds its
+information to the posterior, which takes hundredths. A convention."""
+
+KEPT_OUT_EVERY, REFERENCE_EVERY = 5, 10
+"""Rows after which one is kept out, and the first pose is measured again. Conventions; once the posterior meets the tolerance, rows
+are kept out up to the first look, and after it every second one, as only these are lacking."""
+
+MIN_KEPT_OUT, LOOK_GROWTH = 6, 1.25
+"""Rows kept out at the first look at them, and how many times as many at the next. A convention that makes looks few."""
+
+FALSE_STOP = 0.05
+"""Probability of a stop although the error over the task is above the tolerance, over all looks together."""
+
+SURPRISE_SIGMAS = 10.0
+"""Standard deviations of prediction and noise together, from which on a row is measured again. A convention, as for a gross
+error."""
+
+DRIFT_SIGMAS, REPEATABILITY_M = 5.0, 5e-5
+"""Standard deviations of the instrument, and beside these the pose repeatability that makers of industrial robots state, metres,
+beyond which the reference pose has moved. A convention."""
+
+CANDIDATES = 600
+"""Poses to choose among: of 600 the best is a hundredth worse than of 10 000 (`plan.CANDIDATES`), and a step takes a tenth."""
+
+MIN_STATION_ROWS = 4
+"""Chosen rows of a station that take part in a fit; three points determine its frame."""
+
+SAME_POSE = float(np.radians(3.0))
+"""All joints nearer than that, radians or metres, are one pose, which is not chosen again."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Aim:
+    """What is to be proven, and how far to go for it."""
+
+    model: ErrorModel
+    """Geometric; effects are found."""
+    task: Task
+    station: Station | None = None
+    """With the one reflector; None for one at the TCP that is seen from everywhere."""
+    tolerance: float | None = None
+    """Rms in space over the task, metres; None to go on until `most`."""
+    most: int = 100
+    """Rows."""
+    seed: int = 0
+    candidates: int = CANDIDATES
+    effects: bool = True
+    """Whether non-geometric effects are estimated, too."""
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """With which a campaign has to go on."""
+        return {
+            "robot": self.model.robot.digest,
+            "task": self.task.name,
+            "tolerance_mm": None if self.tolerance is None else self.tolerance * 1e3,
+            "seed": self.seed,
+            "candidates": self.candidates,
+            "effects": self.effects,
+        }
+
+
+class Step(NamedTuple):
+    """A pose to measure."""
+
+    number: int
+    purpose: Purpose
+    q: Float[np.ndarray, " joints"]
+
+
+class Look(NamedTuple):
+    """A test by the rows kept out."""
+
+    kept_out: int
+    rms: float
+    """Of their errors in space, metres."""
+    level: float
+    """Probability that it passes although the error over the task is the tolerance."""
+    bound: float
+    """Upper bound of the error over the task at that level, metres."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Fit:
+    """All chosen rows up to one, fitted with all effects."""
+
+    calibration: Calibration
+    choice: PoseChoice
+    rows: Int[np.ndarray, " fitted"]
+    """Indices of those that took part."""
+    growth: float
+    """Of the geometry's mean square beyond the measured range, over that of the experiment."""
+    single: float
+    """Mean square of what no model explains at a single pose of the task, metres²."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class State:
+    """What is known after some rows."""
+
+    rows: int
+    purpose: Purpose | None = None
+    """Of the last row."""
+    last: Float[np.ndarray, " joints"] | None = None
+    """Its joints, radians."""
+    budget: ErrorBudget | None = None
+    """The error to be expected over the task; None before the first fit."""
+    kept_out: Float[np.ndarray, " k"] = field(default_factory=lambda: np.zeros(0))
+    """Errors in space of the rows kept out, metres."""
+    look: Look | None = None
+    """The last test."""
+    met: bool = False
+    """Whether all of the 95 % interval keeps the tolerance."""
+    proven: bool = False
+    """And the rows kept out say so, too."""
+    more: int | None = None
+    """Rows that are still needed, if the error falls with the root of their number; None where that is not known."""
+
+
+def error_bound(errors: Float[np.ndarray, " k"], level: float) -> float:
+    """Upper bound of the rms error from errors at random poses, with a probability of `level` to be too low, metres.
+
+    The squared error of a pose spreads at most like one squared normal number, where all errors lie along one line; along three
+    directions it spreads less, and the bound is the safer.
+    """
+    from scipy.special import gammaincinv
+
+    n = len(errors)
+    return float(np.sqrt(np.sum(errors**2) / (2.0 * gammaincinv(0.5 * n, level))))
+
+
+def level_of(look: int) -> float:
+    """Level of a look, counted from 1: all levels of ever so many looks add up to `FALSE_STOP`."""
+    return FALSE_STOP / (look * (look + 1))
+
+
+class Steering:
+    """Chooses poses and judges, by the journal's rows and notes."""
+
+    def __init__(self, aim: Aim, journal: Journal):
+        self.aim, self.journal = aim, journal
+        self._fit: Fit | None = None
+        self._skipped: list[Float[np.ndarray, " joints"]] = []
+
+    @cached_property
+    def _start(self) -> tuple[PoseChoice, Float[np.ndarray, "count joints"], Measurable]:
+        """The choice without measurements, the poses to begin with, and those of the task itself."""
+        aim = self.aim
+        options = PlanOptions(seed=aim.seed, station=aim.station, candidates=aim.candidates, refine=0)
+        choice = PoseChoice.among(aim.model, aim.task, options)
+        own = Tracker(station=aim.station).own_poses(
+            aim.model, aim.task, choice.measurable, aim.candidates, aim.seed + POOL_SEED, MIN_KEPT_OUT
+        )
+        return choice, choice.choose(START_ROWS).q, own
+
+    def skip(self, step: Step) -> None:
+        """Do not choose a pose again, which cannot be measured."""
+        self._skipped.append(step.q)
+
+    # Rows by what they are for.
+
+    def _excluded(self) -> set[int]:
+        return {number for numbers in self.journal.noted("excluded") for number in numbers}
+
+    @property
+    def station(self) -> int:
+        """Of the tracker, from 1."""
+        return 1 + len(self.journal.noted("moved"))
+
+    def _numbers(self, purpose: Purpose) -> Int[np.ndarray, " k"]:
+        """Indices of the rows of a purpose that count."""
+        excluded = self._excluded()
+        own = [row for row in self.journal.rows if row.purpose == purpose and row.number not in excluded]
+        return np.array([row.number - 1 for row in own], dtype=np.int64)
+
+    def _fitting(self) -> Int[np.ndarray, " k"]:
+        """Indices of the rows to fit: chosen ones, of stations that have enough of them."""
+        chosen = self._numbers("chosen")
+        station = np.array([self.journal.rows[k].station for k in chosen], dtype=np.int64)
+        count = np.bincount(station, minlength=2)
+        return chosen[(count[station] >= MIN_STATION_ROWS) | (station == 1)]
+
+    # The posterior.
+
+    @single_threaded
+    def _fitted(self, rows: Int[np.ndarray, " k"]) -> Fit:
+        aim = self.aim
+        campaign = read_campaign(self.journal.path, aim.model.robot).take(rows)
+        calibration = self._identified(campaign)
+        q = self._start[0].measurable.q
+        options = PlanOptions(seed=aim.seed, station=aim.station, calibration=calibration, candidates=q)
+        choice = PoseChoice.among(calibration.model, aim.task, options)
+        with_single, known = (
+            np.trace(calibration.predict_covariance(choice.goal.q, model_error=own)[:, 0], axis1=1, axis2=2)
+            @ choice.goal.weights
+            for own in (True, False)
+        )
+        return Fit(
+            calibration=calibration,
+            choice=choice,
+            rows=rows,
+            growth=max(float(known) / choice.judged.before**2, 1.0),
+            single=float(with_single - known),
+        )
+
+    def _identified(self, campaign: Campaign) -> Calibration:
+        return (
+            explain(self.aim.model, campaign, seed=self.aim.seed).calibration
+            if self.aim.effects
+            else identify(self.aim.model, campaign)
+        )
+
+    def update(self) -> State:
+        """Take up the rows that were added: by a fit where it is time for one, and look at the rows kept out where it is.
+
+        Raises:
+            TaskcalError: the rows determine no calibration.
+        """
+        fitting, fits = self._fitting(), self.journal.noted("fit")
+        if len(fitting) < START_ROWS:
+            return self._state()
+        if self._fit is None and fits and fits[-1] <= len(fitting):
+            self._fit = self._fitted(fitting[: fits[-1]])
+        if self._is_due(fitting):
+            self._refit(fitting)
+        budget = self._budget_with(self._gained(fitting)[0])
+        if self._meets(budget) and not self._meets(self._budget_of_fit()):
+            self._refit(fitting)  # what would end it is not taken from an approximation
+            budget = self._budget_of_fit()
+        return self._judged(budget)
+
+    def _is_due(self, fitting: Int[np.ndarray, " k"]) -> bool:
+        """Whether it is time for a fit: at first, after many rows, where a station is new, or fitted rows count no more."""
+        if self._fit is None or len(fitting) >= math.ceil(REFIT_GROWTH * len(self._fit.rows)):
+            return True
+        new = not all(self._located(self.journal.rows[k]) for k in fitting)
+        return new or not np.array_equal(self._fit.rows, fitting[: len(self._fit.rows)])
+
+    def _refit(self, fitting: Int[np.ndarray, " k"]) -> None:
+        self._fit = self._fitted(fitting)
+        self.journal.note({"fit": len(fitting)})
+
+    def _gained(self, fitting: Int[np.ndarray, " k"]) -> tuple[Float[np.ndarray, "d d"], Float[np.ndarray, "e e"]]:
+        """Information of the rows after the fit, in the directions of both experiments."""
+        assert self._fit is not None
+        both = self._fit.choice.judged, self._fit.choice.weighing
+        new = [self.journal.rows[k].joints for k in fitting[len(self._fit.rows) :]]
+        if not new:
+            return np.zeros_like(both[0].prior), np.zeros_like(both[1].prior)
+        q, seen = np.stack(new), np.ones((len(new), 1), dtype=bool)
+        judged, chosen = (one.rows(q, seen).reshape(-1, one.basis.shape[1]) for one in both)
+        return judged.T @ judged, chosen.T @ chosen
+
+    def _budget_of_fit(self) -> ErrorBudget:
+        """The error over the task, with its interval, by the fit alone."""
+        assert self._fit is not None
+        return self._budget_with(np.zeros_like(self._fit.choice.judged.prior))
+
+    def _budget_with(self, gained: Float[np.ndarray, "d d"]) -> ErrorBudget:
+        fit = self._fit
+        assert fit is not None
+        judged = fit.choice.judged
+        WC = judged.task @ np.linalg.inv(judged.prior + gained)
+        return ErrorBudget(
+            correction=0.0,
+            left=0.0,
+            variances={"geometry": fit.growth * (float(np.trace(WC)) + judged.left), "model error": fit.single},
+            variance_of_mean_square=2.0 * fit.growth**2 * float(np.sum(WC * WC.T)),
+        )
+
+    def _meets(self, budget: ErrorBudget) -> bool:
+        return self.aim.tolerance is not None and budget.interval[1] <= self.aim.tolerance
+
+    # The rows kept out.
+
+    def _campaign(self, rows: Sequence[Row]) -> Campaign:
+        """Rows as measurements of the calibration's target, each in the frame of its station."""
+        assert self._fit is not None
+        known = self._fit.calibration.layout.stations
+        names = ("1",) if known is None else known.names
+        return Campaign(
+            ids=tuple(row.id for row in rows),
+            q=np.stack([row.joints for row in rows]),
+            targets=self._fit.calibration.targets,
+            points=np.stack([row.point for row in rows])[:, None],
+            stations=Stations(
+                names=names,
+                of=np.array([names.index(str(row.station)) for row in rows], dtype=np.int64),
+                T_first_station=np.tile(np.eye(4), (len(names), 1, 1)),
+            ),
+        )
+
+    def _located(self, row: Row) -> bool:
+        """Whether the frame of a row's station is known."""
+        if self._fit is None:
+            return False
+        known = self._fit.calibration.layout.stations
+        return row.station == 1 if known is None else str(row.station) in known.names
+
+    def kept_out_errors(self) -> Float[np.ndarray, " k"]:
+        """Errors in space of the rows kept out, by the calibration without them, metres."""
+        rows = [row for row in (self.journal.rows[k] for k in self._numbers("kept-out")) if self._located(row)]
+        if not rows or self._fit is None:
+            return np.zeros(0)
+        return np.linalg.norm(residuals_on(self._fit.calibration, self._campaign(rows))[:, 0], axis=1)
+
+    def _judged(self, budget: ErrorBudget) -> State:
+        errors, tolerance = self.kept_out_errors(), self.aim.tolerance
+        looks = [Look(*look) for look in self.journal.noted("look")]
+        due = max(MIN_KEPT_OUT, math.ceil(LOOK_GROWTH * looks[-1].kept_out) if looks else 0)
+        met = self._meets(budget)
+        if met and len(errors) >= due:
+            level = level_of(len(looks) + 1)
+            bound = error_bound(errors, level)
+            look = Look(len(errors), float(np.sqrt(np.mean(errors**2))), level, bound)
+            self.journal.note({"look": list(look)})
+            looks.append(look)
+        last = looks[-1] if looks else None
+        proven = met and last is not None and tolerance is not None and last.bound <= tolerance
+        more = None
+        if tolerance is not None and budget.uncertainty and not proven:
+            fitted = len(self._fitting())
+            by_posterior = fitted * ((budget.interval[1] / tolerance) ** 2 - 1.0)
+            more = max(math.ceil(by_posterior), due - len(errors), 0)
+        return replace(self._state(), budget=budget, kept_out=errors, look=last, met=met, proven=proven, more=more)
+
+    def _state(self) -> State:
+        """What is known without a fit."""
+        rows = self.journal.rows
+        last = rows[-1] if rows else None
+        return State(rows=len(rows), purpose=last.purpose if last else None, last=last.joints if last else None)
+
+    # The next pose.
+
+    def purpose(self, state: State, *, doubt: bool = False) -> Purpose:
+        """What the next row is for.
+
+        Args:
+            state: after the rows so far.
+            doubt: whether the last row was far from where it was expected.
+        """
+        number = len(self.journal.rows) + 1
+        if state.budget is None:
+            return "chosen"
+        if doubt or (number % REFERENCE_EVERY == 1 and self.journal.rows[-1].purpose != "reference"):
+            return "reference"
+        chosen = self._numbers("chosen")
+        here = sum(self.journal.rows[k].station == self.station for k in chosen)
+        every = KEPT_OUT_EVERY
+        if state.met:
+            every = 1 if len(state.kept_out) < MIN_KEPT_OUT else 2
+        return "kept-out" if number % every == 0 and here >= MIN_STATION_ROWS else "chosen"
+
+    def next(
+        self, state: State, *, doubt: bool = False, clear: Callable[[Float[np.ndarray, " joints"]], bool] | None = None
+    ) -> tuple[Step, float | None]:
+        """The next pose, and the error over the task that is expected after it, metres, where it is chosen for that.
+
+        Args:
+            state: after the rows so far.
+            doubt: measure the first pose again.
+            clear: whether the robot gets to joints; by default it is not asked.
+
+        Raises:
+            ReachError: no pose is left.
+        """
+        number, purpose = len(self.journal.rows) + 1, self.purpose(state, doubt=doubt)
+        if purpose == "reference":
+            return Step(number, purpose, self.journal.rows[0].joints), None
+        if purpose == "kept-out":
+            return Step(number, purpose, self._drawn(number, clear)), None
+        start, planned, _ = self._start
+        if self._fit is None:
+            done = len(self._numbers("chosen")) + len(self._skipped)
+            if done < len(planned):
+                return Step(number, purpose, planned[done]), None
+            q = self._free(start.measurable.q)
+            return Step(number, purpose, q[np.random.default_rng([self.aim.seed, number]).integers(len(q))]), None
+        q, error = self._best(clear)
+        return Step(number, purpose, q), error
+
+    def _free(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "k joints"]:
+        """Poses that were neither measured nor skipped.
+
+        Raises:
+            ReachError: there is none.
+        """
+        free = q[self._is_free(q)]
+        if not len(free):
+            raise ReachError("every candidate pose was measured or skipped; begin another campaign with another --seed")
+        return free
+
+    def _is_free(self, q: Float[np.ndarray, "n joints"]) -> np.ndarray:
+        done = [*(row.joints for row in self.journal.rows), *self._skipped]
+        free = np.ones(len(q), dtype=bool)
+        for one in done:
+            free &= (np.abs(q - one) > SAME_POSE).any(axis=1)
+        return free
+
+    def _drawn(
+        self, number: int, clear: Callable[[Float[np.ndarray, " joints"]], bool] | None
+    ) -> Float[np.ndarray, " joints"]:
+        """A pose of the task that chance chooses."""
+        q = self._free(self._start[2].q)
+        order = np.random.default_rng([self.aim.seed, number]).permutation(len(q))
+        return next((q[k] for k in order if clear is None or clear(q[k])), q[order[0]])
+
+    @single_threaded
+    def _best(
+        self, clear: Callable[[Float[np.ndarray, " joints"]], bool] | None
+    ) -> tuple[Float[np.ndarray, " joints"], float]:
+        """The pose that lowers the expected error most, and that error, metres."""
+        assert self._fit is not None
+        choice, (judged, gained) = self._fit.choice, self._gained(self._fitting())
+        q, seen = choice.measurable.q, choice.measurable.visible
+        free = np.flatnonzero(self._is_free(q))
+        while len(free):
+            among = replace(
+                choice.candidates,
+                rows=choice.candidates.rows[free],
+                prior=choice.candidates.prior + gained,
+                signal=choice.candidates.signal + gained,
+            )
+            best = int(choose(among, 1, sweeps=0).chosen[0])
+            at = free[best]
+            if clear is None or clear(q[at]):
+                X = choice.judged.rows(q[at : at + 1], seen[at : at + 1]).reshape(-1, choice.judged.basis.shape[1])
+                return q[at], self._budget_with(judged + X.T @ X).after
+            free = np.delete(free, best)
+        raise ReachError("the robot gets to no candidate on a straight way that is clear; move it, and resume")
+
+    # Rows that are not what was expected.
+
+    def surprise(self, row: Row) -> float | None:
+        """How far a row is from where it is expected, metres, if prediction and noise allow far less; else None."""
+        if not self._located(row) or self._fit is None:
+            return None
+        campaign = self._campaign([row])
+        residual = residuals_on(self._fit.calibration, campaign)[0, 0]
+        covariance = covariance_on(self._fit.calibration, campaign, campaign.covariances())[0, 0]
+        far = residual @ np.linalg.solve(covariance, residual) > SURPRISE_SIGMAS**2
+        return float(np.linalg.norm(residual)) if far else None
+
+    def drift(self, row: Row) -> float | None:
+        """How far the reference pose has moved, metres, where that is beyond noise; None where it is not, or not known."""
+        same = [one for one in self.journal.rows if one.station == row.station and one.purpose == "reference"]
+        same = [one for one in self.journal.rows[:1] if one.station == row.station] + same
+        if not same or not self._located(row) or self._fit is None:
+            return None
+        residual = residuals_on(self._fit.calibration, self._campaign([same[0], row]))[:, 0]
+        off = float(np.linalg.norm(residual[1] - residual[0]))
+        noise = float(np.sqrt(2.0 * np.trace(TrackerNoise().covariance(row.point))))
+        return off if off > DRIFT_SIGMAS * noise + REPEATABILITY_M else None
+
+    def calibration(self) -> Calibration:
+        """The calibration of all chosen rows, with its errors at those kept out.
+
+        Raises:
+            CampaignError: there are too few.
+        """
+        fitting, kept_out = self._fitting(), self._numbers("kept-out")
+        if len(fitting) < START_ROWS:
+            raise CampaignError(
+                f"{len(fitting)} rows are too few for a calibration; measure {START_ROWS} or more, and resume (--resume)"
+            )
+        if self._fit is None or len(self._fit.rows) < len(fitting):
+            self._fit = self._fitted(fitting)
+        kept_out = np.array([k for k in kept_out if self._located(self.journal.rows[k])], dtype=np.int64)
+        if not len(kept_out):
+            return self._fit.calibration
+        campaign = read_campaign(self.journal.path, self.aim.model.robot).take(np.union1d(fitting, kept_out))
+        out = np.flatnonzero(np.isin(np.union1d(fitting, kept_out), kept_out))
+
+        def nominal(rows: Campaign) -> Calibration:
+            return fit_nominal(self.aim.model, rows, FitOptions())
+
+        return with_held_out(self._fit.calibration, campaign, out, nominal)

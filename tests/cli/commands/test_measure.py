@@ -1,0 +1,64 @@
+"""``taskcal measure`` on a virtual robot: lines of JSON, resuming, and what is refused."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+import taskcal as tc
+from tests.cli.conftest import Run
+from tests.cli.test_json_keys import KEYS
+
+LINE = "measure -r ur5 -t task.toml -c virtual -i virtual -o c.csv --effects none --accuracy-mm 0.3"
+
+
+def test_measuring_stops_resumes_and_ends_with_a_calibration(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A line for each row, with what programs read; the files beside the campaign are those of the other commands."""
+    monkeypatch.chdir(tmp_path)
+    assert run("robots", "task", "ur5", "-o", "task.toml").status == 0
+    first = run(*LINE.split(), "--most", "13", "--json")
+    assert first.status == 0, first.err
+    *rows, end = [json.loads(line) for line in first.out.splitlines()]
+    assert [one["rows"] for one in rows] == list(range(1, 14))
+    assert all(sorted(one) == KEYS["measure"]["top"] for one in rows)
+    assert sorted(end) == KEYS["measure at its end"]["top"]
+    assert (end["ended"], end["proven"]) == ("most", False)
+    assert rows[0]["expected_error_mm"] is None
+    assert 0.0 < rows[-1]["expected_error_mm"] < 1.0
+    again = run(*LINE.split(), "--resume")
+    assert again.status == 0, again.err
+    assert "13 rows are there" in again.err
+    assert "proven" in again.out
+    campaign = tc.read_campaign("c.csv", tc.load_robot("ur5"))
+    assert len(campaign) >= 18
+    calibration = tc.load_calibration("c.calibration.json")
+    kept = [k for k in campaign.ids if k.endswith("kept-out")]
+    assert len(kept) >= 6
+    assert not set(kept) & set(calibration.ids)
+    assert calibration.held_out is not None
+    assert "<html" in Path("c.report.html").read_text()[:500]
+    assert run(*LINE.split()).status == 1  # it is there already
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("-c virtua -i virtual", "did you mean 'virtual'"),
+        ("-c virtual -i tracker", "folder"),
+        ("-c hand -i virtual --drive", "--drive"),
+        ("-c hand -i folder --instrument-address nowhere", "--instrument-address"),
+        ("-c virtual --controller-address here -i virtual", "seed"),
+    ],
+)
+def test_devices_that_are_not_there_are_named(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: str, said: str
+) -> None:
+    """Nothing is written, and the message has what would work."""
+    monkeypatch.chdir(tmp_path)
+    assert run("robots", "task", "ur5", "-o", "task.toml").status == 0
+    ended = run("measure", "-r", "ur5", "-t", "task.toml", "-o", "c.csv", *arguments.split())
+    assert ended.status in (1, 2)
+    assert said in ended.err
+    assert not Path("c.csv").exists()

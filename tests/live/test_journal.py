@@ -1,0 +1,122 @@
+"""Nothing that was measured is lost: the campaign is whole after a kill at any byte."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import taskcal as tc
+from taskcal.errors import FileError
+from taskcal.live.journal import Journal, Row
+
+ROBOT = tc.load_robot("ur5")
+Q = np.random.default_rng(0).uniform(-1.0, 1.0, size=(6, 6)) + np.array([0.0, -1.5, 1.5, 0.0, 0.0, 0.0])
+PURPOSES = ("chosen", "chosen", "kept-out", "reference", "chosen", "kept-out")
+ROWS = [
+    Row(
+        number=k + 1,
+        purpose=purpose,
+        station=1 + k // 4,
+        time_s=20.0 * k,
+        joints=q,
+        point=np.array([1.0, 2.0, 0.1 * k]),
+    )
+    for k, (q, purpose) in enumerate(zip(Q, PURPOSES, strict=True))
+]
+
+
+def _begun(path: Path, count: int = 6) -> Journal:
+    journal = Journal(path, ROBOT)
+    journal.begin({"seed": 1})
+    for row in ROWS[:count]:
+        journal.append(row)
+    journal.note({"fit": 4})
+    return journal
+
+
+def test_a_kill_at_any_byte_costs_at_most_the_line_in_hand(tmp_path: Path) -> None:
+    """Whatever part of the last line is there, all rows before it are, and the next is appended behind them."""
+    path = tmp_path / "c.csv"
+    _begun(path)
+    whole = path.read_bytes()
+    last = whole[:-1].rfind(b"\n") + 1
+    for cut in range(last, len(whole) + 1):
+        path.write_bytes(whole[:cut])
+        journal = Journal(path, ROBOT)
+        journal.resume({"seed": 1})
+        assert len(journal.rows) == (6 if cut == len(whole) else 5)
+        assert journal.dropped == (last < cut < len(whole))
+        if cut < len(whole):
+            journal.append(ROWS[5])
+        assert path.read_bytes() == whole
+    for row, read in zip(ROWS, journal.rows, strict=True):
+        assert (read.number, read.purpose, read.station) == (row.number, row.purpose, row.station)
+        np.testing.assert_allclose(read.joints, row.joints, atol=1e-10)
+        np.testing.assert_allclose(read.point, row.point, atol=1e-9)
+    assert journal.noted("fit") == (4,)
+
+
+def test_the_file_is_an_ordinary_campaign(tmp_path: Path) -> None:
+    """Every other command reads it, and has nothing to say of its columns."""
+    _begun(tmp_path / "c.csv", 4)
+    campaign = tc.read_campaign(tmp_path / "c.csv", ROBOT)
+    assert campaign.ids == ("1", "2", "3-kept-out", "4-reference")
+    assert not campaign.notes
+    np.testing.assert_allclose(campaign.q, Q[:4], atol=1e-9)
+
+
+def test_another_campaign_is_not_gone_on_with(tmp_path: Path) -> None:
+    """Other settings, another robot, an edited row and no file at all are refused; nothing is overwritten."""
+    path = tmp_path / "c.csv"
+    with pytest.raises(FileError, match="--resume"):
+        Journal(path, ROBOT).resume({"seed": 1})
+    _begun(path)
+    with pytest.raises(FileError, match="already"):
+        Journal(path, ROBOT).begin({"seed": 1})
+    with pytest.raises(FileError, match="another seed"):
+        Journal(path, ROBOT).resume({"seed": 2})
+    with pytest.raises(FileError, match="columns"):
+        Journal(path, tc.load_robot("barrett-wam")).resume({"seed": 1})
+    path.write_text(path.read_text().replace("3-kept-out", "8"))
+    with pytest.raises(FileError, match=":4"):
+        Journal(path, ROBOT).resume({"seed": 1})
+
+
+WRITER = """
+import sys
+from pathlib import Path
+sys.path.insert(0, {root!r})
+from tests.live.test_journal import ROBOT, ROWS, Journal
+from dataclasses import replace
+journal = Journal(Path({path!r}), ROBOT)
+journal.begin({{"seed": 1}})
+while True:
+    number = len(journal.rows) + 1
+    journal.append(replace(ROWS[number % 6], number=number))
+    journal.note({{"fit": number}})
+    print(number, flush=True)
+"""
+
+
+def test_rows_that_were_said_survive_kill_9(tmp_path: Path) -> None:
+    """A process that is killed while it writes leaves every row that it had said was there."""
+    path = tmp_path / "c.csv"
+    code = WRITER.format(root=str(Path(__file__).parents[2]), path=str(path))
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        while int(process.stdout.readline()) < 20:
+            pass
+        time.sleep(0.01)
+        os.kill(process.pid, signal.SIGKILL)
+        said = [int(line) for line in process.stdout if line.endswith("\n")]
+    journal = Journal(path, ROBOT)
+    journal.resume({"seed": 1})
+    assert len(journal.rows) >= max(said, default=20)
+    assert [row.number for row in journal.rows] == list(range(1, len(journal.rows) + 1))
+    assert json.loads(journal.notes_path.read_text().splitlines()[-1])["fit"] <= len(journal.rows)
