@@ -27,9 +27,6 @@ from robot_programs.languages import LANGUAGES, Language
 
 # What is taken for a backup: a folder, or a zip file.
 
-"""Suffix of a zip file; letter case does not matter."""
-
-
 MAX_FILES = 50_000
 """No backup has more."""
 

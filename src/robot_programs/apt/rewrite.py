@@ -1,6 +1,6 @@
 """Rewriting motions of an APT program: points, and arcs as CATIA writes them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +9,7 @@ from jaxtyping import Float
 from robot_programs.apt.circle import Arc, Instruction, arc_through
 from robot_programs.apt.syntax import Token
 from robot_programs.core.errors import InputError
-from robot_programs.core.program import SAME_POSE, Motion, Program, Waypoint
+from robot_programs.core.program import SAME_POSE, Motion, Paths, Program, Waypoint
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Place, Source, TextEdit, numeral, renumbered
 
@@ -24,7 +24,7 @@ class AptProgram(Program):
     instructions: tuple[Instruction, ...]
     """Where each motion stands."""
 
-    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+    def rewrite(self, robot: Robot, waypoints: Paths) -> tuple[Source, ...]:
         """The files with some motions rewritten; see `Program.rewrite`.
 
         A point without a tool axis keeps being one: its position changes, its axis stays. What counts from the end of a
@@ -53,9 +53,7 @@ class AptProgram(Program):
         return tuple(source.edited(e) for source, e in zip(self.sources, edits, strict=True))
 
 
-def _start(
-    move: Motion, instruction: Instruction, waypoints: Mapping[int, tuple[Waypoint, ...]]
-) -> Float[np.ndarray, " 3"] | None:
+def _start(move: Motion, instruction: Instruction, waypoints: Paths) -> Float[np.ndarray, " 3"] | None:
     if move.follows is None or move.follows not in waypoints:
         return instruction.begin
     T = waypoints[move.follows][-1].T

@@ -254,6 +254,10 @@ class Waypoint:
         )
 
 
+Paths = Mapping[int, tuple[Waypoint, ...]]
+"""What motions become, by their numbers."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Edit:
     """Other numbers for a motion; what is None stays as it is written."""
@@ -323,7 +327,7 @@ class Program(ABC):
         return f"{type(self).__name__}({paths}: {len(self.motions)} motions{diagnostics})"
 
     @abstractmethod
-    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+    def rewrite(self, robot: Robot, waypoints: Paths) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
 
         A motion becomes as many as it has waypoints, the last of which ends where it ended; all keep its speed and zone
@@ -380,9 +384,7 @@ class Program(ABC):
             f"{self.motions[number].place}: its speed is stated before it, for all motions that follow; change it there"
         )
 
-    def unwritable(
-        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
-    ) -> dict[int, str]:
+    def unwritable(self, robot: Robot, waypoints: Paths, tolerance: float) -> dict[int, str]:
         """Motions that cannot be rewritten as they should, because others have the same text, and why.
 
         Args:
@@ -393,7 +395,7 @@ class Program(ABC):
         return {}
 
     def least_worst(
-        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], numbers: Collection[int], tolerance: float
+        self, robot: Robot, waypoints: Paths, numbers: Collection[int], tolerance: float
     ) -> dict[int, tuple[Waypoint, ...]]:
         """New waypoints of some motions that share their numbers, which all of them reach by the value of the least largest error.
 

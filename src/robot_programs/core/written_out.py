@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from robot_programs.core import se3
 from robot_programs.core.flow import Block, Loop, bodies_of, leaves_loop, lines_in
-from robot_programs.core.program import Waypoint
+from robot_programs.core.program import Paths, Waypoint
 from robot_programs.core.source import FreshNames, Source
 
 # One value for several motions: of the least largest error.
@@ -39,9 +39,7 @@ class Shared:
     """The inverse."""
 
 
-def least_worst(
-    group: Sequence[Shared], waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
-) -> dict[int, tuple[Waypoint, ...]]:
+def least_worst(group: Sequence[Shared], waypoints: Paths, tolerance: float) -> dict[int, tuple[Waypoint, ...]]:
     """Waypoints of motions that share their numbers, all from the one value whose largest error is least.
 
     Args:

@@ -20,6 +20,7 @@ from robot_programs.core.program import (
     Frame,
     Motion,
     MotionKind,
+    Paths,
     Program,
     Target,
     Waypoint,
@@ -699,7 +700,7 @@ class CsvProgram(Program):
     written: tuple[tuple[int, Written], ...]
     """Where each motion stands: number of its table, and rows."""
 
-    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+    def rewrite(self, robot: Robot, waypoints: Paths) -> tuple[Source, ...]:
         """The files with some motions rewritten; see `Program.rewrite`.
 
         Raises:

@@ -446,17 +446,14 @@ class Data:
         return frozenset(variable.name for line in lines if line.type == type_ for variable in line.variables)
 
     @cached_property
-    def _listed(self) -> dict[str, frozenset[str]]:
+    def listed(self) -> Mapping[str, frozenset[str]]:
+        """By module: variables of its own data list, of which other programs know nothing."""
         out: dict[str, set[str]] = {}
         for file in self.files:
             for line in file.statements if file.holds_data and not file.serves_all else ():
                 if isinstance(line, Declaration) and not line.shared:
                     out.setdefault(file.module, set()).update(variable.name for variable in line.variables)
         return {module: frozenset(names) for module, names in out.items()}
-
-    def listed(self, module: str) -> frozenset[str]:
-        """Variables of a module's own data list, of which other programs know nothing."""
-        return self._listed.get(module, frozenset())
 
     def number(self, name: str, module: str, routine: str = "") -> float | bool | None:
         """The number or truth value that a data list states for a variable, if no line of code ever changes it."""

@@ -609,7 +609,6 @@ class _Walk(flow.Walk[State, Routine]):
 
     @property
     def unreached(self) -> State:
-        """State of places that control does not reach."""
         return UNREACHED
 
     def through(self, entry: State) -> tuple[State, AbstractValue | None]:
@@ -629,13 +628,11 @@ class _Walk(flow.Walk[State, Routine]):
     # Conditions, and loops that count.
 
     def asked(self, line: Statement, state: State, node: Node | None = None) -> State:
-        """State after functions in the expressions of a line."""
         for name in calls_of(line):
             state = self.flow.forget(name, state)
         return self._forgotten(line.changed, state) if isinstance(line, Control) else state
 
     def truth(self, condition: Condition, state: State) -> bool | None:
-        """Whether a condition holds; None where the text does not tell."""
         value = self._value(condition.words, state)
         if condition.cases is None:
             return value if isinstance(value, bool) else None
@@ -645,11 +642,9 @@ class _Walk(flow.Walk[State, Routine]):
         return value in cases
 
     def reads_data(self, condition: Condition) -> bool:
-        """Whether a condition names anything."""
         return any(word.kind == "name" for word in condition.words)
 
     def widened(self, state: State, nodes: Sequence[Node], why: str) -> State:
-        """State after lines that may have changed all that they change."""
         lines = tuple(lines_in(nodes))
         changed = frozenset[str]().union(*map(self._changed_by, lines))
         keys = changed - EVERYTHING
@@ -679,7 +674,6 @@ class _Walk(flow.Walk[State, Routine]):
         return Counts(first=first, last=last, step=step) if whole and step else None
 
     def counting(self, loop: Loop, state: State, count: float | None) -> State:
-        """State in which the counter of a FOR has a value; None for any."""
         if loop.kind != "counted":
             return state
         if count is None:
@@ -729,11 +723,9 @@ class _Walk(flow.Walk[State, Routine]):
         return state
 
     def returned(self, line: Control, state: State) -> AbstractValue | None:
-        """Value of a RETURN."""
         return given_by(line.words, self.frames.known(state)) if line.keyword == "RETURN" and line.words else None
 
     def step(self, line: Statement, state: State) -> State:
-        """State after a line."""
         match line:
             case MotionLine():
                 return self._motion(line, state)

@@ -16,6 +16,7 @@ from robot_programs.core.program import (
     Composition,
     Motion,
     MotionKind,
+    Paths,
     Program,
     Target,
     Visit,
@@ -254,7 +255,7 @@ class KrlProgram(Program):
 
         return wrapping(self, found, added, cleared)
 
-    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+    def rewrite(self, robot: Robot, waypoints: Paths) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
 
         Points of the program's own data list get new numbers there, or a copy beside them where other motions still need the old
@@ -293,14 +294,12 @@ class KrlProgram(Program):
         rewriting.variables()
         return tuple(source.edited(rewriting.edits.get(i, ())) for i, source in enumerate(self.sources))
 
-    def unwritable(
-        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float = 0.0
-    ) -> dict[int, str]:
+    def unwritable(self, robot: Robot, waypoints: Paths, tolerance: float = 0.0) -> dict[int, str]:
         """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
         return reject_in_turn(waypoints, lambda rest: _conflicts(self, robot, rest))
 
     def least_worst(
-        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], numbers: Collection[int], tolerance: float
+        self, robot: Robot, waypoints: Paths, numbers: Collection[int], tolerance: float
     ) -> dict[int, tuple[Waypoint, ...]]:
         """One value where motions share their numbers; see `Program.least_worst`."""
         groups: dict[object, list[Shared]] = defaultdict(list)
@@ -331,7 +330,8 @@ class KrlProgram(Program):
             for line in routine.lines:
                 for other in (other for name in calls_of(line) for other in by_name.get(name, ())):
                     calls[other].append((line, routine))
-        motions = [(text, routine) for routine in self.bodies for text in _texts(routine) if text in shared]
+        lines = ((routine, line) for routine in self.bodies for line in routine.lines)
+        motions = [(text, r) for r, line in lines if (text := (r.file.number, line.start)) in shared]
         reached = reaching(
             motions, {other: [((r.file.number, x.start), r) for x, r in own] for other, own in calls.items()}
         )
@@ -343,16 +343,37 @@ class KrlProgram(Program):
         fresh = FreshNames((name for file in self.files for name in file.mentions), longest=MAX_NAME_LENGTH)
         return written_out(self.sources, turns, _repeated(calls, {routine for _, routine in motions}), fresh)
 
-    def visits(self) -> Iterable[Visit]:
-        """Motions of one routine that name one point; see `Program.visits`."""
-        return visits_of(self.sites, self.motions, self.files)
+    def visits(self) -> Iterator[Visit]:
+        """Motions of one routine that name one point, or a variable that was last set by it, and those that lean on each other.
+
+        What a variable held before it was set anew as a whole is another target; see `Program.visits`.
+        """
+        numbers: dict[tuple[int, int], list[int]] = defaultdict(list)
+        for i, site in enumerate(self.sites):
+            numbers[site.text].append(i)
+        for file in self.files:
+            for routine in file.sections:
+                points = {name for line in routine.lines if isinstance(line, MotionLine) for name in _named(line)}
+                sets: dict[str, frozenset[str]] = {}
+                times: Counter[str] = Counter()
+                for line in routine.lines:
+                    if isinstance(line, Assignment) and not line.component:
+                        read = {word.upper for word in line.words}
+                        times[line.name] += line.name not in read
+                        named = frozenset(points & read) - {line.name}
+                        sets[line.name] = named.union(*(sets.get(name, ()) for name in named))
+                    elif isinstance(line, MotionLine):
+                        named = frozenset(_named(line))
+                        for name in named.union(*(sets.get(name, ()) for name in named)):
+                            for i in numbers.get((file.number, line.start), (None,)):
+                                target = (routine, name, times[name])
+                                yield Visit(number=i, target=target, place=file.source.place(line.start))
+        for i, site in enumerate(self.sites):
+            for number in (i, *site.before) if site.leans else ():
+                yield Visit(number=number, target=i, place=self.motions[number].place)
 
 
 # Loops written turn by turn, and routines for each of their calls.
-
-
-def _texts(routine: Routine) -> Iterator[Text]:
-    return ((routine.file.number, line.start) for line in routine.lines)
 
 
 def _turns_of(
@@ -622,9 +643,7 @@ Values = tuple[dict[str, float] | None, ...]
 """New numbers for the points of a motion; None for those that stay."""
 
 
-def in_data_list(
-    sites: Sequence[Site], motions: Sequence[Motion], waypoints: Mapping[int, tuple[Waypoint, ...]]
-) -> frozenset[int]:
+def in_data_list(sites: Sequence[Site], motions: Sequence[Motion], waypoints: Paths) -> frozenset[int]:
     """Numbers of motions whose points get their numbers in the data list.
 
     They go to elements of arrays of the program's own to which a text leads that stands for several motions.
@@ -656,9 +675,7 @@ def _array(written: Written) -> str:
     return f"{datum.file.module}:{datum.name.partition('[')[0]}"
 
 
-def _conflicts(
-    program: KrlProgram, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]
-) -> Iterator[tuple[int, str]]:
+def _conflicts(program: KrlProgram, robot: Robot, waypoints: Paths) -> Iterator[tuple[int, str]]:
     """Motions that cannot be rewritten as they should, by number, and why."""
     sites, motions = program.sites, program.motions
     elements = in_data_list(sites, motions, waypoints)
@@ -744,36 +761,6 @@ def _agree(one: Values, other: Values) -> bool:
         elif any(abs(a[name] - b[name]) > NUMBER_TOLERANCE for name in a):
             return False
     return True
-
-
-def visits_of(sites: Sequence[Site], motions: Sequence[Motion], files: Iterable[File]) -> Iterator[Visit]:
-    """Motions of one routine that name one point, or a variable that was last set by it, and those that lean on each other.
-
-    What a variable held before it was set anew as a whole is another target.
-    """
-    numbers: dict[tuple[int, int], list[int]] = defaultdict(list)
-    for i, site in enumerate(sites):
-        numbers[site.text].append(i)
-    for file in files:
-        for routine in file.sections:
-            points = {name for line in routine.lines if isinstance(line, MotionLine) for name in _named(line)}
-            sets: dict[str, frozenset[str]] = {}
-            times: Counter[str] = Counter()
-            for line in routine.lines:
-                if isinstance(line, Assignment) and not line.component:
-                    read = {word.upper for word in line.words}
-                    times[line.name] += line.name not in read
-                    named = frozenset(points & read) - {line.name}
-                    sets[line.name] = named.union(*(sets.get(name, ()) for name in named))
-                elif isinstance(line, MotionLine):
-                    named = frozenset(_named(line))
-                    for name in named.union(*(sets.get(name, ()) for name in named)):
-                        for i in numbers.get((file.number, line.start), (None,)):
-                            target = (routine, name, times[name])
-                            yield Visit(number=i, target=target, place=file.source.place(line.start))
-    for i, site in enumerate(sites):
-        for number in (i, *site.before) if site.leans else ():
-            yield Visit(number=number, target=i, place=motions[number].place)
 
 
 def _named(motion: MotionLine) -> Iterator[str]:

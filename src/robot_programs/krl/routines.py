@@ -23,6 +23,9 @@ from robot_programs.krl.syntax import (
 )
 from robot_programs.krl.values import Names, forgotten
 
+Routines = Mapping[str, Sequence[Routine]]
+"""The routines of each name, which several files may have."""
+
 
 def routines_of(files: tuple[File, ...]) -> dict[str, list[Routine]]:
     """The routines of some files by name, which routines of several files may share."""
@@ -35,13 +38,8 @@ def routines_of(files: tuple[File, ...]) -> dict[str, list[Routine]]:
 
 
 _VARIABLES = {
-    "$TOOL": "tool",
-    "$BASE": "base",
-    "$IPO_MODE": "mode",
-    "FDAT_ACT": "parameters",
-    "$VEL": "speed",
-    "$APO": "approximation",
-}
+    "$TOOL": "tool", "$BASE": "base", "$IPO_MODE": "mode", "FDAT_ACT": "parameters", "$VEL": "speed", "$APO": "approximation",
+}  # fmt: skip
 _COMMANDS = {
     "#INITMOV": EVERYTHING - {"motion"},
     "#PTP_PARAMS": frozenset({"tool", "base", "mode", "approximation"}),
@@ -121,7 +119,7 @@ def only_computes(routine: Routine, routines: Container[str]) -> bool:
     return True
 
 
-def changing(routines: Mapping[str, Sequence[Routine]], data: Data) -> dict[str, frozenset[str]]:
+def changing(routines: Routines, data: Data) -> dict[str, frozenset[str]]:
     """What the routines of each name change, by themselves or by those that they call; see `changed_by`."""
 
     def own(routine: Routine) -> Iterator[str]:
@@ -132,9 +130,7 @@ def changing(routines: Mapping[str, Sequence[Routine]], data: Data) -> dict[str,
     return _through_calls(routines, own)
 
 
-def concerned(
-    routines: Mapping[str, Sequence[Routine]], data: Data, changes: Mapping[str, frozenset[str]]
-) -> dict[str, frozenset[str]]:
+def concerned(routines: Routines, data: Data, changes: Mapping[str, frozenset[str]]) -> dict[str, frozenset[str]]:
     """Keys of the variables that the routines of each name read or change, or that what runs beside them changes."""
     beside = frozenset[str]().union(
         *(
@@ -152,9 +148,7 @@ def concerned(
     return {name: read[name] | changes[name] | beside for name in routines}
 
 
-def _through_calls(
-    routines: Mapping[str, Sequence[Routine]], own: Callable[[Routine], Iterable[Thing]]
-) -> dict[str, frozenset[Thing]]:
+def _through_calls(routines: Routines, own: Callable[[Routine], Iterable[Thing]]) -> dict[str, frozenset[Thing]]:
     """What the routines of each name have, by themselves or by those that they call."""
     return with_called(
         {
@@ -214,7 +208,7 @@ def matters(line: Statement, read: frozenset[str], routines: Container[str]) -> 
             return False
 
 
-def resuming(routines: Mapping[str, Sequence[Routine]]) -> frozenset[str]:
+def resuming(routines: Routines) -> frozenset[str]:
     """Routines that declare an interrupt whose routine resumes, which leaves those that they call."""
     resumes = _through_calls(routines, lambda r: (line.start for line in r.lines if _resumes(line)))
     return frozenset(
@@ -228,7 +222,7 @@ def _resumes(line: Statement) -> bool:
     return isinstance(line, Control) and line.keyword == "RESUME"
 
 
-def unasked(files: Iterable[File], routines: Mapping[str, Sequence[Routine]]) -> frozenset[str]:
+def unasked(files: Iterable[File], routines: Routines) -> frozenset[str]:
     """Routines that are not called from the line before: by interrupts, beside a motion, or in the submit interpreter."""
     submitted = (line.name for file in files if file.submits for line in file.heads)
     beside = (name for _, line in declared_in(routines).values() for name in _called_by_action(line))
@@ -307,7 +301,7 @@ class Actions:
         return state
 
 
-def declared_in(routines: Mapping[str, Sequence[Routine]]) -> Declared:
+def declared_in(routines: Routines) -> Declared:
     """The lines that declare an action, with their routines."""
     return {
         _text(routine, line): (routine, line)
@@ -319,7 +313,7 @@ def declared_in(routines: Mapping[str, Sequence[Routine]]) -> Declared:
 
 
 def actions_of(
-    routines: Mapping[str, Sequence[Routine]],
+    routines: Routines,
     data: Data,
     changes: Mapping[str, frozenset[str]],
     followed: Callable[[str], bool],
@@ -389,7 +383,7 @@ def actions_of(
 class _Meant:
     """Which declarations a line that starts or ends actions may mean."""
 
-    routines: Mapping[str, Sequence[Routine]]
+    routines: Routines
     data: Data
     declared: Declared
 
@@ -438,7 +432,7 @@ class _Meant:
         return self.data.number(word.upper, routine.file.module, routine.name)
 
 
-def _lines_beside(routines: Mapping[str, Sequence[Routine]]) -> Iterable[tuple[Routine, Beside]]:
+def _lines_beside(routines: Routines) -> Iterable[tuple[Routine, Beside]]:
     for same in routines.values():
         for routine in same:
             yield from ((routine, line) for line in routine.lines if isinstance(line, Beside))
@@ -487,9 +481,7 @@ def _effect(
     )
 
 
-def _missing(
-    line: Beside, actions: Sequence[Statement | None], routines: Mapping[str, Sequence[Routine]]
-) -> Iterable[str]:
+def _missing(line: Beside, actions: Sequence[Statement | None], routines: Routines) -> Iterable[str]:
     """Diagnostics of what a line starts and the files do not have."""
     leaves = "is taken to leave $TOOL, $BASE and $IPO_MODE as they are"
     names = dict.fromkeys(action.name for action in actions if isinstance(action, Call))

@@ -521,15 +521,9 @@ def _opens(word: Word) -> int:
 # From the words of a file to its statements: declarations, assignments, calls and motions.
 
 BLOCKS = {
-    "IF": "ENDIF",
-    "FOR": "ENDFOR",
-    "WHILE": "ENDWHILE",
-    "REPEAT": "UNTIL",
-    "LOOP": "ENDLOOP",
-    "SWITCH": "ENDSWITCH",
-    "SPLINE": "ENDSPLINE",
-    "PTP_SPLINE": "ENDSPLINE",
-}
+    "IF": "ENDIF", "FOR": "ENDFOR", "WHILE": "ENDWHILE", "REPEAT": "UNTIL", "LOOP": "ENDLOOP", "SWITCH": "ENDSWITCH",
+    "SPLINE": "ENDSPLINE", "PTP_SPLINE": "ENDSPLINE",
+}  # fmt: skip
 """What opens a block, and what closes it."""
 
 _STEERING = {*BLOCKS, *BLOCKS.values(), "ELSE", "CASE", "DEFAULT", "GOTO", "EXIT", "RETURN", "RESUME"}
@@ -750,11 +744,8 @@ MAX_DEPTH = 24
 _INNER = {"IF": {"ELSE"}, "SWITCH": {"CASE", "DEFAULT"}}
 _CLOSING = frozenset(BLOCKS.values())
 _KINDS: Mapping[str, Literal["counted", "while", "until", "endless"]] = {
-    "FOR": "counted",
-    "WHILE": "while",
-    "REPEAT": "until",
-    "LOOP": "endless",
-}
+    "FOR": "counted", "WHILE": "while", "REPEAT": "until", "LOOP": "endless",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

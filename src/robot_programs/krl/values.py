@@ -394,7 +394,7 @@ class Names:
             routine=routine.name,
             module=routine.file.module,
             own=routine.own,
-            listed=data.listed(routine.file.module),
+            listed=data.listed.get(routine.file.module, frozenset()),
             whole_numbers=data.whole_numbers,
             real_numbers=data.real_numbers,
             volatile=volatile,

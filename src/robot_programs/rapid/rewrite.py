@@ -19,6 +19,7 @@ from robot_programs.core.program import (
     Frame,
     Motion,
     MotionKind,
+    Paths,
     Program,
     Target,
     Unresolved,
@@ -407,7 +408,7 @@ class RapidProgram(Program):
     turns: Mapping[Loop, tuple[float, ...] | None] = field(default_factory=dict[Loop, tuple[float, ...] | None])
     """See `Flow.turns`."""
 
-    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+    def rewrite(self, robot: Robot, waypoints: Paths) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
 
         Args:
@@ -453,9 +454,7 @@ class RapidProgram(Program):
             raise InputError(f"{site.move.place}: {name} takes no speed of its own; change its speed data")
         return file, TextEdit(start=where.speed.end, end=where.speed.end, text=f"\\V:={text}")
 
-    def unwritable(
-        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
-    ) -> dict[int, str]:
+    def unwritable(self, robot: Robot, waypoints: Paths, tolerance: float) -> dict[int, str]:
         """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
         sharing = self._sharing()
         ends: dict[TargetArgument, Waypoint] = {}
@@ -474,7 +473,7 @@ class RapidProgram(Program):
         return super().motions_in(sources) if found is None else found
 
     def least_worst(
-        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], numbers: Collection[int], tolerance: float
+        self, robot: Robot, waypoints: Paths, numbers: Collection[int], tolerance: float
     ) -> dict[int, tuple[Waypoint, ...]]:
         """One value where motions share their numbers; see `Program.least_worst`."""
         groups: dict[object, list[Shared]] = defaultdict(list)
@@ -508,7 +507,7 @@ class RapidProgram(Program):
 
     def _conflicts(
         self,
-        waypoints: Mapping[int, tuple[Waypoint, ...]],
+        waypoints: Paths,
         sharing: Sequence[int],
         texts: Mapping[TargetArgument, Texts],
         tolerance: float,

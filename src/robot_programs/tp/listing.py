@@ -499,25 +499,9 @@ METRES_PER_SECOND = {"mm/sec": 1e-3, "cm/min": 1e-2 / 60.0, "inch/min": 0.0254 /
 
 _BEHIND = frozenset({"ta", "tb", "db"})
 """Options that begin a call or an assignment at a time before or behind the target; all that follows belongs to them."""
-_WITHOUT_EFFECT = frozenset(
-    [
-        "acc",
-        "ev",
-        "pth",
-        "mrot",
-        "break",
-        "arc",
-        "start",
-        "end",
-        "weave",
-        "sine",
-        "circle",
-        "figure",
-        "spot",
-        "ap_ld",
-        "rt_ld",
-    ]
-)
+_WITHOUT_EFFECT = frozenset({
+    "acc", "ev", "pth", "mrot", "break", "arc", "start", "end", "weave", "sine", "circle", "figure", "spot", "ap_ld", "rt_ld",
+})  # fmt: skip
 """Options that do not change where the motion leads."""
 _REFUSED = {
     "inc": "INC counts its position from where the tool is",

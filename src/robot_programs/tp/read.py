@@ -37,7 +37,7 @@ from robot_programs.tp.listing import (
     parse_motion,
     read_variables,
 )
-from robot_programs.tp.rewrite import Site, TpProgram, Written
+from robot_programs.tp.rewrite import Shifts, Site, TpProgram, Written
 
 # User frames and tools by number: from a backup's variables, or given with the program.
 
@@ -357,9 +357,7 @@ class Resolver:
         )
         return move, written
 
-    def _offset(
-        self, offsets: tuple[Offset, ...], at: int, state: State
-    ) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "4 4"]]:
+    def _offset(self, offsets: tuple[Offset, ...], at: int, state: State) -> Shifts:
         """Shifts in the user frame and in the tool.
 
         Raises:
@@ -390,12 +388,7 @@ class Resolver:
         if all(diagnostic.text != text for diagnostic in self.findings.diagnostics):
             self.findings.diagnostics.append(Diagnostic(place=self.source.place(at), text=text))
 
-    def _written(
-        self,
-        operand: Operand,
-        state: State,
-        offset: tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "4 4"]],
-    ) -> Written:
+    def _written(self, operand: Operand, state: State, offset: Shifts) -> Written:
         """A position with the frames that it counts from.
 
         Raises:
@@ -434,13 +427,7 @@ class Resolver:
             operand=operand, position=position, stated=group, numbers=(numbers[0], numbers[1]), offset=offset
         )
 
-    def _register(
-        self,
-        number: int,
-        operand: Operand,
-        state: State,
-        offset: tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "4 4"]],
-    ) -> Written:
+    def _register(self, number: int, operand: Operand, state: State, offset: Shifts) -> Written:
         if {number, None} & self.changed_elsewhere:
             raise Unresolved(f"PR[{number}] is set in the program, to what is known only at run time")
         register = self.frames.variables.registers.get(number)

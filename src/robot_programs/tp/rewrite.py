@@ -1,7 +1,7 @@
 """Rewriting motions of a TP program: numbers of its positions, positions of their own, and motions before others."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from math import isclose
 
@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from robot_programs.core import se3
 from robot_programs.core.errors import InputError
-from robot_programs.core.program import Composition, Motion, Program, Visit, Waypoint
+from robot_programs.core.program import Composition, Motion, Paths, Program, Visit, Waypoint
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Source, TextEdit
 from robot_programs.tp.listing import (
@@ -34,6 +34,10 @@ _LINE_COUNT = re.compile(r"\bLINE_COUNT\s*=\s*(\d+)", re.IGNORECASE)
 PASSING = "CNT100"
 
 
+Shifts = tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "4 4"]]
+"""By which a motion shifts its positions: in the user frame, and in the tool."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Written:
     """A position of a motion as it is written."""
@@ -45,8 +49,7 @@ class Written:
     """The position's values of the robot's group; or the register, whose value no program states."""
     numbers: tuple[int, int]
     """Of user frame and tool."""
-    offset: tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "4 4"]]
-    """By which the motion shifts it: in the user frame, and in the tool."""
+    offset: Shifts
 
     @property
     def start(self) -> int:
@@ -74,7 +77,7 @@ class TpProgram(Program):
     unresolved: tuple[Visit, ...] = ()
     """Positions of motions that were not resolved."""
 
-    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
+    def rewrite(self, robot: Robot, waypoints: Paths) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
 
         Positions get new numbers where all motions that name one agree; where others still need the old ones, and in place of
