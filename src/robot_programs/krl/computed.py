@@ -5,9 +5,8 @@ from collections import defaultdict
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
-from robot_programs.core.program import Unresolved
+from robot_programs.core.program import Unresolved, Wrapped
 from robot_programs.core.source import TextEdit
 from robot_programs.krl.data import BUILT_IN, POSE, Data, File, Routine, Text
 from robot_programs.krl.routines import callers_of, roots_of, routines_of
@@ -54,18 +53,6 @@ MEASURING = frozenset(
 """Where the robot is or was: numbers of the nominal robot for where the true one stands."""
 
 
-class Wrapped(NamedTuple):
-    """A motion that is given a function, or not."""
-
-    file: File
-    start: int
-    name: str
-    """Its keyword; or what is assigned there."""
-    edits: tuple[TextEdit, ...]
-    obstacle: str
-    """Why it is not; empty where it is."""
-
-
 def wrap(files: Sequence[File], motions: Container[Text], function: str, without: Container[str]) -> Iterator[Wrapped]:
     """Some motions, each with the edits that put a function around its points.
 
@@ -86,6 +73,7 @@ def wrap(files: Sequence[File], motions: Container[Text], function: str, without
         for routine in file.sections:
             for line in routine.lines:
                 if isinstance(line, MotionLine) and (file.number, line.start) in motions:
+                    edits, obstacle = tuple[TextEdit, ...](), ""
                     try:
                         if carried:
                             raise Unresolved(f"a base may be moved ({carried})")
@@ -95,9 +83,9 @@ def wrap(files: Sequence[File], motions: Container[Text], function: str, without
                         _expect_points(line, routine, measured, named)
                         edits = tuple(_around(one, line, routine, files, function) for one in line.operands)
                     except Unresolved as reason:
-                        yield Wrapped(file, line.start, line.keyword, (), str(reason))
-                        continue
-                    yield Wrapped(file, line.start, line.keyword, edits, "")
+                        obstacle = str(reason)
+                    place = file.source.place(line.start)
+                    yield Wrapped(place=place, name=line.keyword, edits=edits, obstacle=obstacle)
     yield from elsewhere.values()
 
 
@@ -237,7 +225,7 @@ class _Measured:
         """Where tools and bases are so in a program other than that of a routine."""
         why = "it is set from where the robot stood, in a program of its own; its value is taken as true"
         return {
-            (number, start): Wrapped(other.file, start, key, (), why)
+            (number, start): Wrapped(place=other.file.source.place(start), name=key, obstacle=why)
             for key in HELD
             for (number, start), other in self.places.get(key, {}).items()
             if self.data.apart(routine.name, other.name)

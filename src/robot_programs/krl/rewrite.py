@@ -21,7 +21,6 @@ from robot_programs.core.program import (
     Target,
     Visit,
     Waypoint,
-    Wrapped,
     Wrapping,
     reject_in_turn,
     wrapping,
@@ -239,21 +238,12 @@ class KrlProgram(Program):
             raise InputError(f"{self.sources[0].path}: has a function {function} already")
         staying = {site.text for i, site in enumerate(self.sites) if i not in rejected}
         motions = self.unresolved | {site.text for site in self.sites}.difference(staying)
-        found = (
-            Wrapped(
-                place=one.file.source.place(one.start),
-                name=one.name,
-                edits=one.edits,
-                obstacle=one.obstacle,
-            )
-            for one in wrap(self.files, motions, function, without)
-        )
 
         def cleared(again: KrlProgram) -> tuple[KrlProgram, set[Place]]:
             lines = ((file, line) for file in again.files for line in file.statements if calls_function(line, function))
             return again, {file.source.place(line.start) for file, line in lines}
 
-        return wrapping(self, found, added, cleared)
+        return wrapping(self, wrap(self.files, motions, function, without), added, cleared)
 
     def rewrite(self, robot: Robot, waypoints: Paths) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
