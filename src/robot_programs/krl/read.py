@@ -113,18 +113,21 @@ def is_incomplete(aggregate: Aggregate) -> bool:
     return not {component.name for component in aggregate.fields}.issuperset(names)
 
 
-def completed_axes(aggregate: Aggregate, before: Motion | None) -> Float[np.ndarray, " joints"]:
-    """Joint positions, those left out as they were, radians.
+def axes_at_end(aggregate: Aggregate, before: Motion | None, *, relative: bool) -> Float[np.ndarray, " joints"]:
+    """Joint positions, those left out as they were, or moved by angles, radians.
 
     Raises:
         Unresolved: where the motion before ended is not known by its joints.
     """
-    if not is_incomplete(aggregate):
+    missing = next((name for name in AXES if not aggregate.field(name)), "")
+    if not (relative or missing):
         return axes(aggregate)
     if before is None or before.end.q is None:
-        missing = next(name for name in AXES if not aggregate.field(name))
-        raise Unresolved(f"{missing} is not stated, and {UNKNOWN}")
-    return np.where([aggregate.field(name) is not None for name in AXES], axes(aggregate, needed=()), before.end.q)
+        raise Unresolved(UNKNOWN if relative else f"{missing} is not stated, and {UNKNOWN}")
+    given = axes(aggregate, needed=())
+    if relative:
+        return before.end.q + given
+    return np.where([aggregate.field(name) is not None for name in AXES], given, before.end.q)
 
 
 def completed_pose(aggregate: Aggregate, before: Motion | None) -> Float[np.ndarray, "4 4"]:
@@ -181,17 +184,6 @@ def refuse_moved_axes(aggregate: Aggregate) -> None:
             raise Unresolved(
                 f"it moves {name} by a distance that is not added here; write a motion to a complete point"
             )
-
-
-def moved_axes(aggregate: Aggregate, before: Motion | None) -> Float[np.ndarray, " joints"]:
-    """End of a motion by angles of the axes.
-
-    Raises:
-        Unresolved: it is not known by its joints where it begins.
-    """
-    if before is None or before.end.q is None:
-        raise Unresolved(UNKNOWN)
-    return before.end.q + axes(aggregate, needed=())
 
 
 # What was found while a KRL program was read: its motions, and what is to be said of it.
@@ -394,8 +386,7 @@ class Resolver:
         if has_axes(first) and not has_pose(first):
             if len(written.aggregates) > 1:
                 raise Unresolved("a frame is added to axis positions")
-            relative = line.keyword in RELATIVE_MOTIONS
-            q = moved_axes(first, before) if relative else completed_axes(first, before)
+            q = axes_at_end(first, before, relative=line.keyword in RELATIVE_MOTIONS)
             return Target(name=name, T=None, q=q, posture=None, place=place)
         if line.keyword in RELATIVE_MOTIONS:
             T = moved_pose(_distance(written), before, by_tool=line.along == "#TOOL")

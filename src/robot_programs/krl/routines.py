@@ -327,7 +327,8 @@ def actions_of(
         followed: by key of a variable, whether its value is followed at all.
     """
     declared = declared_in(routines)
-    if not any(isinstance(line, Beside) for same in routines.values() for r in same for line in r.lines):
+    lines = [(r, line) for same in routines.values() for r in same for line in r.lines if isinstance(line, Beside)]
+    if not lines:
         return Actions()
     effects: dict[Text, Action] = {}
     for text, (routine, line) in declared.items():
@@ -338,7 +339,7 @@ def actions_of(
     own: dict[Text, frozenset[Text]] = {}
     ended: dict[Text, frozenset[Text]] = {}
     missing: dict[Text, tuple[str, ...]] = {}
-    for routine, line in _lines_beside(routines):
+    for routine, line in lines:
         found, text = meant.by(routine, line), _text(routine, line)
         if line.verb == "ON":
             own[text] = found
@@ -430,12 +431,6 @@ class _Meant:
         if word.kind == "number":
             return plain_value(word.text)
         return self.data.number(word.upper, routine.file.module, routine.name)
-
-
-def _lines_beside(routines: Routines) -> Iterable[tuple[Routine, Beside]]:
-    for same in routines.values():
-        for routine in same:
-            yield from ((routine, line) for line in routine.lines if isinstance(line, Beside))
 
 
 def _text(routine: Routine, line: Statement) -> Text:
