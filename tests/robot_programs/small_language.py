@@ -20,7 +20,7 @@ AXES = "xyz"
 
 # Expressions: tuples that name what they are.
 #
-# ("number", 3), ("read", "n1"), ("part", target, "x"), (sign, a, b), ("calls", function, target, number), ("sensor",);
+# ("number", 3), ("read", "n1"), ("part", target, "x"), (sign, a, b), ("asks", function, target, number), ("sensor",);
 # targets: ("point", "p1"), ("element", index), ("beside", target, number), ("calls", …).
 
 Node = tuple[Any, ...]
@@ -44,12 +44,20 @@ class Routine:
     name: str
     body: list[Statement]
     result: Node | None = None
-    """What a function returns at its end."""
+    """What a function returns at its end: a target, or a number."""
+    gives: str = ""
+    """Function of a number where it is not of a target."""
 
     @property
     def computes(self) -> bool:
         """Whether it is a function that does nothing else."""
         return self.result is not None and all(one.given[0] == ("point", "q") for one in self.body)
+
+    @property
+    def kind(self) -> str:
+        """Of its head and its end."""
+        own = self.name if self.name in ("main", "side") else ""
+        return own or ("procedure" if self.result is None else f"{self.gives}function")
 
 
 @dataclass
@@ -88,6 +96,9 @@ class Maker:
             lambda: ("read", self.rng.choice((*NUMBERS, *COUNTERS, *(["d"] if self.inside else [])))),
             lambda: ("part", self.variable(), self.rng.choice(AXES)),
         ]
+        asked = [one for one in self.callable if one.gives and one.computes]
+        if asked and depth and not self.inside:
+            ways.append(lambda: ("asks", self.rng.choice(asked), self.variable(), self.number(0)))
         if depth:
             ways += [lambda: (self.rng.choice("+-"), self.number(depth - 1), self.number(depth - 1))] * 2
         return self.pick(*ways)
@@ -108,7 +119,9 @@ class Maker:
             moves: of a motion: functions that do more than compute it are not asked, and a declared one may be named, by which
                 nothing is decided where an operator may change it.
         """
-        functions = [one for one in self.callable if one.computes or (one.result is not None and not moves)]
+        functions = [
+            one for one in self.callable if not one.gives and (one.computes or (one.result is not None and not moves))
+        ]
         ways = [self.variable, self.variable, lambda: ("beside", self.variable(), self.number(0))]
         if moves:
             ways += [self.fixed, lambda: ("beside", self.fixed(), self.number(0))]
@@ -165,7 +178,9 @@ def random_program(rng: Random, *, sensors: bool) -> Program:
         inside = replace(maker, inside=True)
         moves = rng.random() < 0.5
         body = [one for one in inside.block(4, loops=0) if moves or one.kind in ("set part", "set number")]
-        routines.append(Routine(f"r{k}", body, None if moves else inside.variable()))
+        number = not moves and rng.random() < 0.4
+        result = None if moves else inside.number() if number else inside.variable()
+        routines.append(Routine(f"r{k}", body, result, "number " if number else ""))
     main = Routine("main", replace(maker, callable=list(routines)).block(9))
     beside = [one for one in maker.block(3, loops=0) if one.kind in ("set part", "set number", "set frame")]
     return Program([*routines, main], Routine("side", beside) if sensors and beside and rng.random() < 0.4 else None)
@@ -202,6 +217,8 @@ class Machine:
                 return self.target(target)[AXES.index(axis)]
             case ("sensor",):
                 return self.sensor()
+            case ("asks", routine, target, number):
+                return self.call(routine, target, number)
             case ("+", a, b):
                 return self.value(a) + self.value(b)
             case (_, a, b):
@@ -237,11 +254,11 @@ class Machine:
             case _:
                 return list(self.data[self.key(node)])
 
-    def call(self, routine: Routine, target: Node, number: Node) -> list[int]:
+    def call(self, routine: Routine, target: Node, number: Node) -> Any:
         outside = {name: self.data.get(name) for name in ("q", "d")}
         self.data["q"], self.data["d"] = self.target(target), self.value(number)
         self.block(routine.body)
-        result = self.target(routine.result) if routine.result is not None else []
+        result = [] if routine.result is None else (self.value if routine.gives else self.target)(routine.result)
         self.data |= outside
         return result
 
@@ -319,9 +336,7 @@ class Writer:
 
     def routine(self, routine: Routine, *, beside: bool = False) -> None:
         """Write a routine; the main one may start what runs beside it."""
-        kind = (
-            routine.name if routine.name in ("main", "side") else "procedure" if routine.result is None else "function"
-        )
+        kind = routine.kind
         self.add(f"begin {kind}", routine.name)
         if kind == "main":
             for k, name in enumerate(POINTS, 1):
@@ -364,6 +379,7 @@ class Rapid(Writer):
         "begin main": "PROC {0}()", "begin procedure": "PROC {0}(robtarget q,num d)", "end main": "ENDPROC",
         "end procedure": "ENDPROC",
         "begin function": "FUNC robtarget {0}(robtarget q,num d)", "end function": "RETURN {0};|ENDFUNC",
+        "begin number function": "FUNC num {0}(robtarget q,num d)", "end number function": "RETURN {0};|ENDFUNC",
         "first frame": "w.oframe.trans:=[0,0,0];", "move": "MoveL {0},v100,fine,tool0\\WObj:=w;", "set number": "{0}:={1};",
         "set part": "{0}.trans.{1}:={2};", "set point": "{0}:={1};", "set element": "a{{{0}}}:={1};",
         "set frame": "w.oframe.trans.{0}:={1};", "if": "IF {0} THEN", "if else": "ELSE", "if end": "ENDIF",
@@ -376,7 +392,7 @@ class Rapid(Writer):
     NODES: ClassVar = {
         "number": "{0}", "read": "{0}", "part": "{0}.trans.{1}", "sensor": "AInput(aiAny)", "input": "DInput(diAny)=1",
         "wrapped": f"({{0}} MOD {ELEMENTS})+1", "sign": "{0}{1}({2})", "point": "{0}", "element": "a{{{0}}}",
-        "beside": "Offs({0},0,0,{1})", "calls": "{0}({1},{2})",
+        "beside": "Offs({0},0,0,{1})", "calls": "{0}({1},{2})", "asks": "{0}({1},{2})",
         "literal": "[[{0},{1},{2}],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]",
     }  # fmt: skip
 
@@ -398,6 +414,7 @@ class Krl(Writer):
         "begin main": "DEF {0}()", "end main": "END", "end procedure": "END", "end function": "RETURN {0}|ENDFCT",
         "begin procedure": "DEF {0}(Q:IN,D:IN)|DECL E6POS Q|DECL REAL D",
         "begin function": "DEFFCT E6POS {0}(Q:IN,D:IN)|DECL E6POS Q|DECL REAL D",
+        "begin number function": "DEFFCT REAL {0}(Q:IN,D:IN)|DECL E6POS Q|DECL REAL D", "end number function": "RETURN {0}|ENDFCT",
         "first frame": "W={{X 0,Y 0,Z 0,A 0,B 0,C 0}}|$BASE=W|$TOOL=$NULLFRAME", "move": "LIN {0}", "set number": "{0}={1}",
         "set part": "{0}.{1}={2}", "set point": "{0}={1}", "set frame": "W.{0}={1}|$BASE=W", "if": "IF {0} THEN", "if else": "ELSE",
         "if end": "ENDIF", "case": "SWITCH {0}|CASE 1,2", "case else": "DEFAULT", "case end": "ENDSWITCH", "call": "{0}({1},{2})",
@@ -408,7 +425,7 @@ class Krl(Writer):
     NODES: ClassVar = {
         "number": "{0}", "read": "{0}", "part": "{0}.{1}", "sensor": "$ANIN[1]", "input": "$IN[1]", "wrapped": "{0}",
         "sign": "{0}{1}({2})", "=": "{0}==({1})", "point": "{0}", "element": "A[{0}]",
-        "beside": "{0}:{{X 0,Y 0,Z {1},A 0,B 0,C 0}}", "calls": "{0}({1},{2})",
+        "beside": "{0}:{{X 0,Y 0,Z {1},A 0,B 0,C 0}}", "calls": "{0}({1},{2})", "asks": "{0}({1},{2})",
         "literal": "{{X {0},Y {1},Z {2},A 0,B 0,C 0}}",
     }  # fmt: skip
 

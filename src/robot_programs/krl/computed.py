@@ -154,8 +154,16 @@ def _own_functions(line: MotionLine, operand: Operand, files: Sequence[File]) ->
 def _type_of(part: Aggregate | Reference, routine: Routine, files: Sequence[File]) -> str:
     """Type of a part of a point; empty where it is not known."""
     if isinstance(part, Reference):
-        return "FRAME" if part.name.partition("[")[0] in FRAMES else _type(part.name, routine, files)
+        if part.name.partition("[")[0] in FRAMES:
+            return "FRAME"
+        return _type(part.name, routine, files) or ("E6POS" if _of_inline_form(part.name, routine) else "")
     return part.type or ("FRAME" if all(field.name in POSE for field in part.fields) else "")
+
+
+def _of_inline_form(name: str, routine: Routine) -> bool:
+    """Whether a point is one of an inline form, which declares it as E6POS; home positions are axes."""
+    of_point = {line.text for line in routine.lines if isinstance(line, Assignment) and line.variable == "FDAT_ACT"}
+    return name.startswith("X") and f"F{name[1:]}" in of_point and not name.startswith("XHOME")
 
 
 def _type(name: str, routine: Routine, files: Sequence[File]) -> str:

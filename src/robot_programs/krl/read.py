@@ -692,7 +692,8 @@ class _Walk(flow.Walk[State, Routine]):
         try:
             return evaluated(words, replace(self.frames.known(state), deciding=True))
         except Unresolved:
-            return None
+            value = self._with_functions(words, state)
+            return None if isinstance(value, Lost | Adjustable) else value
 
     def _changed_by(self, line: Statement) -> frozenset[str]:
         return changed_by(line, self.frames.names, self.flow.by_value, self.flow.changes)

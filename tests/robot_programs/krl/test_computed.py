@@ -52,6 +52,8 @@ def wrapped(*texts: str, data: str = "") -> tuple[list[str], list[str]]:
         ("LIN P:{X 1,Y 2,Z 3,A 0,B 0,C 0} C_DIS", "LIN NEWFrame(P:{X 1,Y 2,Z 3,A 0,B 0,C 0}:$NULLFRAME) C_DIS"),
         ("LIN INV_POS(F):P", "LIN NEWFrame(INV_POS(F):P:$NULLFRAME)"),
         ("LIN XP1", "LIN NEWFrame(XP1:$NULLFRAME)"),
+        ("FDAT_ACT=FP1\nPTP XP1 C_PTP", "PTP NEW(XP1) C_PTP"),
+        ("FDAT_ACT=FHOME\nPTP XHOME", ""),
         ("PTP F:P", ""),
         ("PTP XP1", ""),
         ("LIN P:{X 1}", ""),
