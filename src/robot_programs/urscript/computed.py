@@ -80,11 +80,11 @@ def _edit(
     if holders.is_measured(target):
         raise Unresolved(f"'{shown(own)}' comes from where the robot stood, which is true already")
     found = kinds.of(target) or (frozenset[str]() if inverse is None else frozenset({"pose"}))
-    if found == {"joints"} and inverse is None:
+    if found == frozenset({"joints"}) and inverse is None:
         if keep_joints:
             raise Unresolved("it goes to joint positions, which are to be kept")
         return TextEdit(start=target.start, end=target.end, text=f"{function}_joints({own})")
-    if found != {"pose"}:
+    if found != frozenset({"pose"}):
         raise Unresolved(f"the text does not tell whether '{shown(own)}' is a pose or joint positions")
     return TextEdit(start=target.start, end=target.end, text=f"{function}({own}, {near})")
 

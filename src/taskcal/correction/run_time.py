@@ -84,7 +84,7 @@ class Module:
         start = Place(path=found.program.sources[0].path, line=1)
         inside = self.source.path == start.path
         where = (
-            ", which stands before its first statement"
+            ", which stands before its first statement and stops where the arm's kinematics are not the robot file's"
             if inside
             else f" of {self.source.path.name}: load it with the program"
         )
