@@ -1,12 +1,12 @@
-"""How many poses a proof takes, and how often it is true: ``python -m tests.live.honest_stops ROBOT SEED [--fixed]``, no test.
+"""How many poses a proof takes, and how often it is true: ``python -m tests.live.honest_stops ROBOT SEED``, no test.
 
 A virtual robot with defects of its tolerances, compliance and gear errors, and waves over all joints that no model has, is measured
 until its error over a task is proven; its true error there is then compared with the tolerance. With ``--fixed`` 60 poses planned
-at once, and 60 of the task at random, are fitted, too. A line of JSON for each robot.
+at once, and 60 of the task at random, are fitted, too; ``--hidden`` makes the waves larger and shorter. A line of JSON for each robot.
 """
 
+import argparse
 import json
-import sys
 import tempfile
 from pathlib import Path
 
@@ -32,14 +32,16 @@ def true_error(calibration: tc.Calibration, cell: VirtualCell, q: np.ndarray) ->
     return float(np.sqrt(np.mean(np.sum((calibration.predict(q)[:, 0] - cell.points(q)) ** 2, axis=1))))
 
 
-def run(name: str, seed: int, tolerance: float, *, fixed: bool) -> dict[str, object]:
+def run(name: str, seed: int, tolerance: float, hidden: float, *, fixed: bool) -> dict[str, object]:
     """Measure one robot until it is proven."""
     robot = tc.load_robot(name)
     model = tc.ErrorModel(robot)
     aim = Aim(model=model, task=tc.default_task(model), tolerance=tolerance, most=120, seed=seed)
     cell, rng = VirtualCell.drawn(robot, seed), np.random.default_rng(1000 + seed)
+    cell.hidden *= hidden
+    cell.waves *= hidden
     goal = tc.reach_task(model, aim.task, 400, seed=77).q
-    out: dict[str, object] = {"robot": name, "seed": seed, "tolerance_mm": tolerance * 1e3}
+    out: dict[str, object] = {"robot": name, "seed": seed, "tolerance_mm": tolerance * 1e3, "hidden": hidden}
     with tempfile.TemporaryDirectory() as folder:
         journal = Journal(Path(folder) / "c.csv", robot)
         journal.begin(aim.settings)
@@ -82,5 +84,12 @@ def run(name: str, seed: int, tolerance: float, *, fixed: bool) -> dict[str, obj
 
 
 if __name__ == "__main__":
-    robot_name, number = sys.argv[1], int(sys.argv[2])
-    print(json.dumps(run(robot_name, number, 1e-4, fixed="--fixed" in sys.argv)), flush=True)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("robot")
+    parser.add_argument("seed", type=int)
+    parser.add_argument("--tolerance-mm", type=float, default=0.1)
+    parser.add_argument("--hidden", type=float, default=1.0)
+    parser.add_argument("--fixed", action="store_true")
+    given = parser.parse_args()
+    result = run(given.robot, given.seed, given.tolerance_mm * 1e-3, given.hidden, fixed=given.fixed)
+    print(json.dumps(result), flush=True)

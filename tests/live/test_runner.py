@@ -86,6 +86,7 @@ def test_it_ends_when_it_is_proven_and_the_error_is_as_said(tmp_path: Path) -> N
     assert not session.asked
 
 
+@pytest.mark.long
 def test_a_wrong_row_is_dropped_and_a_true_one_kept(tmp_path: Path) -> None:
     """One wrong measurement is measured again; a robot that is off there twice is kept, and the first pose is looked at next."""
     session = Session(tmp_path / "c.csv", replace(AIM, tolerance=1e-6), most=18)
@@ -140,6 +141,7 @@ def test_a_tracker_that_was_moved_is_a_new_station(tmp_path: Path) -> None:
     assert errors.max() < 2e-4
 
 
+@pytest.mark.long
 def test_drift_asks_and_a_reflector_put_back_goes_on(tmp_path: Path) -> None:
     """A reflector that sits 0.5 mm off is seen at the first pose; once it is back, that is measured again, and nothing is lost."""
     session = Session(tmp_path / "c.csv", replace(AIM, tolerance=1e-6), most=22)
