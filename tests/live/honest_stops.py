@@ -2,7 +2,8 @@
 
 A virtual robot with defects of its tolerances, compliance and gear errors, and waves over all joints that no model has, is measured
 until its error over a task is proven; its true error there is then compared with the tolerance. With ``--fixed`` 60 poses planned
-at once, and 60 of the task at random, are fitted, too; ``--hidden`` makes the waves larger and shorter. A line of JSON for each robot.
+at once, and 60 of the task at random, are fitted, too; ``--hidden`` makes the waves larger and shorter. It prints
+a line of JSON.
 """
 
 import argparse

@@ -267,7 +267,9 @@ def _in_words(state: "State", aim: "Aim", pose_s: float | None) -> list[str]:
     if aim.tolerance is not None:
         text += f", tolerance {aim.tolerance * 1e3:g} mm {'met' if state.met else 'not met'}"
     if len(state.kept_out):
-        text += f"; {len(state.kept_out)} poses kept out: {_rms(state) * 1e3:.4f} mm rms"
+        text += (
+            f"; {len(state.kept_out)} pose{'s' * (len(state.kept_out) > 1)} kept out: {_rms(state) * 1e3:.4f} mm rms"
+        )
     if state.look is not None:
         text += f", at most {state.look.bound * 1e3:.4f} mm by the look at {state.look.kept_out}"
     if state.more:
