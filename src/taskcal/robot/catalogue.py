@@ -100,7 +100,6 @@ def _catalogued(name: str) -> Robot:
     return read_robot(_folder() / f"{name}.toml")
 
 
-@checked
 def _joint(name: str, kind: str, *turns: tuple[str, float]) -> dict[str, Any]:
     """A joint of the free wrist, behind some turns of 90°."""
     limits = {"limits_mm": [-1e5, 1e5]} if kind == "prismatic" else {"limits_deg": [-360.0, 360.0]}
@@ -124,6 +123,7 @@ FREE_WRIST: dict[str, Any] = {
 """No robot, but what moves as controllers write poses: its joints are a pose's numbers, and no geometry of it can be off."""
 
 
+@checked
 def load_robot(
     source: str | Path, *, tip: str | None = None, base: str | None = None, trust_xacro: bool = False
 ) -> Robot:
