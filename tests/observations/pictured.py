@@ -1,6 +1,6 @@
 """Corners of a board in the pictures of a virtual robot, projected, with noise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,6 +35,21 @@ class Pictured:
     pixel: np.ndarray
     """Of every corner of every picture."""
     on_wrist: bool
+    gears: np.ndarray
+    """Amplitudes of what each drive errs once and twice a turn, as cosine and sine, radians."""
+
+    def poses(self, q: np.ndarray) -> np.ndarray:
+        """Of the tool."""
+        return _poses(q, self.x, self.gears)
+
+    def moved(self, by: float) -> "Pictured":
+        """The same with what stands so many metres to the side, along the board, without noise."""
+        T = _board_in_camera(
+            self.poses(self.q) @ self.moving, self.standing @ se3.translation(by, 0.0, 0.0), self.on_wrist
+        )
+        T = T.repeat(len(CORNERS), axis=0)
+        pixel = project(PINHOLE, PIXELS, T[:, :3, :3], T[:, :3, 3], np.tile(CORNERS, (len(self.q), 1)))[0]
+        return replace(self, pixel=pixel)
 
     def campaign(self, u_scale: float = 0.0) -> Campaign:
         """As it is read from a file."""
@@ -62,8 +77,13 @@ class Pictured:
         )
 
 
+def _poses(q: np.ndarray, x: np.ndarray, gears: np.ndarray) -> np.ndarray:
+    turned = np.stack([np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q)])
+    return MODEL.poses(q + (gears[:, None] * turned).sum(axis=0), x)
+
+
 def take_pictures(
-    seed: int, count: int = 20, *, on_wrist: bool = True, noise: float = 0.15, error: float = 0.0
+    seed: int, count: int = 20, *, on_wrist: bool = True, noise: float = 0.15, error: float = 0.0, gears: float = 0.0
 ) -> Pictured:
     """Pictures of a board, whole in each, by a robot that is off as its tolerances say.
 
@@ -73,9 +93,10 @@ def take_pictures(
         on_wrist: whether the camera is, or the board.
         noise: of corners, pixels.
         error: of single poses, per axis, metres, and as many radians.
+        gears: of the drives once and twice a turn, standard deviation of cosines and sines, radians.
     """
     rng = np.random.default_rng(seed)
-    x = MODEL.tolerances * rng.normal(size=len(MODEL))
+    x, periodic = MODEL.tolerances * rng.normal(size=len(MODEL)), gears * rng.normal(size=(4, 6))
     sensor = se3.pose(se3.exp(0.1 * rng.normal(size=3)), np.array([0.03, -0.06, 0.05]) + 0.01 * rng.normal(size=3))
     # the board half a metre before the camera, its middle in sight, a little turned
     before = se3.pose(se3.exp(np.array([0.1, 0.05, 0.3])), np.array([0.0, 0.0, 0.5]))
@@ -85,7 +106,7 @@ def take_pictures(
     found: list[np.ndarray] = []
     while sum(map(len, found)) < count:
         q = MIDDLE + rng.uniform(-0.6, 0.6, (2000, 6)) * np.array([0.8, 0.5, 0.5, 1.0, 1.0, 2.0])
-        T = _board_in_camera(MODEL.poses(q, x) @ moving, standing, on_wrist)
+        T = _board_in_camera(_poses(q, x, periodic) @ moving, standing, on_wrist)
         seen = np.ones(len(q), dtype=bool)
         for corner in CORNERS[[0, COLUMNS - 2, -COLUMNS + 1, -1]]:
             pixel = project(PINHOLE, PIXELS, T[:, :3, :3], T[:, :3, 3], np.tile(corner, (len(q), 1)))[0]
@@ -93,10 +114,10 @@ def take_pictures(
         found.append(q[seen & (np.abs(T[:, 2, 2]) > 0.5) & (T[:, 2, 3] < 0.8)])
     q = np.concatenate(found)[:count]
     off = se3.error_transform(error * rng.normal(size=(count, 6)))
-    T = _board_in_camera(MODEL.poses(q, x) @ off @ moving, standing, on_wrist).repeat(len(CORNERS), axis=0)
+    T = _board_in_camera(_poses(q, x, periodic) @ off @ moving, standing, on_wrist).repeat(len(CORNERS), axis=0)
     pixel = project(PINHOLE, PIXELS, T[:, :3, :3], T[:, :3, 3], np.tile(CORNERS, (count, 1)))[0]
     pixel = pixel + noise * rng.normal(size=pixel.shape)
-    return Pictured(x=x, moving=moving, standing=standing, q=q, pixel=pixel, on_wrist=on_wrist)
+    return Pictured(x=x, moving=moving, standing=standing, q=q, pixel=pixel, on_wrist=on_wrist, gears=periodic)
 
 
 def _board_in_camera(moving: np.ndarray, standing: np.ndarray, on_wrist: bool) -> np.ndarray:

@@ -145,3 +145,32 @@ def test_joints_that_do_not_follow_the_board_are_refused(folder):
     order = np.random.default_rng(0).permutation(8)
     with pytest.raises(TaskcalError, match="follow the robot neither"):
         read(folder, {"image": [f"{k}.png" for k in order], **JOINTS})
+
+
+def test_what_people_do_is_named(folder):
+    """Images shifted by one row, squares in inches, a board that moves, and a focus that drifts; of sound images nothing is."""
+    seen = take_pictures(4, 12)
+    names = {"image": [f"{k}.png" for k in range(12)]}
+    joints = {f"J{j + 1}_deg": np.degrees(seen.q[:, j]) for j in range(6)}
+
+    def pictured(pixel, columns, square=SQUARE):
+        n = len(next(iter(columns.values())))
+        image, corner = np.divmod(np.arange(n * len(CORNERS)), len(CORNERS))
+        size = {"width_px": [LENS.width] * len(image), "height_px": [LENS.height] * len(image)}
+        cells = {"image": [f"{k}.png" for k in image], "corner": corner, "u_px": pixel[:, 0], "v_px": pixel[:, 1]}
+        write(folder / "seen.corners.csv", cells | size)
+        board = (folder / "board.toml").read_text()
+        (folder / "board.toml").write_text(re.sub("square_mm = .*", f"square_mm = {square * 1e3}", board))
+        return read(folder, columns)
+
+    assert pictured(seen.pixel, names | joints).notes == ()
+    with pytest.raises(TaskcalError, match=r"images are shifted against joints by one row: .* the row after its own"):
+        pictured(seen.pixel, names | {name: np.roll(q, 1) for name, q in joints.items()})
+    with pytest.raises(TaskcalError, match=r"the robot moves 25\.\d times as far as boards of the stated size say"):
+        pictured(seen.pixel, names | joints, SQUARE / 25.4)
+    with pytest.raises(TaskcalError, match=r"the board moved by about [12]\d mm between 6\.png and 7\.png"):
+        pictured(np.concatenate([seen.pixel[: 7 * 54], seen.moved(0.015).pixel[7 * 54 :]]), names | joints)
+    middle = np.array([810.0, 600.0])
+    grown = middle + (seen.pixel - middle) * (1 + 0.04 * np.repeat(np.arange(12) / 11, 54))[:, None]
+    (note,) = pictured(grown, names | joints).notes
+    assert "the focal length changes by +" in note

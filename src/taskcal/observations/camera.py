@@ -37,10 +37,6 @@ FEWEST_CORNERS = 4
 FOCAL_GUESSES = (0.35, 0.6, 1.0, 1.6, 2.6, 4.0)
 """Focal lengths over the picture's width, tried where homographies do not tell: lenses from 110° to 14°."""
 
-GOOD_PX = 1.0
-"""Root mean square of what is left of a corner, pixels, with which a first guess of the focal length is good enough: wrong ones
-leave ten and more."""
-
 HUBER = 2.5
 """Standard deviations from which on a corner counts less. Of sound corners one in eighty is beyond."""
 
@@ -242,8 +238,6 @@ def calibrate_camera(
         trial, cost = _refine(posed, rounds=10)
         if cost < least:
             best, least = trial, cost
-        if least < GOOD_PX**2 * len(pixel):
-            break
     if not np.isfinite(least):
         raise CampaignError("no camera fits these pictures; check that the corners belong to the board")
     for _ in range(3):

@@ -27,6 +27,9 @@ FEWEST = 3
 
 COMPONENTS = ("tx", "ty", "tz", "rx", "ry", "rz")
 
+CLEAR_TURN_RAD = np.radians(170.0)
+"""Turn under which a rotation vector does not change its sign by errors."""
+
 NO_INFORMATION = 1e-12
 """Eigenvalues of what the corners say of a camera, over the largest, under which they say nothing."""
 
@@ -330,12 +333,11 @@ def _middle(T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, " 6"]:
 
 
 def hand_eye_rotation(T: Float[np.ndarray, "n 4 4"], M: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "3 3"]:
-    """Rotation of X with T·X = L·M, by linear equations of both rotations (Shah 2013)."""
-    n = len(T)
-    of_x = np.einsum("nij,lm->niljm", T[:, :3, :3], np.eye(3)).reshape(9 * n, 9)
-    of_l = np.einsum("ij,nkl->niljk", np.eye(3), M[:, :3, :3]).reshape(9 * n, 9)
-    found = np.linalg.svd(np.concatenate([of_x, -of_l], axis=1))[2][-1, :9].reshape(3, 3)
-    return se3.nearest_rotation(found if np.linalg.det(found) > 0 else -found)
+    """Rotation of X with T·X = L·M, by the turns between all pairs of rows (Park and Martin 1994)."""
+    first, second = np.triu_indices(len(T), 1)
+    of_t, of_m = (se3.log(np.swapaxes(P[first, :3, :3], 1, 2) @ P[second, :3, :3]) for P in (T, M))
+    clear = (np.linalg.norm(of_t, axis=1) < CLEAR_TURN_RAD) & (np.linalg.norm(of_m, axis=1) < CLEAR_TURN_RAD)
+    return se3.nearest_rotation(of_t[clear].T @ of_m[clear])
 
 
 def hand_eye_place(

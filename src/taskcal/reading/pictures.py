@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -13,9 +14,9 @@ from taskcal.errors import CampaignError, FileError, TaskcalError, shown
 from taskcal.geometry import se3
 from taskcal.geometry.euler import to_angles
 from taskcal.observations import ObservedColumns, Pixels
-from taskcal.observations.calibration_board import Board
+from taskcal.observations.calibration_board import MAX_SCALE_ERROR, Board
 from taskcal.observations.camera import FEWEST_CORNERS, Lens, calibrate_camera
-from taskcal.observations.pixels import hand_eye_place, hand_eye_rotation
+from taskcal.observations.pixels import FEWEST, hand_eye_place, hand_eye_rotation
 from taskcal.reading.readings import Readings
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -26,6 +27,24 @@ CORNER_COLUMNS = ("image", "board", "corner", "u_px", "v_px", "width_px", "heigh
 
 MAX_NAMED = 6
 """Images that a message names."""
+
+FEWEST_SHIFTED = 6
+"""Images from which on a shift, or a move, is looked for: fewer fit too much."""
+
+MIN_TURN_RAD = np.radians(1.0)
+"""Median by which poses are off before images are taken for shifted: nominal robots err by a tenth of it, images by less."""
+
+FAR_BETTER = 3.0
+"""By how much a shift, or a move, must explain the poses better than none. Sound campaigns gain up to half."""
+
+MIN_JUMP_M = 3e-3
+"""Of what stands, that is called a move: nominal robots err by 1 to 2 mm from one part of their range to another."""
+
+SCALE_SIGMAS = 5.0
+"""Standard errors by which the robot must contradict the size of a board beside `MAX_SCALE_ERROR`, a tenth."""
+
+MIN_DRIFT, DRIFT_SIGMAS = 1e-3, 6.0
+"""Share of the focal length, and standard errors, from which on it is said to drift: refocused lenses change by per cents."""
 
 SURE = 2.0
 """By how much poses of the board fit better with the camera where it is than where it is not."""
@@ -260,6 +279,7 @@ def with_pictures(campaign: Campaign, corners: Corners, boards: Sequence[Board],
         pictures=pictures,
     )
     kind = replace(kind, on_wrist=_is_on_wrist(kind, campaign, robot))
+    notes += _focus_drift(kind)
     M = np.tile(np.eye(4), (len(campaign), 1, 1))
     M[:, :3, 3] = np.nan
     M[of >= 0] = kind.measured(pictures.settle(pictures.camera))[of[of >= 0]]
@@ -313,30 +333,125 @@ def _board(name: str, numbers: dict[str, int], corners: Corners) -> int:
     )
 
 
+# Whether pictures and robot belong together, told by poses alone: before a fit, and for sure.
+
+
+class _Apart(NamedTuple):
+    """How far what stands is from being in one place, as the nominal robot and the pictures have it."""
+
+    turn: float
+    """Median, radians."""
+    place: Float[np.ndarray, "n 3"]
+    """In the base, metres."""
+    scale: float
+    """Size of the robot's motion over that of the pictures."""
+    scale_error: float
+    """Standard error of it."""
+
+    @classmethod
+    def of(cls, T: Float[np.ndarray, "n 4 4"], M: Float[np.ndarray, "n 4 4"], fitted: slice = slice(None)) -> "_Apart":
+        """Of poses of the tool and of what moves in the frame of what stands; the hand-eye from some of the rows."""
+        R = hand_eye_rotation(T[fitted], M[fitted])
+        L = T @ se3.pose(R, hand_eye_place(T[fitted], M[fitted], R)) @ se3.inverse(M)
+        middle = se3.nearest_rotation(np.median(L[fitted, :3, :3], axis=0))
+        turned = np.linalg.norm(se3.log(L[:, :3, :3] @ middle.T), axis=1)
+        ahead = (M[:, :3, 3] @ middle.T)[:, :, None]
+        rows = np.concatenate([T[:, :3, :3], np.tile(-np.eye(3), (len(T), 1, 1)), -ahead], axis=2).reshape(-1, 7)
+        found, *_ = np.linalg.lstsq(rows, -T[:, :3, 3].reshape(-1), rcond=1e-9)
+        off = rows @ found + T[:, :3, 3].reshape(-1)
+        variance = float(off @ off) / max(len(off) - 7, 1) * float(np.linalg.pinv(rows.T @ rows)[6, 6])
+        return cls(float(np.median(turned)), L[:, :3, 3], float(found[6]), float(np.sqrt(variance)))
+
+
 def _is_on_wrist(kind: Pixels, campaign: Campaign, robot: Robot) -> bool:
     """Whether the camera moves and the board stands, by which of both fits the nominal robot better.
 
     Raises:
-        CampaignError: the poses do not tell.
+        CampaignError: the poses fit neither; or they fit if images are shifted by one row, boards have another size, or something
+            moved between two images.
     """
     assert kind.of is not None
     assert kind.pictures is not None
     rows = np.flatnonzero(kind.of >= 0)
-    counts = np.bincount(kind.board_of[rows])
-    rows = rows[kind.board_of[rows] == counts.argmax()]
-    T = ErrorModel(robot).poses(campaign.q[rows])
-    settled = kind.pictures.settle(kind.pictures.camera)
-    left: list[float] = []
-    for on_wrist in (True, False):
-        M = replace(kind, on_wrist=on_wrist).measured(settled)[kind.of[rows]]
-        R = hand_eye_rotation(T, M)
-        L = T @ se3.pose(R, hand_eye_place(T, M, R)) @ se3.inverse(M)
-        apart = se3.log(L[:, :3, :3] @ se3.nearest_rotation(np.median(L[:, :3, :3], axis=0)).T)
-        left.append(float(np.median(np.linalg.norm(apart, axis=1))))
-    if len(kind.boards) == 1 and max(left) < SURE * min(left):
+    rows = rows[kind.board_of[rows] == np.bincount(kind.board_of[rows]).argmax()]
+    if len(rows) < FEWEST:
+        return True  # the fit says how many it needs
+    T, settled = ErrorModel(robot).poses(campaign.q[rows]), kind.pictures.settle(kind.pictures.camera)
+    both = [replace(kind, on_wrist=on_wrist).measured(settled)[kind.of[rows]] for on_wrist in (True, False)]
+    wrist, base = (_Apart.of(T, M) for M in both)
+    on_wrist, one = (True, wrist) if len(kind.boards) > 1 or wrist.turn < base.turn else (False, base)
+    M, names = both[0 if on_wrist else 1], [kind.images[k] for k in kind.of[rows]]
+    _refuse_shifted(T, both, min(wrist.turn, base.turn), campaign.source, names)
+    if len(kind.boards) == 1 and max(wrist.turn, base.turn) < SURE * min(wrist.turn, base.turn):
         raise CampaignError(
             f"{campaign.source}: the poses of the board in the images follow the robot neither with the camera on the wrist (off "
-            f"by {np.degrees(left[0]):.2g}°, median) nor beside the robot ({np.degrees(left[1]):.2g}°): check that rows and images "
-            "belong together, and the joints' units and signs; or turn the wrist more from image to image"
+            f"by {np.degrees(wrist.turn):.2g}°, median) nor beside the robot ({np.degrees(base.turn):.2g}°): check that rows and "
+            "images belong together, and the joints' units and signs; or turn the wrist more from image to image"
         )
-    return len(kind.boards) > 1 or left[0] < left[1]
+    if abs(one.scale - 1.0) > max(MAX_SCALE_ERROR, SCALE_SIGMAS * one.scale_error):
+        raise CampaignError(
+            f"{campaign.source}: the robot moves {one.scale:.3g} times as far as boards of the stated size say; check the unit of "
+            "square_mm (millimetres, not inches or metres), and that one square is stated and not the whole board"
+        )
+    _refuse_moved(T, M, one, campaign.source, names, "board" if on_wrist else "camera")
+    return on_wrist
+
+
+def _refuse_shifted(T: np.ndarray, both: list[np.ndarray], turn: float, source: str, names: Sequence[str]) -> None:
+    """See that images do not fit far better with the row before or after their own."""
+    if turn < MIN_TURN_RAD or len(T) < FEWEST_SHIFTED:
+        return
+    for shift, which in ((1, "after"), (-1, "before")):
+        moved, kept = (slice(1, None), slice(None, -1)) if shift == 1 else (slice(None, -1), slice(1, None))
+        found = min(_Apart.of(T[moved], M[kept]).turn for M in both)
+        if found < min(turn / FAR_BETTER, MIN_TURN_RAD):
+            raise CampaignError(
+                f"{source}: images are shifted against joints by one row: with each image taken for the row {which} its own, "
+                f"the board is off by {np.degrees(found):.2g}° instead of {np.degrees(turn):.2g}° (median), from {names[0]} on; "
+                "pair them by the column image"
+            )
+
+
+def _refuse_moved(T: np.ndarray, M: np.ndarray, one: _Apart, source: str, names: Sequence[str], what: str) -> None:
+    """See that what stands is not in two places, one before and one after some image."""
+
+    def off(place: np.ndarray) -> float:
+        return float(np.linalg.norm(place - np.median(place, axis=0), axis=1).sum())
+
+    least, split, jump = off(one.place) / FAR_BETTER, 0, 0.0
+    for k in range(FEWEST_SHIFTED // 2, len(T) - FEWEST_SHIFTED // 2 + 1):
+        larger = slice(0, k) if 2 * k >= len(T) else slice(k, None)
+        place = _Apart.of(T, M, larger).place
+        total, between = off(place[:k]) + off(place[k:]), np.median(place[:k], axis=0) - np.median(place[k:], axis=0)
+        if total < least:
+            least, split, jump = total, k, float(np.linalg.norm(between))
+    if split and jump > MIN_JUMP_M:
+        raise CampaignError(
+            f"{source}: the {what} moved by about {jump * 1e3:.0f} mm between {names[split - 1]} and {names[split]}; fit the rows "
+            "before and after by themselves (--rows)"
+        )
+
+
+def _focus_drift(kind: Pixels) -> list[str]:
+    """A note where focal lengths change steadily from the first image to the last."""
+    assert kind.pictures is not None
+    pictures = kind.pictures
+    information, gradient = pictures.settle(pictures.camera).of_camera
+    n, k = gradient.shape
+    if n < FEWEST_SHIFTED:
+        return []
+    time, by_focus = np.linspace(-0.5, 0.5, n), np.zeros(k)
+    by_focus[:2] = pictures.camera[:2]
+    both = np.concatenate(
+        [np.tile(np.eye(k), (n, 1, 1)), time[:, None, None] * np.tile(by_focus[:, None], (n, 1, 1))], axis=2
+    )
+    H = (np.swapaxes(both, 1, 2) @ information @ both).sum(axis=0)
+    g = (np.swapaxes(both, 1, 2) @ gradient[:, :, None]).sum(axis=0)[:, 0]
+    C = np.linalg.pinv(H, rcond=1e-12, hermitian=True)
+    drift, error = float(C[-1] @ g), float(np.sqrt(max(C[-1, -1], 0.0)))
+    if abs(drift) < max(MIN_DRIFT, DRIFT_SIGMAS * error):
+        return []
+    return [
+        f"the focal length changes by {drift * 100:+.2f} ± {error * 100:.2f} % from {pictures.names[0]} to {pictures.names[-1]}, "
+        "as with an autofocus or a camera that warms up: lock the focus, let it warm up, and take the images again"
+    ]
