@@ -264,7 +264,7 @@ class TestAddresses:
 
 
 class TestClock:
-    def test_stamps_show_when_something_was_measured_not_when_it_arrived(self):
+    def test_stamps_tell_the_measurement_not_the_arrival(self):
         """Delays are random, one in ten long; the clock of the device is off by a day and 100 ppm fast."""
         rng = np.random.default_rng(1)
         clock, worst = DeviceClock(), 0.0

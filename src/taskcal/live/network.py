@@ -81,8 +81,8 @@ class Address:
         try:
             parts = urlsplit(given if "://" in given else f"{schemes[0]}://{given}" if schemes[0] else f"//{given}")
             found = parts.port or port
-        except ValueError as error:
-            raise wrong(f"is not one ({error})") from None
+        except ValueError:
+            raise wrong("is not one; a port is a number up to 65535, and an IPv6 address stands in brackets") from None
         if parts.scheme not in schemes:
             raise wrong(f"begins with {parts.scheme}://")
         if not parts.hostname:
