@@ -65,6 +65,7 @@ def found(image: np.ndarray, board: Board) -> dict[int, np.ndarray]:
         return {4 * int(k) + c: four[c] for k, four in zip(ids.ravel(), corners, strict=True) for c in range(4)}
     if board.kind == "checkerboard":
         _, corners = cv2.findChessboardCornersSB(image, (board.columns - 1, board.rows - 1))
+        corners = cv2.cornerSubPix(image, corners, (5, 5), (-1, -1), refined)
     else:
         layout = cv2.CALIB_CB_SYMMETRIC_GRID if board.kind == "circles" else cv2.CALIB_CB_ASYMMETRIC_GRID
         dots = cv2.SimpleBlobDetector_Params()

@@ -64,7 +64,6 @@ ONE_IMPORTER = {
         "taskcal.report.study",
     },
     "arithmetic that knows no robot": {
-        "taskcal.kernels.projection",
         "taskcal.estimation.trimmed_squares",
         "taskcal.geometry.polyline",
     },

@@ -4,3 +4,8 @@ from taskcal.observations.point import Reflector as Reflector
 from taskcal.virtual.cell import SimulationOptions as SimulationOptions
 from taskcal.virtual.cell import Truth as Truth
 from taskcal.virtual.cell import draw_defects as draw_defects
+from taskcal.virtual.pictures import Shots as Shots
+from taskcal.virtual.pictures import VirtualCamera as VirtualCamera
+from taskcal.virtual.pictures import take_shots as take_shots
+from taskcal.virtual.rendering import Exposure as Exposure
+from taskcal.virtual.rendering import render_board as render_board

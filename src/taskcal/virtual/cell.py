@@ -70,6 +70,8 @@ class Visit:
     """Joints as the controller says, radians."""
     read: Measured
     conditions: Conditions
+    target: Float[np.ndarray, "n 4 4"]
+    """True poses of what is on the tool, in the measuring frame."""
 
 
 def visit(
@@ -114,7 +116,7 @@ def visit(
         # where angles alone are measured, errors count at an arm of 1 m
         at[:, :3, :3] = se3.exp(error) @ at[:, :3, :3]
     off = robot.joint_error * rng.normal(size=true.shape)
-    return Visit(q=true - off, read=_read(scene, at, noise), conditions=way or Conditions())
+    return Visit(q=true - off, read=_read(scene, at, noise), conditions=way or Conditions(), target=at)
 
 
 def _reach(

@@ -1,10 +1,11 @@
 """``taskcal simulate``: a campaign of the virtual cell."""
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import typer
@@ -18,6 +19,7 @@ from taskcal.cli.options.common import (
     RobotOption,
     SpreadOptions,
     TaskOption,
+    above_zero,
     not_negative,
     read_and_reach,
 )
@@ -29,7 +31,10 @@ from taskcal.io.json_file import parse_json
 from taskcal.io.text_file import read_text
 from taskcal.observations import Observation, instrument_classes, instrument_of
 from taskcal.robot.error_model import ErrorModel
-from taskcal.virtual.cell import Truth
+from taskcal.virtual.cell import SimulationOptions, Truth
+
+if TYPE_CHECKING:
+    from taskcal.virtual.pictures import VirtualCamera
 
 REFLECTORS_MM = {"smr1": (60.0, 10.0, -20.0), "smr2": (-45.0, 55.0, 15.0), "smr3": (-20.0, -70.0, 35.0)}
 """Three reflectors about the TCP, in the tool frame, not on a line and no two alike."""
@@ -59,6 +64,82 @@ class ReflectorOptions:
             raise typer.BadParameter(
                 "a measured pose has one target; leave out --targets", param_hint="--pose / --targets"
             )
+
+
+PIXELS = "pixels"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraOptions:
+    """Board and camera of ``--observe pixels``."""
+
+    board: Path | None = option(None, "BOARD.toml", "With --observe pixels: the board, the first of the file.")
+    image_size: str = option("1600x1200", "WIDTHxHEIGHT", "Size of an image, pixels.")
+    focal_px: float | None = option(
+        None, "PX", "Focal length; by default 0.9 of the image's width.", callback=above_zero
+    )
+    noise_px: float = option(0.15, "PX", "Noise of a corner in each direction, 1σ.", callback=not_negative)
+    images: Path | None = option(None, "FOLDER", "Render the images into this folder.")
+
+    def check(self, observe: str) -> None:
+        """See that a board is given for images, and only for them.
+
+        Raises:
+            typer.BadParameter: it is not.
+        """
+        if (observe == PIXELS) != (self.board is not None) or (self.images is not None and self.board is None):
+            raise typer.BadParameter(
+                "images are of a board, and alone: give --observe pixels and --board BOARD.toml together",
+                param_hint="--observe / --board / --images",
+            )
+
+    def camera(self) -> "VirtualCamera":
+        """The camera.
+
+        Raises:
+            typer.BadParameter: the size of an image is none.
+        """
+        from taskcal.observations.camera import Lens
+        from taskcal.virtual.pictures import VirtualCamera
+
+        found = re.fullmatch(r"(\d{2,5})x(\d{2,5})", self.image_size)
+        if found is None:
+            raise typer.BadParameter(
+                f"'{self.image_size}' is not a size; write for example 1600x1200", param_hint="--image-size"
+            )
+        lens = Lens(model="pinhole", width=int(found[1]), height=int(found[2]))
+        focal = 0.9 if self.focal_px is None else self.focal_px / lens.width
+        return VirtualCamera(lens=lens, numbers=lens.start(focal), noise_px=self.noise_px)
+
+    def take(
+        self, model: ErrorModel, q: Float[np.ndarray, "n joints"], output: Path, seed: int, options: SimulationOptions
+    ) -> tuple[dict[Path | None, str | bytes], Truth]:
+        """The files of a campaign of images, and its truth."""
+        from taskcal.observations.calibration_board import read_boards
+        from taskcal.reading.pictures import Corners
+        from taskcal.reading.writer import joints_text
+        from taskcal.virtual.pictures import render_shots, take_shots
+
+        assert self.board is not None
+        board, camera, rng = read_boards(self.board)[0], self.camera(), np.random.default_rng(seed)
+        shots, truth = take_shots(model, q, board, camera, rng=rng, options=options)
+        names = tuple(f"{k:04d}.png" for k in range(len(q)))
+        corners = Corners(
+            source=output.name,
+            images=names,
+            width=camera.lens.width,
+            height=camera.lens.height,
+            image=shots.image,
+            board=(board.name,) * len(shots.image),
+            id=shots.id,
+            pixel=shots.pixel,
+        ).table()
+        rows = np.array([names.index(name) for name in corners["image"]], dtype=int)
+        contents: dict[Path | None, str | bytes] = {output: joints_text(shots.q[rows], model.robot, corners)}
+        if self.images is not None:
+            pictures = render_shots(shots, board, camera, rng)
+            contents |= {self.images / name: png for name, png in zip(names, pictures, strict=True)}
+        return contents, truth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,6 +201,7 @@ def command(
     ),
     reflectors: ReflectorOptions,
     how: ObserveOptions,
+    camera: CameraOptions,
     out: OutputOptions,
 ) -> None:
     """Simulate a campaign of a simulated robot drawn from its tolerances."""
@@ -129,10 +211,11 @@ def command(
         )
     if reflectors.targets is not None and truth_from is not None:
         raise typer.BadParameter("the truth has its own targets", param_hint="--targets / --truth-from")
+    camera.check(how.observe)
     outputs = out.begin(
         "simulate",
         [("--output", output), ("--truth", truth), ("--distances", how.distances)],
-        [robot, *files_of_task(task), truth_from],
+        [robot, *files_of_task(task), truth_from, camera.board],
     )
     from taskcal.campaigns.campaign import distances_text
     from taskcal.reading.writer import campaign_text
@@ -155,22 +238,25 @@ def command(
     with bar_over([REACHING, MEASURING]) as begin:
         poses = read_and_reach(model, task, spread.count, spread.seed, begin)
         begin(MEASURING)
-        campaign, true = taskcal.simulate(model, poses.q, rng=np.random.default_rng(spread.seed), options=options)
-    outputs.write({
-        output: campaign_text(campaign, model.robot),
-        truth: truth_text(true, campaign.targets),
-        how.distances: "" if how.distances is None else distances_text(campaign),
-    })  # fmt: skip
+        contents: dict[Path | None, str | bytes] = {}
+        if camera.board is not None:
+            contents, true = camera.take(model, poses.q, output, spread.seed, options)
+            measured: tuple[str, ...] = ("camera",)
+        else:
+            campaign, true = taskcal.simulate(model, poses.q, rng=np.random.default_rng(spread.seed), options=options)
+            contents[output], measured = campaign_text(campaign, model.robot), campaign.targets
+            contents[how.distances] = "" if how.distances is None else distances_text(campaign)
+    outputs.write({**contents, truth: truth_text(true, measured)})
     result = {
         "campaign": output,
         "truth": truth,
         "truth_from": truth_from,
         "robot": model.robot.name,
-        "rows": len(campaign),
+        "rows": len(poses.q),
         "seed": spread.seed,
         "observe": how.observe,
         "distances": how.distances,
-        "targets": campaign.targets,
+        "targets": measured,
         "pose": reflectors.pose,
         "stations": reflectors.stations,
         "unreachable_share": float(poses.unreachable.mean()),
