@@ -122,6 +122,35 @@ def test_the_tool_of_a_program_without_one_comes_from_the_cell_file(true_robot, 
     np.testing.assert_allclose(got[:3, 3], wanted[:3, 3], atol=1e-6)
 
 
+def test_every_place_of_a_pallet_is_met(true_robot):
+    """Of loops in each other, which are written out."""
+    calibration, chain, q = true_robot
+    start = chain.pose(q) @ TOOL
+    lines = [
+        f"set_tcp({pose(TOOL)})",
+        f"movej({joints(q)})",
+        f"corner = {pose(start)}",
+        "i = 0",
+        "while i < 2:",
+        "j = 0",
+    ]
+    lines += [
+        "while j < 3:",
+        "movel(pose_trans(corner, p[i*0.03, j*0.02, 0, 0, 0, 0]))",
+        "j = j + 1",
+        "end",
+        "i = i + 1",
+        "end",
+    ]
+    _, _, again = corrected(calibration, *lines)
+    wanted = {(i, j): start @ se3.translation(0.03 * i, 0.02 * j) for i in range(2) for j in range(3)}
+    goals = [move.part.T @ move.end.T for move in again if move.end.T is not None]
+    assert len(goals) == len(wanted)
+    for goal, T in zip(goals, wanted.values(), strict=True):
+        got = true_tool(calibration, chain, goal @ np.linalg.inv(TOOL), q, TOOL)
+        np.testing.assert_allclose(got[:3, 3], T[:3, 3], atol=1e-6)
+
+
 AT_RUN_TIME = """def cell():  # palletising
   set_tcp(TCP)
   global home = HOME

@@ -3,7 +3,6 @@
 Universal Robots, *Script manual, e-Series*: get_inverse_kin, get_forward_kin, scoping rules.
 """
 
-import re
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator
 from typing import NamedTuple
@@ -12,7 +11,7 @@ from robot_programs.core.errors import shown
 from robot_programs.core.program import Unresolved
 from robot_programs.core.source import Source, TextEdit
 from robot_programs.urscript.holders import MEASURING, Holders, is_measuring
-from robot_programs.urscript.syntax import Expression, inside, parse, plain_name
+from robot_programs.urscript.syntax import REST_OF_LINE, Expression, inside, parse, plain_name
 from robot_programs.urscript.values import INVERSE, MOTIONS, signature
 
 HERE = "get_target_joint_positions()"
@@ -142,9 +141,6 @@ def _kinds(holders: Holders) -> Kinds:
 
 # Where the function's text goes.
 
-_REST = re.compile(r"[ \t]*(?:[#$][^\n]*)?(?:\n|$)")
-"""Of the line of a header, behind its colon: nothing but a comment."""
-
 
 def with_function(source: Source, function: Source) -> Source:
     """A file with some functions in it.
@@ -157,7 +153,7 @@ def with_function(source: Source, function: Source) -> Source:
     called = {call.name for line in outside.lines for call in line.calls}
     start, indent = 0, ""
     if len(own) == 1 and own[0].kind == "def" and not own[0].parameters and called <= {own[0].name}:
-        rest = _REST.match(source.text, own[0].begins)
+        rest = REST_OF_LINE.match(source.text, own[0].begins)
         start, indent = (own[0].begins, "") if rest is None else (rest.end(), source.indent(own[0].start) + "  ")
     lines = [indent + line if line else line for line in function.text.splitlines()]
     text = source.newline.join([*([""] if start and not indent else []), *lines, ""])

@@ -72,7 +72,7 @@ _ENDS = {
 _RESTING = re.compile(
     r"(get|set|is|read|write|socket|rtde|modbus|str|to|encoder|conveyor|force|interpreter|rpc|request|zero|tool|pose|point|make"
     r"|wrench|rotvec|end|binary|integer|bin|path|ft|payload|enable|disable|clear|skip|enter|exit)_\w+"
-    r"|rotvec2rpy|popup|textmsg|sleep|sync|size|norm|inv|transpose|random|log|abs|\w+\.[\w.]+"
+    r"|rotvec2rpy|popup|textmsg|sleep|sync|size|norm|normalize|inv|transpose|random|log|abs|time|struct|\w+\.[\w.]+"
 )
 """Functions of the language, and of servers called by their names, that do not move the robot."""
 
@@ -761,6 +761,7 @@ def _program(files: Sequence[File], flow: Flow, read: Callable[..., UrscriptProg
         files=tuple(files),
         failing=tuple((number, call) for (number, _), call in findings.failing.items()),
         shifted=frozenset(findings.shifted),
+        turns=flow.turns,
         read=read,
     )
 

@@ -1,7 +1,7 @@
 """New numbers for the targets of a URScript program, in the places where it states them; and new programs."""
 
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core.errors import InputError
+from robot_programs.core.flow import Loop, lines_in
 from robot_programs.core.program import (
     Composition,
     Diagnostic,
@@ -25,11 +26,12 @@ from robot_programs.core.program import (
     reject_in_turn,
 )
 from robot_programs.core.robot import JOINTS, Robot
-from robot_programs.core.source import Source, TextEdit, numeral, renumbered
+from robot_programs.core.source import FreshNames, Source, TextEdit, numeral, renumbered
+from robot_programs.core.written_out import Repeated, Turns, loops_to_write, reaching, written_out
 from robot_programs.urscript.computed import with_function, wrap
 from robot_programs.urscript.holders import Holders
-from robot_programs.urscript.syntax import Expression, File, inside, plain_name
-from robot_programs.urscript.values import MOTIONS, Literal, Six, signature, six_of
+from robot_programs.urscript.syntax import REST_OF_LINE, Expression, File, Routine, Statement, inside, plain_name
+from robot_programs.urscript.values import FUNCTIONS, MOTIONS, Literal, Six, signature, six_of
 
 METRES, RADIANS = 7, 8
 """Decimals written of positions and of angles: a tenth of a micrometre, and as much at the end of an arm."""
@@ -113,6 +115,8 @@ class UrscriptProgram(Program):
     """Motions that were not understood, with the numbers of their files."""
     shifted: frozenset[tuple[int, int]] = frozenset()
     """Those of them, by file and first character, where something may move the tool away from its target."""
+    turns: Mapping[Loop, tuple[float, ...] | None] = field(default_factory=dict[Loop, tuple[float, ...] | None])
+    """See `Flow.turns`."""
 
     @cached_property
     def _holders(self) -> Holders:
@@ -212,6 +216,33 @@ class UrscriptProgram(Program):
     ) -> dict[int, str]:
         """Motions whose text stands for several, which need different numbers; see `Program.unwritable`."""
         return reject_in_turn(waypoints, lambda paths: _Plan.of(self, paths).conflicts)
+
+    def written_out(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
+        """The program's files with shared text written out; see `Program.written_out`."""
+        shared = {self.sites[i].text for i in numbers}
+        routines = [routine for file in self.files for routine in file.routines]
+        by_name = {routine.name: routine for routine in routines}
+        calls: dict[Routine, list[tuple[tuple[int, int], Routine]]] = defaultdict(list)
+        motions: list[tuple[tuple[int, int], Routine]] = []
+        for routine in routines:
+            for call in (call for line in routine.lines for call in line.calls):
+                text = routine.file.number, call.start
+                motions += [(text, routine)] if text in shared else []
+                if call.name in by_name:
+                    calls[by_name[call.name]].append((text, routine))
+        reached = reaching(motions, calls)
+        turns = (
+            (routine.file.source, loop) for routine in routines for loop in _turns_of(routine, self.turns, reached)
+        )
+        kinds = Counter(routine.name for routine in routines)
+        repeated = (
+            _repeated(routine, [text for text, _ in calls[routine]])
+            for routine in {routine: None for _, routine in motions}
+            if routine.kind == "def" and kinds[routine.name] == 1 and all(by is not routine for _, by in calls[routine])
+        )
+        words = (word for source in self.sources for word in _WORD.findall(source.text))
+        fresh = FreshNames(words, longest=MAX_NAME_LENGTH, reserved=RESERVED)
+        return written_out(self.sources, turns, [one for one in repeated if one is not None], fresh)
 
     def visits(self) -> Iterable[Visit]:
         """Motions whose targets are, or are computed of, numbers that variables hold; see `Program.visits`."""
@@ -359,6 +390,62 @@ def _several(group: Sequence[int]) -> str:
 
 def _alike(one: Six, other: Six) -> bool:
     return all(abs(a - b) < NUMBER_TOLERANCE for a, b in zip(one, other, strict=True))
+
+
+# Text that stands for several motions, written out.
+
+
+def _own_lines(file: File, start: int, begins: int) -> tuple[int, int, int, int] | None:
+    """Lines of a block: where its header begins and ends, and its end; None where other statements stand in these.
+
+    Args:
+        file: of the block.
+        start: first character of its header.
+        begins: behind its colon.
+    """
+    text, end = file.source.text, file.ends[start]
+    behind_header = REST_OF_LINE.match(text, begins)
+    behind = REST_OF_LINE.match(text, end.end)
+    first, last = (text.rfind("\n", 0, place) + 1 for place in (start, end.start))
+    if behind_header is None or behind is None or text[first:start].strip() or text[last : end.start].strip():
+        return None
+    return first, behind_header.end(), last, behind.end()
+
+
+def _turns_of(
+    routine: Routine, turns: Mapping[Loop, tuple[float, ...] | None], shared: Container[tuple[int, int]]
+) -> Iterator[Turns]:
+    """Loops of a routine around some calls that can be written turn by turn."""
+    file = routine.file
+
+    def is_shared(line: Statement) -> bool:
+        return any((file.number, call.start) in shared for call in line.calls)
+
+    for loop, taken in loops_to_write(routine.body.nodes, turns, is_shared, lambda _: True):
+        place = _own_lines(file, loop.line.start, loop.line.end)
+        if place is None or any(call.name not in FUNCTIONS for call in loop.line.calls):
+            continue  # a function in its head may do more
+        first, begins, last, behind = place
+        if any(first <= one.start < behind for one in file.routines if one.kind):
+            continue
+        if any(line.kind in ("break", "continue") for line in lines_in(loop.body)):
+            continue
+        yield Turns(start=first, end=behind, body=(begins, last), before=("",) * len(taken), after="")
+
+
+def _repeated(routine: Routine, calls: Sequence[tuple[int, int]]) -> Repeated | None:
+    """A function of which each call but the first gets a copy; None where its lines have other statements."""
+    file, start = routine.file, routine.start
+    place = _own_lines(file, start, routine.begins)
+    if place is None:
+        return None
+    source, (first, _, _, behind) = file.source, place
+    name = source.text.index(routine.name, start + len(routine.kind))
+    own = [at for number, at in calls if number == file.number]
+    return Repeated(
+        source=source, at=behind, before="", span=(first, behind), name=(name, name + len(routine.name)),
+        calls=tuple((source, (at, at + len(routine.name))) for at in own[len(own) == len(calls) :]),
+    )  # fmt: skip
 
 
 # A new URScript program of given motions.

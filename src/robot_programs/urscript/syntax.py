@@ -198,6 +198,10 @@ _TOKEN = re.compile(
 """Behind ``$`` stands the label of a line for PolyScope."""
 
 
+REST_OF_LINE = re.compile(r"[ \t]*(?:[#$][^\n]*)?(?:\n|$)")
+"""Behind a statement: nothing but a comment."""
+
+
 class Token(NamedTuple):
     """A word of the text."""
 
@@ -364,6 +368,8 @@ class File:
     source: Source
     routines: "list[Routine]" = field(default_factory=list["Routine"])
     """In the order of the text; the statements outside of all come first."""
+    ends: dict[int, Statement] = field(default_factory=dict[int, Statement])
+    """What closes a block, by the first character of its header."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -470,6 +476,7 @@ class _Blocks:
             raise self.refuse(around[-1], "is not closed by 'end'; the file is cut off, or an 'end' is missing")
         if line.kind != "end" and not arms:
             raise self.refuse(line, f"{NO_IF}; an 'end' before it closes too much")
+        self.file.ends[around[-1].start] = line
         return nodes, line
 
     def routine(self, line: Statement, parent: Routine, around: tuple[Statement, ...]) -> None:
