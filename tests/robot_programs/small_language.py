@@ -130,6 +130,7 @@ class Maker:
             if computing := [one for one in functions if one.computes]:
                 called = ("calls", self.rng.choice(computing), self.variable(), self.number(0))
                 ways.append(lambda: ("beside", called, self.number(0)))
+                ways.append(lambda: ("calls", self.rng.choice(computing), called, self.number(0)))
         return self.pick(*ways, lambda: ("literal", *(self.rng.randint(0, 90) for _ in AXES)))
 
     def fixed(self) -> Node:

@@ -437,13 +437,13 @@ class Frames:
         """
         return self.data.find(name, self.names.module, self.names.routine).aggregate
 
-    def after_assignment(self, state: State, line: Assignment, variables: Variables) -> State:
-        """The state behind an assignment, which makes variables what they are."""
+    def after_assignment(self, state: State, line: Assignment, variables: Variables, by_function: bool) -> State:
+        """The state behind an assignment, which makes variables what they are, perhaps by a function of the program."""
         if line.name == "FDAT_ACT":
             return self._with_parameters(state, line.value)
         if line.variable == "FDAT_ACT" and state.parameters is not None:
             return replace(state, parameters=_with_component(state.parameters, line, self.known(state)))
-        if line.variable in ("$TOOL", "$BASE") and line.name != line.variable:
+        if line.variable in ("$TOOL", "$BASE") and (by_function or line.name != line.variable):
             variable = self._with_own_component(line, variables)
             return replace(state, tool=variable) if line.variable == "$TOOL" else replace(state, base=variable)
         return self._after_setting(state, line.name, line.words)

@@ -764,7 +764,8 @@ class _Walk(flow.Walk[State, Routine]):
         if line.component or len(line.words) > 1:
             known = replace(known, place=partial(self._resolver().position, state))
         variables = after_assignment(known, line, returned)
-        return replace(self.frames.after_assignment(state, line, variables), variables=variables)
+        by_function = returned is not None
+        return replace(self.frames.after_assignment(state, line, variables, by_function), variables=variables)
 
     def _note_element(self, line: Assignment, element: str | None) -> None:
         """Note which element an assignment sets."""
@@ -796,21 +797,19 @@ class _Walk(flow.Walk[State, Routine]):
 
     def _with_functions(self, words: Sequence[Word], state: State) -> AbstractValue | None:
         """Value of an expression that calls functions of the program; None where it calls none, or they do more than compute."""
-        routines, variables, out = self.flow.routines, dict(state.variables), list[Word]()
-        at, found = 0, False
-        while at < len(words):
-            word, end = words[at], at + 1
-            if word.kind == "name" and word.upper in routines and end < len(words) and words[end].text == "(":
-                end += closing(words[end:]) + 1
-                call = whole_call(words[at:end])
-                if call is None or not self._only_computes(call):
-                    return None
-                _, value = self._followed(call, state)
-                word, found = word._replace(text=f"{call.name}@{word.start}"), True  # a name that no variable has
-                variables[word.upper] = self._of_function(call.name, value)
-            out.append(word)
-            at = end
-        return given_by(out, replace(self.frames.known(state), variables=variables)) if found else None
+        out = list(words)
+        for at in reversed(range(len(words) - 1)):  # a call within another's arguments first
+            if out[at].kind != "name" or out[at].upper not in self.flow.routines or out[at + 1].text != "(":
+                continue
+            end = at + closing(out[at + 1 :]) + 2
+            call = whole_call(out[at:end])
+            if call is None or not self._only_computes(call):
+                return None
+            _, value = self._followed(call, state)
+            word = out[at]._replace(text=f"{call.name}@{out[at].start}")  # a name that no variable has
+            state = replace(state, variables={**state.variables, word.upper: self._of_function(call.name, value)})
+            out[at:end] = [word]
+        return given_by(out, self.frames.known(state)) if len(out) < len(words) else None
 
     def _only_computes(self, call: Call) -> bool:
         """Whether a call of a routine of the files changes nothing."""

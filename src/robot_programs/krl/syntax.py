@@ -930,10 +930,19 @@ def passed_by_reference(line: Call, by_value: Mapping[str, tuple[bool, ...]]) ->
     modes = by_value.get(line.name, ())
     out: list[str] = []
     for i, words in enumerate(line.arguments):
-        if i < len(modes) and modes[i] and not any(word.text == "(" for word in words):
-            continue
-        out += [word.upper for word in words if word.kind == "name"]
+        own = i < len(modes) and modes[i]
+        out += _passed_in(words, by_value) if own else [word.upper for word in words if word.kind == "name"]
     return tuple(out)
+
+
+def _passed_in(words: Sequence[Word], by_value: Mapping[str, tuple[bool, ...]]) -> list[str]:
+    """Variables that functions in an expression may change."""
+    out: list[str] = []
+    for i, (name, behind) in enumerate(pairwise(words)):
+        if name.kind == "name" and behind.text == "(" and name.upper not in _OPERATORS | _BY_VALUE:
+            call = Call(start=0, end=0, name=name.upper, arguments=arguments_of(words[i + 1 :]))
+            out += passed_by_reference(call, by_value)
+    return out
 
 
 def whole_call(words: Sequence[Word]) -> Call | None:
@@ -948,8 +957,7 @@ def whole_call(words: Sequence[Word]) -> Call | None:
 
 def passed_in_assignment(line: Assignment, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
     """Variables that the functions in an assignment may change."""
-    called = whole_call(line.words)
-    return line.changed if called is None or called.name not in by_value else passed_by_reference(called, by_value)
+    return tuple(_passed_in(line.words, by_value))
 
 
 def passed_in_motion(line: MotionLine, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
