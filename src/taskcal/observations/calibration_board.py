@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 from pydantic import Field, ValidationError, model_validator
 
 from taskcal.errors import FileError, UnknownName, WrongValue
-from taskcal.io.toml_file import NotNegative, Positive, Section, explain, read_toml
+from taskcal.io.toml_file import Positive, Section, explain, read_toml
 from taskcal.short_repr import short_repr
 
 UNMEASURED_SCALE = 5e-3
@@ -100,8 +100,6 @@ class Board:
     """Length of the print over that of the drawing, as measured."""
     u_scale: float = UNMEASURED_SCALE
     """Relative standard uncertainty of it."""
-    flatness_m: float | None = None
-    """By how much the board departs from a plane, 1σ, metres; None where nothing is stated."""
 
     def corners(self) -> Float[np.ndarray, "m 3"]:
         """Corners, or centres of dots, in the board's frame, of the size that was measured, metres."""
@@ -277,7 +275,6 @@ class BoardSection(Section):
     big_dot: tuple[Annotated[int, Field(strict=True, ge=0)], Annotated[int, Field(strict=True, ge=0)]] | None = None
     big_dot_mm: Square | None = None
     measured: MeasuredSection | None = None
-    flatness_mm: NotNegative | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> "BoardSection":
@@ -345,7 +342,6 @@ class BoardSection(Section):
             big_dot_m=(self.big_dot_mm or 0.0) * 1e-3,
             scale=1.0 if found is None else found.length_mm / found.drawn_mm,
             u_scale=UNMEASURED_SCALE if found is None else found.u_mm / found.length_mm,
-            flatness_m=None if self.flatness_mm is None else self.flatness_mm * 1e-3,
         )
 
 

@@ -16,7 +16,16 @@ from jaxtyping import Float, Int
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.geometry.point_registration import orientations
-from taskcal.observations.base import Differential, Measured, Observation, ObservedColumns, Read, Stated, TrackerNoise
+from taskcal.observations.base import (
+    Differential,
+    Measured,
+    Observation,
+    ObservedColumns,
+    Read,
+    Scene,
+    Stated,
+    TrackerNoise,
+)
 from taskcal.observations.camera import DISTORTION, KILO, Lens, Pictures, Settled
 from taskcal.observations.pose import turn_by_rotation
 from taskcal.observations.standalone import Search, Standalone
@@ -280,6 +289,13 @@ class Pixels(Standalone):
         there[self.of[rows] >= 0] = of
         pictures = None if self.pictures is None else self.pictures.take(numbers)
         return replace(self, of=there, images=tuple(self.images[k] for k in numbers), pictures=pictures)
+
+    @classmethod
+    def stage(cls, tool: Float[np.ndarray, "n 4 4"], places: int | None, rng: np.random.Generator) -> Scene:
+        """Refuse: images are simulated with a board and a camera (`take_shots`), and poses for them planned as for a board."""
+        raise CampaignError(
+            "poses for 'pixels' are planned as for a board: --observe board; images are simulated with --board BOARD.toml alone"
+        )
 
     @classmethod
     def read(cls, columns: ObservedColumns) -> Read | None:

@@ -81,7 +81,7 @@ def take_shots(
         options: defects, errors of joints and of the model; what is of other instruments is not asked.
 
     Raises:
-        OutOfReachError: the robot cannot look at the board from all postures, in none of some places of it.
+        CampaignError: the robot cannot look at the board from all postures, in none of some places of it.
     """
     chosen = options or SimulationOptions()
     robot = TrueRobot(
