@@ -6,7 +6,18 @@ from PIL import Image
 
 from tests.studio.conftest import PICTURES
 
-PAGES = ("robot", "measurements", "mistakes", "weight", "plan", "result", "program")
+PAGES = (
+    "robot",
+    "measurements",
+    "mistakes",
+    "weight",
+    "plan",
+    "result",
+    "program",
+    "live-begin",
+    "live",
+    "live-proven",
+)
 ROAD = ("robot", "measurements", "task", "weight", "plan", "identify", "result", "report")
 """Pictures of the whole road, in its order."""
 

@@ -84,7 +84,8 @@ def test_a_new_project_asks_for_a_robot_before_all_else(tmp_path: Path) -> None:
 def test_nothing_is_open_where_all_was_made_from_what_is_there(whole: Project) -> None:
     steps = steps_of(whole)
     assert {page: step.state for page, step in steps.items()} == dict.fromkeys(steps, State.done) | {
-        "weight": State.optional
+        "weight": State.optional,
+        "live": State.optional,
     }
     pages = list(steps)
     assert [next_step(steps, page) for page in pages] == [*pages[1:], ""]
@@ -165,7 +166,7 @@ class Begun(Studio):
         return self.run
 
     def end(self, output: str) -> None:
-        self.run.output = output
+        self.run.lines = [output]
         asyncio.run(self.then(self.run))
 
 

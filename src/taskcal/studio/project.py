@@ -128,6 +128,13 @@ RobotName = Annotated[str, AfterValidator(_robot)]
 """A name of the catalogue, or a file in ``robots``; or nothing."""
 
 
+LiveOption = Literal[
+    "controller", "controller-address", "instrument", "instrument-address", "columns", "settle-s", "shots", "most",
+    "accuracy-mm",
+]  # fmt: skip
+"""Of ``taskcal measure``."""
+
+
 class Choices(Section):
     """Current choices of a project, as in ``project.toml``."""
 
@@ -159,6 +166,10 @@ class Choices(Section):
     """Whether outliers count less."""
     fit_name: str = Field(default="", max_length=LONGEST)
     """Of the next calibration; empty for one made of its campaign and its model."""
+    live: dict[LiveOption, Annotated[str, Field(max_length=200)]] = Field(default_factory=dict)
+    """Options of ``taskcal measure`` that are stated, by their names."""
+    live_campaign: ProjectFile = ""
+    """That was measured live last."""
     notes: dict[ProjectFile, Annotated[str, Field(max_length=2000)]] = Field(default_factory=dict, max_length=1000)
     """On calibrations, by their paths."""
 

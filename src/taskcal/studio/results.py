@@ -237,6 +237,7 @@ def steps_of(project: Project) -> Mapping[str, Step]:
             changed=changed_since(project, plan, now) if planned else (),
             waits=bool(measurements),
         ),
+        "live": _step(*robot, *task, there=False, waits=False),
         "identify": _step(*robot, *measurements, there=bool(now["calibration"]), changed=fit),
         "result": _step(*no_fit, there=bool(now["calibration"]), changed=fit, waits=False),
         "program": of_product(corrected_of(choices.program), there=corrected, waits=not refused, missing=no_fit)

@@ -60,8 +60,8 @@ class CommandRun:
         self.messages: list[str] = []
         """What it says beside its result."""
         self.result: dict[str, Any] | None = None
-        self.output = ""
-        """What it wrote on standard output."""
+        self.lines: list[str] = []
+        """What it wrote on standard output so far, with the ends of lines."""
         self.status = Status.running
         self._folder = folder
         self._process: asyncio.subprocess.Process | None = None
@@ -71,6 +71,11 @@ class CommandRun:
     def line(self) -> str:
         """Command line as a person would type it, in the project's folder."""
         return "taskcal " + shlex.join(argument for argument in self.arguments if argument != "--json")
+
+    @property
+    def output(self) -> str:
+        """What it wrote on standard output so far."""
+        return "".join(self.lines)
 
     async def run(self, then: Callable[["CommandRun"], Awaitable[None]] | None = None) -> None:
         """Run it to its end; a cancelled one ends early.
@@ -98,13 +103,13 @@ class CommandRun:
         )
         if self._cancelled:
             self._signal(kill=True)
-        assert self._process.stdout is not None
-        written, _ = await asyncio.gather(self._process.stdout.read(), self._listen(self._process))
+        await asyncio.gather(self._read(self._process), self._listen(self._process))
         code = await self._process.wait()
-        self.output = written.decode("utf-8", "replace")
-        with suppress(ValueError):
-            parsed = json.loads(self.output)
-            self.result = parsed if isinstance(parsed, dict) else None
+        for said in (self.output, *self.lines[-1:]):  # of what tells line by line, the last one is the result
+            with suppress(ValueError):
+                parsed = json.loads(said)
+                self.result = parsed if isinstance(parsed, dict) else None
+                break
         if self._cancelled:
             self.status = Status.cancelled
             return
@@ -123,6 +128,16 @@ class CommandRun:
             await asyncio.wait_for(process.wait(), GRACE_S)
         self._signal(kill=True)
 
+    def interrupt(self) -> None:
+        """Ask it to end by itself, as Ctrl-C does; twice, at once. Where there is no such signal it ends at once, too."""
+        if self._process is None:
+            return
+        if os.name != "posix":
+            self._signal(kill=True)
+            return
+        with suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGINT)
+
     def _signal(self, *, kill: bool) -> None:
         assert self._process is not None
         with suppress(ProcessLookupError):
@@ -130,6 +145,12 @@ class CommandRun:
                 os.killpg(self._process.pid, signal.SIGKILL if kill else signal.SIGTERM)
             elif self._process.returncode is None:
                 self._process.kill()
+
+    async def _read(self, process: asyncio.subprocess.Process) -> None:
+        """Take what it writes as it comes."""
+        assert process.stdout is not None
+        async for raw in process.stdout:
+            self.lines.append(raw.decode("utf-8", "replace"))
 
     async def _listen(self, process: asyncio.subprocess.Process) -> None:
         """Take progress and messages from standard error."""

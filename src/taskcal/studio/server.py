@@ -29,6 +29,7 @@ from taskcal.studio.controls import button, text
 from taskcal.studio.files import giver, mesh_giver, receiver
 from taskcal.studio.pages import (
     identify_page,
+    live_page,
     measurements_page,
     plan_page,
     program_page,
@@ -490,6 +491,7 @@ ROAD = (
     Page("task", task_page.build, again=task_page.begin_task, at_once=True),
     Page("weight", weight_page.build),
     Page("plan", plan_page.build, "plan", plan_page.begin_plan),
+    Page("live", live_page.build, live_page.KIND, live_page.go_on),
     Page("identify", identify_page.build, "identify", identify_page.begin_fit, at_once=True),
     Page("result", result_page.build),
     Page("program", program_page.build, "correct", program_page.begin_correction, at_once=True, early=True),

@@ -107,7 +107,7 @@ def begin(
     try:
         former = project.contents(outputs)
         made_from = contents(project) if product else {}
-        for path in outputs:
+        for path in (*outputs, *(chosen or {}).values(), *(moves or {})):
             project.path(path).parent.mkdir(exist_ok=True)
         studio.start(kind, arguments, keep)
     except (OSError, TaskcalError) as error:

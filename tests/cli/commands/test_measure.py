@@ -15,12 +15,16 @@ LINE = "measure -r ur5 -t task.toml -c virtual -i virtual -o c.csv --effects non
 def test_measuring_stops_resumes_and_ends_with_a_calibration(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A line for each row, with what programs read; the files beside the campaign are those of the other commands."""
+    """Lines for where to go, what was taken and what is known; the files beside the campaign are those of the other commands."""
     monkeypatch.chdir(tmp_path)
     assert run("robots", "task", "ur5", "-o", "task.toml").status == 0
     first = run(*LINE.split(), "--most", "13", "--json")
     assert first.status == 0, first.err
-    *rows, end = [json.loads(line) for line in first.out.splitlines()]
+    *lines, end = [json.loads(line) for line in first.out.splitlines()]
+    poses, taken, rows = lines[::3], lines[1::3], lines[2::3]
+    assert {*map(tuple, map(sorted, poses))} == {tuple(KEYS["measure, where to go"]["top"])}
+    assert {*map(tuple, map(sorted, taken))} == {tuple(KEYS["measure, a row taken"]["top"])}
+    assert [one["number"] for one in poses] == [one["measured"] for one in taken] == list(range(1, 14))
     assert [one["rows"] for one in rows] == list(range(1, 14))
     assert all(sorted(one) == KEYS["measure"]["top"] for one in rows)
     assert sorted(end) == KEYS["measure at its end"]["top"]

@@ -105,7 +105,7 @@ def command(
 
     Every row is on the disk before the next pose is shown. Ctrl-C finishes the row in hand, and --resume goes on.
 
-    A person or a program moves the robot, unless --drive is given. With --json, each row is a line.
+    A person or a program moves the robot, unless --drive is given. With --json, each event is a line.
     """
     beside = {".calibration.json": "calibration", ".report.html": "report"}
     files = {name: output.with_suffix(suffix) for suffix, name in beside.items()}
@@ -212,6 +212,9 @@ class _Terminal:
         """Show an event."""
         if event.kind == "note":
             info(event.text)
+        elif self.as_json:
+            if (line := _line(self.aim, event)) is not None:
+                print(json.dumps(plain(line), allow_nan=False), flush=True)
         elif event.kind == "pose" and event.step is not None:
             step = event.step
             after = "" if event.next_error is None else f", after it {event.next_error * 1e3:.4f} mm are expected"
@@ -219,12 +222,9 @@ class _Terminal:
         elif event.kind == "row" and event.taken is not None:
             taken = event.taken
             info(f"  measured, {taken.shots} shots, scatter {taken.scatter * 1e3:.3f} mm")
-        elif event.state is not None and event.state.rows:
-            if self.as_json:
-                print(json.dumps(plain(_line(self.aim, event)), allow_nan=False), flush=True)
-            elif event.state.budget is not None:
-                for line in _in_words(event.state, self.aim, event.pose_s):
-                    say(line)
+        elif event.state is not None and event.state.rows and event.state.budget is not None:
+            for line in _in_words(event.state, self.aim, event.pose_s):
+                say(line)
 
     def ask(self, question: "Question") -> "Answer":
         """Ask on the terminal; without one it is to stop."""
@@ -284,10 +284,21 @@ def _rms(state: "State") -> float:
     return float(np.sqrt(np.mean(state.kept_out**2))) if len(state.kept_out) else float("nan")
 
 
-def _line(aim: "Aim", event: "Event") -> dict[str, Any]:
-    """What is known after a row, for programs; lengths that are not known are null."""
-    state = event.state
-    assert state is not None
+def _line(aim: "Aim", event: "Event") -> dict[str, Any] | None:
+    """An event for programs: the pose to go to, the row taken, or what is known after it; lengths that are not known are null."""
+    step, taken, state = event.step, event.taken, event.state
+    if event.kind == "pose" and step is not None:
+        after = None if event.next_error is None else event.next_error * 1e3
+        return {
+            "go_to": _pose(aim.model.robot, step.q),
+            "number": step.number,
+            "purpose": step.purpose,
+            "error_after_mm": after,
+        }
+    if event.kind == "row" and step is not None and taken is not None:
+        return {"measured": step.number, "shots": taken.shots, "scatter_mm": taken.scatter * 1e3}
+    if state is None or not state.rows:
+        return None
     budget, look = state.budget, state.look
     known = budget is not None
     return {

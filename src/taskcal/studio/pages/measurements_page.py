@@ -30,7 +30,7 @@ from taskcal.studio.results import examined, robot_of
 from taskcal.studio.robot_meshes import RobotMeshes, meshes_if_sound
 from taskcal.studio.runs import Status, Studio
 from taskcal.studio.selection import Selection
-from taskcal.studio.steps import begin, choose_file, is_running, show_error, show_run
+from taskcal.studio.steps import begin, choose_file, is_running, link, show_error, show_run
 from taskcal.studio.texts import LIBRARY_LANGUAGE, Texts
 from taskcal.studio.views import CONCERNED, INK, MAX_PICKED, CellView, RowPlayer, figure
 
@@ -107,6 +107,7 @@ async def build(studio: Studio, texts: Texts) -> None:
     if files:
         choose_file(project, texts, "campaign", files)
     drop_zone(texts, "campaign", texts("measurements.drop"), CAMPAIGN_ENDINGS, several=True)
+    link(texts("measurements.live"), "/live")
     robot = await asyncio.to_thread(robot_of, project)
     if not choices.campaign:
         text("p", texts("measurements.none"))

@@ -1,0 +1,112 @@
+"""Measuring live in a real browser, from an empty table to the proof; and what the page makes of a command's lines."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from taskcal.reading.reader import read_campaign
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from taskcal.studio.pages.live_page import Measured, arguments_of, draw_curve, facts_of, readable
+from taskcal.studio.project import Project
+from taskcal.studio.texts import Texts
+from taskcal.task.default_task import default_task, task_text
+from tests.studio.conftest import open_tab, served, server_of
+from tests.studio.test_robot_in_browser import serious
+
+ROBOT = load_robot("ur5")
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Project:
+    """A project with a robot and a task that asks for 0.06 mm."""
+    project = Project(tmp_path)
+    (tmp_path / "tasks").mkdir()
+    task = replace(default_task(ErrorModel(ROBOT)), accuracy=6e-5)
+    (tmp_path / "tasks" / "box.toml").write_text(task_text(task))
+    project.choose(name="live", robot="ur5", task="tasks/box.toml")
+    return project
+
+
+def state(rows: int, error: float | None) -> str:
+    """A line of the command, after a row."""
+    interval = None if error is None else [0.9 * error, 1.2 * error]
+    known: dict[str, Any] = {"rows": rows, "expected_error_mm": error, "interval_mm": interval, "tolerance_mm": 0.1}
+    known |= {"kept_out": 0, "kept_out_rms_mm": None, "bound_mm": None, "poses_left": 7, "seconds_a_pose": 60.0}
+    return json.dumps(known | {"proven": False})
+
+
+def test_a_page_reads_lines_as_the_command_writes_them() -> None:
+    """Rows that come twice, as after going on, count once; a half-written last line not at all."""
+    pose = json.dumps({"go_to": {"J1_deg": 1.0}, "number": 14, "purpose": "kept-out", "error_after_mm": 0.14})
+    lines = [state(12, None), state(13, 0.2), state(13, 0.15), '{"measured": 13, "shots": 3, "scatter_mm": 0.02}', pose]
+    measured = Measured.of([*lines, '{"rows": 14, "expec'])
+    assert (list(measured.known), measured.last) == ([12, 13], json.loads(lines[2]))
+    told = dict(facts_of(measured, measured.known[13], Texts("de")))
+    assert told["Erwarteter Fehler über die Aufgabe"] == "0,1500 mm (95 %: 0,1350 bis 0,1800 mm)"
+    assert told["Nach dieser Stellung erwartet"] == "0,1400 mm"
+    assert told["Noch etwa Stellungen"] == "7, 7 min"
+    (panel,) = draw_curve(measured.known, Texts("en")).panels
+    assert [list(one.x) for one in panel.series] == [[13], [13]]
+    assert [level.at for level in panel.levels] == [0.1]
+
+
+def test_only_what_is_stated_is_an_option_and_nothing_drives(project: Project) -> None:
+    project.choose(live={"controller": "virtual", "shots": "5", "columns": ""}, live_campaign="campaigns/a.csv")
+    arguments = arguments_of(project.choices, resume=True)
+    assert {"--controller=virtual", "--shots=5", "--output=campaigns/a.csv", "--resume"} <= set(arguments)
+    assert not [one for one in arguments if one.startswith(("--columns", "--drive", "--station"))]
+    assert "virtual" in readable()
+    assert "hand" not in readable()
+
+
+@pytest.mark.browser
+@pytest.mark.long
+def test_measuring_live_from_an_empty_table_to_the_proof(chromium: Any, project: Project) -> None:
+    """The studio is killed, the run stopped, and the page loaded anew on the way; each time it goes on."""
+    folder = project.folder
+    campaign = folder / "campaigns" / "live-box.csv"
+    with served(folder) as address:
+        with open_tab(chromium, address) as tab:
+            page = tab.open("live")
+            page.get_by_text("Choose a controller and an instrument first.").wait_for()
+            for device in ("Controller", "Instrument"):
+                page.locator(f"select[data-name^={device}]").select_option("virtual")
+                page.locator(f"select[data-name^={device}][data-was=virtual]").wait_for()
+            assert serious(page) == []
+            tab.picture("live-begin")
+            page.get_by_role("button", name="Start a new campaign").click()
+            page.locator(".go-to td").first.wait_for()
+        server_of(folder).kill()
+    with served(folder) as address, open_tab(chromium, address) as tab:
+        page = tab.open("live")
+        page.get_by_text("The studio ended while this was being computed: taskcal measure").wait_for()
+        killed = campaign.read_text()
+        page.get_by_role("button", name="Compute it with what is chosen now").click()
+        page.locator(".go-to td").first.wait_for()
+        page.get_by_role("button", name="Stop after this row").click()
+        go_on = page.get_by_role("button", name="Go on with live-box.csv")
+        go_on.wait_for()
+        before = campaign.read_text()
+        assert before.startswith(killed)
+        page = tab.open("live")
+        go_on.click()
+        page.locator(".go-to td").first.wait_for()
+        page.locator("figcaption", has_text="Expected error over the task").wait_for()
+        tab.picture("live")
+        page = tab.open("live")
+        page.locator("dt", has_text="Rows measured").wait_for()
+        assert serious(page) == []
+        page.get_by_text("Proven: all of the 95 % interval").wait_for(timeout=300_000)
+        tab.picture("live-proven")
+        assert campaign.read_text().startswith(before)
+        choices = project.choices
+        assert (choices.campaign, choices.calibration) == ("campaigns/live-box.csv", "calibrations/live-box.json")
+        assert len(read_campaign(campaign, ROBOT)) == int(page.locator("dd").first.inner_text().split(";")[0])
+        page.get_by_role("link", name="See the verdict").click()
+        page.wait_for_url("**/result")
+        tab.ready().get_by_text("box").first.wait_for()
+        assert tab.complaints == []
