@@ -13,6 +13,7 @@ from taskcal.arguments import checked
 from taskcal.campaigns.campaign import Campaign, with_distances, with_unknown_scale
 from taskcal.errors import FileError, WrongValue, shown
 from taskcal.observations import Point, Pose, Read, kinds
+from taskcal.reading.pictures import Corners
 from taskcal.reading.readings import MAX_TARGETS, AngleForm, Readings, no_joint, read_readings
 from taskcal.reading.rows import average_shots, side_by_side, with_targets_in_names, without_means
 from taskcal.robot.conditions import Conditions, conditions_in_order
@@ -37,8 +38,8 @@ class ReadOptions:
     """Whether the scale of measured lengths (`d_mm`) is unknown."""
     board: str | Path | None = None
     """File of the boards that images show."""
-    images: str | Path | None = None
-    """Folder of the images, or file of the corners in them; None where the campaign's own file has the corners."""
+    images: str | Path | Corners | None = None
+    """Folder of the images, or the corners in them, or their file; None where the campaign's own file has the corners."""
     lens: Literal["pinhole", "fisheye"] = "pinhole"
     """Of the camera that took them."""
 
@@ -164,7 +165,9 @@ def _read_pictures(paths: Sequence[str | Path], robot: Robot, options: ReadOptio
     table = read_table(paths[0], options.form)
     own, corners = pictures.has_corners(table), None
     boards = read_boards(options.board)
-    if options.images is not None:
+    if isinstance(options.images, Corners):
+        corners = options.images
+    elif options.images is not None:
         corners = detection.corners_of(Path(options.images), boards)
     elif own:
         corners = pictures.read_corners(table)

@@ -13,6 +13,7 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.geometry import se3
 from taskcal.io.files import write_whole
 from taskcal.observations.base import written
+from taskcal.reading.pictures import Corners
 from taskcal.reading.readings import Readings
 from taskcal.robot.robot import Robot
 from taskcal.tables.parquet import parquet_of
@@ -116,6 +117,11 @@ def joints_text(q: Float[np.ndarray, "n joints"], robot: Robot, more: Mapping[st
     ids = [str(i) for i in range(len(q))]
     own = {name: list(cells) for name, cells in (more or {}).items()}
     return _table({"id": ids, **_joint_columns(q, robot), **own})
+
+
+def corners_text(corners: Corners) -> str:
+    """Text of a file of corners, which ``--images`` reads."""
+    return _table(corners.table())
 
 
 def _prefix(target: str) -> str:

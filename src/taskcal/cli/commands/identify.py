@@ -76,7 +76,11 @@ def command(
         )
     effects = read_effects(search.effects) if search.searching else []
     inputs = [*campaign, robot, reading.points, reading.rows, fitting.registration_file, fitting.like]
-    outputs = out.begin("identify", [("--output", output)], inputs)
+    detecting = reading.images is not None and reading.images.is_dir()
+    seen = output.with_suffix(".corners.csv") if detecting else None
+    outputs = out.begin(
+        "identify", [("--output", output), ("--images", seen)], [*inputs, reading.images, reading.board]
+    )
     if any(map(has_too_many_rows, campaign)):
         if len(campaign) > 1:
             raise typer.BadParameter(
@@ -91,8 +95,12 @@ def command(
         return
 
     described = taskcal.load_robot(robot)
+    from taskcal.identification.effects import tracker_error
+    from taskcal.reading.writer import corners_text
+
     with _explained(campaign, described, FileError):
-        read = reading.read(campaign, described, noise=fitting.noise())
+        corners = reading.find_corners()
+        read = reading.read(campaign, described, noise=fitting.noise(), corners=corners)
 
     model = taskcal.ErrorModel(described, lengths_only=fitting.lengths_only)
     if fitting.mpe_to_sigma is not None and read.whole.uncertainty is not None:
@@ -102,11 +110,11 @@ def command(
         calibration = holdout.fit(read, fit, fit.nominal, fitting.noise())
     for remark in calibration.remarks:
         info(remark)
-    outputs.write({output: calibration.to_text()})
-    from taskcal.identification.effects import tracker_error
+    outputs.write({output: calibration.to_text(), seen: "" if corners is None else corners_text(corners)})
 
     fitted = read.whole.take(holdout.fitted_rows(read))
     result = {"calibration": output, **report(calibration, fitted, fit), "drift": read.drift, **_effects(fit)}
+    result |= {} if seen is None else {"corners": seen}
 
     def show_all() -> None:
         tracker_mm = tracker_error(fitted, fitting.noise()) * 1e3
@@ -408,7 +416,8 @@ def _facts(result: Mapping[str, Any], *, parameters: bool) -> list[tuple[str, st
     else:
         effective = describe_effective(result["effective_parameters"], result["parameter_groups"])
         facts.append(("parameters", f"{len(result['parameters'])} identified{effective}; --parameters lists them"))
-    facts.append(("calibration", f"wrote {result['calibration']}"))
+    corners = f", and the corners to {result['corners']}, which --images takes as well" if "corners" in result else ""
+    facts.append(("calibration", f"wrote {result['calibration']}{corners}"))
     return facts
 
 

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -16,6 +16,7 @@ from taskcal.errors import CampaignError, FileError, shown
 from taskcal.io.text_file import read_text
 
 if TYPE_CHECKING:
+    from taskcal.reading.pictures import Corners
     from taskcal.tables.text import DecimalMark
 
 
@@ -64,6 +65,19 @@ class TableOptions:
     )
     board: Path | None = option(None, "BOARD.toml", "The boards that the images show.")
     lens: Literal["pinhole", "fisheye"] = option("pinhole", help="Lens of the camera that took the images.")
+
+    def find_corners(self) -> "Corners | None":
+        """Corners in the images of a folder; None where none is given.
+
+        Raises:
+            TaskcalError: images or boards cannot be read, or OpenCV is not installed.
+        """
+        if self.images is None or self.board is None or not self.images.is_dir():
+            return None
+        from taskcal.observations.calibration_board import read_boards
+        from taskcal.reading.detection import detect_corners
+
+        return detect_corners(self.images, read_boards(self.board))
 
     @property
     def read_options(self) -> "taskcal.reading.ReadOptions":
@@ -159,6 +173,7 @@ class CampaignOptions(TableOptions):
         *,
         targets: Sequence[str] | None = None,
         noise: "taskcal.TrackerNoise | None" = None,
+        corners: "Corners | None" = None,
     ) -> CampaignRead:
         """Read a campaign of a robot.
 
@@ -167,6 +182,7 @@ class CampaignOptions(TableOptions):
             robot: that was measured.
             targets: those to read where the user names none; None for all that are not reference points.
             noise: the tracker's, by which reference points are judged.
+            corners: in the images, where they are found already.
 
         Raises:
             FileError: it cannot be read, or does not have what was asked for.
@@ -177,7 +193,7 @@ class CampaignOptions(TableOptions):
             robot,
             targets=split_names(self.targets, "--targets") or targets,
             reference_points=split_names(self.reference_points, "--reference-points"),
-            options=self.read_options,
+            options=self.read_options if corners is None else replace(self.read_options, images=corners),
         )
         name = whole.source or "campaign"
         for note in (*whole.notes, *stations_in_words(whole)):
@@ -212,7 +228,7 @@ class MeasuredOptions(CampaignOptions):
     @property
     def inputs(self) -> tuple[str | Path | None, ...]:
         """Files that are read."""
-        return self.campaign, self.points, self.rows, self.distances
+        return self.campaign, self.points, self.rows, self.distances, self.images, self.board
 
 
 # Rows of a campaign, as the command line chooses them: a:b, or a file of row numbers; counted from 0.
