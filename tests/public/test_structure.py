@@ -56,7 +56,6 @@ ONE_IMPORTER = {
         "taskcal.tables.spreadsheet",
     },
     "the page of one subject": {
-        "taskcal.report.camera",
         "taskcal.report.fleet",
         "taskcal.report.performance",
         "taskcal.report.placement",

@@ -171,6 +171,14 @@ def test_ticks_lie_on_their_axis_in_order(low, length, log, pixels):
     assert len({text for _, text in ticks}) == len(ticks)
 
 
+def test_an_axis_whose_larger_end_is_first_counts_backwards():
+    """Same ticks as forwards, mirrored."""
+    forwards, backwards = (Scale(*ends, False, 0.0, 300.0) for ends in ((0.0, 900.0), (900.0, 0.0)))
+    ticks = {text: at for at, text in forwards.ticks(plain, across=False)}
+    assert {text: 300.0 - at for at, text in backwards.ticks(plain, across=False)} == pytest.approx(ticks)
+    assert len(ticks) > 4
+
+
 @given(st.floats(1e-4, 1e3), st.floats(1.5, 1e4))
 def test_a_logarithmic_axis_has_two_ticks_at_least(least, factor):
     assert len(Scale(least, least * factor, True, 300.0, 0.0).ticks(plain, across=False)) >= 2

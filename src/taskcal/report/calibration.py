@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 
 from taskcal.analysis.identifiability import Identifiability, describe_combination, identifiability
 from taskcal.analysis.sensitivity import sensitivity
+from taskcal.campaigns.campaign import Campaign
 from taskcal.correction.verdict import Verdict
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration, informed_parameters, largest_correlations, list_stations
@@ -24,6 +25,7 @@ from taskcal.identification.validation import MeasuredErrors, measured_errors
 from taskcal.planning.selection import Rung
 from taskcal.planning.task_map import Uncertainty
 from taskcal.registration.registration import Registration
+from taskcal.report.camera import camera_section
 from taskcal.report.chart import AXIS_COLOURS, BLUE, SERIES, SHAPES, VERMILION, Axis, Figure, Level, Panel, Series
 from taskcal.report.content import (
     MILLIMETRES,
@@ -1183,6 +1185,7 @@ def calibration_page(
     judged: Verdict | None = None,
     over: Uncertainty | None = None,
     space: Workspace | None = None,
+    campaign: Campaign | None = None,
     remainder: ResidualAnalysis | None = None,
     rungs: Sequence[Rung] = (),
 ) -> Page:
@@ -1193,7 +1196,8 @@ def calibration_page(
         judged: the verdict.
         over: uncertainty over a task, if one was named.
         space: the task's workspace.
-        remainder: residuals of a campaign, if one was named.
+        campaign: whose images are shown, if one was named.
+        remainder: its residuals.
         rungs: nested models, on that campaign.
     """
     model, source = calibration.model, calibration.provenance
@@ -1201,6 +1205,8 @@ def calibration_page(
     sections = [] if judged is None else [verdict_section(judged)]
     sections.append(summary_section(calibration, errors, over, judged, space))
     sections += [held_out_section(calibration), range_section(calibration), residuals_section(calibration, errors)]
+    pictured = camera_section(calibration, campaign)
+    sections += [] if pictured is None else [pictured]
     if remainder is not None:
         sections.append(residual_analysis_section(remainder, f"{len(remainder.residual)} poses"))
     if errors is not None:

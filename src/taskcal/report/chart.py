@@ -54,7 +54,7 @@ class Axis:
     unit: str = ""
     log: bool = False
     span: tuple[float, float] | None = None
-    """Its ends; by default all that is drawn, and a little room."""
+    """Its ends, the larger first where it counts downwards or to the left; by default all that is drawn, and a little room."""
     zero: bool = False
     """Whether it begins at zero."""
     categories: tuple[str, ...] = ()
@@ -217,9 +217,8 @@ class Scale:
 
     def ticks(self, say: Say, *, across: bool) -> list[tuple[float, str]]:
         """Places and texts of as many ticks as have room, of an axis across or upright."""
-        choices = _decades(self.low, self.high) if self.log else (
-            _even(self.low, self.high, most) for most in range(9, 0, -1)
-        )  # fmt: skip
+        low, high = sorted((self.low, self.high))
+        choices = _decades(low, high) if self.log else (_even(low, high, most) for most in range(9, 0, -1))
         drawn: list[tuple[float, str]] = []
         for ticks, step in choices:
             placed = zip(self.at(ticks).tolist(), ticks, strict=True)
@@ -585,15 +584,15 @@ def _draw(
         ticks = scale.ticks(say, across=False)
         margin = 8 + max((text_width(text) for _, text in ticks), default=0.0)
         if panel.equal:
-            wanted = (width - margin - 14) * (y_ends[1] - y_ends[0]) / (x_ends[1] - x_ends[0])
+            wanted = (width - margin - 18) * abs((y_ends[1] - y_ends[0]) / (x_ends[1] - x_ends[0]))
             scale = Scale(*y_ends, panel.y.log, y + min(max(wanted, 60.0), 420.0), y)
             ticks = scale.ticks(say, across=False)
         labels = [_word(left + margin - 8, at + 4.5, text, ' text-anchor="end"') for at, text in ticks]
         marked = [at for at, _ in ticks]
     low, high = sorted((scale.start, scale.end))
-    end = left + width - 14
+    end = left + width - 18
     if panel.equal:
-        end = min(end, left + margin + (high - low) * (x_ends[1] - x_ends[0]) / (y_ends[1] - y_ends[0]))
+        end = min(end, left + margin + (high - low) * abs((x_ends[1] - x_ends[0]) / (y_ends[1] - y_ends[0])))
     canvas = _Canvas(
         panel=panel, x=Scale(*x_ends, panel.x.log, left + margin, end), y=scale, say=say, named=named, selects=selects
     )

@@ -10,7 +10,7 @@ from taskcal.cli.command import option
 from taskcal.cli.options.campaign import MeasuredOptions
 from taskcal.cli.options.common import CalibrationArgument, SeedOption, UnsealedOption, read_calibration
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import files_of_task, show, show_facts, tell
+from taskcal.cli.output import files_of_task, info, show, show_facts, tell
 from taskcal.cli.progress import bar_over
 from taskcal.report.content import Column, Table
 
@@ -78,7 +78,8 @@ def command(
             begin(OVER_TASK)
             uncertainty = uncertainty_over(calibrated, described, out.seed)
             verdict = judge(calibrated, described, seed=out.seed)
-        remainder, rungs = _examine(calibrated, measured, out.seed, begin)
+        campaign = _read(calibrated, measured)
+        remainder, rungs = _examine(calibrated, measured, campaign, out.seed, begin)
         begin(PAGE)
         space = None if described is None else described.workspace
         signed: dict[Path, str | bytes] = {}
@@ -88,7 +89,13 @@ def command(
             outputs,
             signed,
             lambda: calibration_page(
-                calibrated, judged=verdict, over=uncertainty, space=space, remainder=remainder, rungs=rungs
+                calibrated,
+                judged=verdict,
+                over=uncertainty,
+                space=space,
+                campaign=campaign,
+                remainder=remainder,
+                rungs=rungs,
             ),
         )
 
@@ -155,21 +162,36 @@ def show_remainder(remainder: "taskcal.identification.ResidualAnalysis") -> None
         tell(f"{title}: not significant for any quantity")
 
 
+def _read(calibration: "taskcal.Calibration", measured: MeasuredOptions) -> "taskcal.Campaign | None":
+    """The campaign; None where none was named."""
+    if measured.campaign is None:
+        return None
+    targets = None if calibration.targets == ("tool",) else calibration.targets
+    return measured.read(measured.campaign, calibration.model.robot, targets=targets).campaign
+
+
 def _examine(
-    calibration: "taskcal.Calibration", measured: MeasuredOptions, seed: int, begin: Callable[[str], None]
+    calibration: "taskcal.Calibration",
+    measured: MeasuredOptions,
+    campaign: "taskcal.Campaign | None",
+    seed: int,
+    begin: Callable[[str], None],
 ) -> tuple["taskcal.identification.ResidualAnalysis | None", "Sequence[Rung]"]:
-    """Residual analysis on the campaign, and the error there by model stage; nothing without a campaign.
+    """Residual analysis on the campaign, and the error there by model stage; nothing without a campaign, or of few images.
 
     Raises:
         FileError: the campaign has other targets or too few poses.
     """
-    if measured.campaign is None:
+    if measured.campaign is None or campaign is None:
         return None, ()
     from taskcal.errors import CampaignError, FileError
+    from taskcal.identification.residual_analysis import MIN_POSES
     from taskcal.planning.selection import climb
 
-    targets = None if calibration.targets == ("tool",) else calibration.targets
-    campaign = measured.read(measured.campaign, calibration.model.robot, targets=targets).campaign
+    seen = int(campaign.valid.any(axis=1).sum())
+    if seen < MIN_POSES and any(kind.pictured for kind in campaign.observations):
+        info(f"{seen} images: their corners are shown; the analysis of residuals takes {MIN_POSES} or more")
+        return None, ()
     try:
         begin(DEPENDING)
         remainder = taskcal.identification.analyse_residuals(calibration, campaign, seed=seed)
