@@ -28,7 +28,6 @@ ONE_IMPORTER = {
         "taskcal.identification.group_search",
         "taskcal.live.runner",
         "taskcal.planning.experiment",
-        "taskcal.reading.detection",
         "taskcal.reading.inference",
         "taskcal.studio.cell_editor",
         "taskcal.studio.column_editor",
