@@ -5,8 +5,12 @@ import numpy as np
 import pytest
 
 from taskcal.errors import FileError
+from taskcal.geometry import se3
 from taskcal.observations import Board
+from taskcal.observations.camera import KILO, Lens
 from taskcal.reading.detection import detect_corners
+from taskcal.virtual.rendering import render_board
+from tests.observations.test_board_drawing import BOARDS
 
 cv2 = pytest.importorskip("cv2")
 BOARD = Board(kind="charuco", columns=7, rows=6, square_m=0.03, marker_m=0.022, dictionary="5X5_100", name="bench")
@@ -41,6 +45,26 @@ def test_corners_are_found_where_they_are_printed(folder):
         expected = cv2.perspectiveTransform(printed[None], np.array(VIEWS[name]))[0]
         np.testing.assert_allclose(found.pixel[own], expected, atol=0.2)
     assert not (found.image == 2).any()
+
+
+OTHERS = [("aprilgrid", 0.1), ("aprilgrid", 3.2), ("checkerboard", 0.1), ("checkerboard", 3.2), ("circles", 0.1)]
+
+
+@pytest.mark.parametrize(("name", "roll"), [*OTHERS, ("circles", 3.2), ("asymmetric circles", 0.1)])
+def test_corners_of_other_boards_are_where_they_project(tmp_path, name, roll):
+    """Rendered without distortion, a little turned: all that are numbered, each within 0.3 px of its own place."""
+    board, lens = BOARDS[name], Lens(model="pinhole", width=800, height=600)
+    turn, camera = se3.exp(np.array([0.2, -0.15, 0.0])) @ se3.exp(np.array([0.0, 0.0, roll])), lens.start(0.9)
+    middle, size = board.corners().mean(axis=0), np.ptp(board.corners(), axis=0).max()
+    T = se3.pose(turn, np.array([0.0, 0.0, 2.0 * size]) - turn @ middle)
+    image = render_board(board, lens, camera, T, rng=np.random.default_rng(0))
+    cv2.imwrite(str(tmp_path / "seen.png"), image)
+    found = detect_corners(tmp_path, [board])
+    fx, fy, cx, cy = camera[:4] * KILO
+    x, y, z = se3.apply(T, board.corners()).T
+    projected = dict(zip(board.ids().tolist(), np.column_stack([fx * x / z + cx, fy * y / z + cy]), strict=True))
+    assert sorted(found.id) == sorted(projected)
+    np.testing.assert_allclose(found.pixel, np.stack([projected[k] for k in found.id]), atol=0.3)
 
 
 WRONG = {

@@ -41,6 +41,10 @@ pictures are 2 to 3 pixels wide, and corners of ones twice as wide scatter about
 WINDOW = 6
 """Pixels about a corner in which edges are measured: less than a square of any picture that a board is found in."""
 
+WINDOW_SHARE, MAX_WINDOW = 0.25, 10
+"""Half of the window in which a tag's corner is refined, over the gap between tags, in which its small square lies, and pixels:
+the outline of a tag, where that touches it, is up to 3 pixels off."""
+
 
 class Found(NamedTuple):
     """Corners of one board in an image."""
@@ -195,16 +199,18 @@ def _charuco(board: Board) -> Callable[[np.ndarray], Found]:
     return find
 
 
-def _marker_detector(dictionary: str, border_bits: int = 1, *, refined: bool = True) -> Any:
+def _marker_detector(dictionary: str, border_bits: int = 1) -> Any:
     cv2 = _opencv()
     parameters = cv2.aruco.DetectorParameters()
-    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX if refined else cv2.aruco.CORNER_REFINE_NONE
     parameters.markerBorderBits = border_bits
     return cv2.aruco.ArucoDetector(_dictionary(dictionary), parameters)
 
 
 def _tags(board: Board) -> Callable[[np.ndarray], Found]:
+    cv2 = _opencv()
     detector, own = _marker_detector(board.dictionary, board.border_bits), set(board.ids().tolist())
+    window = WINDOW_SHARE * (board.square_m - board.marker_m) / board.marker_m
+    until = cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3
 
     def find(image: np.ndarray) -> Found:
         corners, ids, _ = detector.detectMarkers(image)
@@ -212,7 +218,11 @@ def _tags(board: Board) -> Callable[[np.ndarray], Found]:
             return NOTHING
         number = (4 * ids.reshape(-1, 1) + np.arange(4)).reshape(-1)
         here = np.array([int(one) in own for one in number])
-        return Found(number[here].astype(int), np.concatenate(corners).reshape(-1, 2)[here].astype(float))
+        rough = np.concatenate(corners).reshape(-1, 4, 2)
+        side = float(np.median(np.linalg.norm(rough - np.roll(rough, 1, axis=1), axis=2)))
+        half = min(max(round(window * side), 2), MAX_WINDOW)
+        pixel = cv2.cornerSubPix(image, rough.reshape(-1, 1, 2).copy(), (half, half), (-1, -1), until).reshape(-1, 2)
+        return Found(number[here].astype(int), pixel[here].astype(float))
 
     return find
 
@@ -224,9 +234,21 @@ def _checkerboard(board: Board) -> Callable[[np.ndarray], Found]:
 
     def find(image: np.ndarray) -> Found:
         there, pixel = cv2.findChessboardCornersSB(image, size, flags=flags)
-        return Found(board.ids(), pixel.reshape(-1, 2).astype(float)) if there else NOTHING
+        if not there:
+            return NOTHING
+        pixel = pixel.reshape(-1, 2).astype(float)
+        # OpenCV may begin at the wrong end of a board whose ends differ in colour
+        first, last = (_shade_within(image, p, board.columns - 1) for p in (pixel, pixel[::-1]))
+        turned = not board.same_after_half_turn and (first < last) != bool(board.black_squares()[1, 1])
+        return Found(board.ids(), pixel[::-1] if turned else pixel)
 
     return find
+
+
+def _shade_within(image: np.ndarray, pixel: Float[np.ndarray, "c 2"], columns: int) -> float:
+    """Shade in the middle of the square between the first four corners."""
+    u, v = np.rint(pixel[[0, 1, columns, columns + 1]].mean(axis=0)).astype(int)
+    return float(image[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2].mean())
 
 
 def _circles(board: Board) -> Callable[[np.ndarray], Found]:
@@ -306,7 +328,7 @@ def _what_else(paths: Sequence[Path], boards: Sequence[Board]) -> str:
 
 def _markers(dictionary: str, images: Sequence[np.ndarray]) -> set[int]:
     """Markers of a dictionary that images show, each in two images or in the only one."""
-    detector = _marker_detector(dictionary, refined=False)
+    detector = _marker_detector(dictionary)
     seen = [ids.reshape(-1).tolist() for image in images if (ids := detector.detectMarkers(image)[1]) is not None]
     every = [number for one in seen for number in set(one)]
     return {number for number in every if len(images) == 1 or every.count(number) > 1}
