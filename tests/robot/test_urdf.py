@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from taskcal.errors import FileError, TaskcalError, UnknownName
@@ -116,6 +116,7 @@ def test_a_tip_that_follows_a_joint_before_it_is_one(tmp_path):
     assert_agrees(Referee(write(tmp_path, text)), None, np.random.default_rng(0))
 
 
+@example(names=["", "if"])
 @given(
     st.lists(st.text(st.sampled_from("aé-._ 1J") | st.characters(codec="utf-8"), max_size=85), min_size=2, max_size=6)
 )

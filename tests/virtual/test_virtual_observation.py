@@ -9,6 +9,7 @@ from taskcal.identification.identify import identify
 from taskcal.observations import Sockets, instrument_of, kinds
 from taskcal.observations.base import Measured, TrackerNoise
 from taskcal.observations.landmark import FARTHEST, NEAREST, VIEW
+from taskcal.observations.pixels import Pixels
 from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import campaign_text
 from taskcal.robot.effects import Backlash
@@ -16,7 +17,10 @@ from taskcal.virtual import cell as virtual_cell
 from taskcal.virtual.cell import OutOfReachError, Truth, simulate
 from tests.reading.virtual_task import MODEL, postures
 
-INSTRUMENTS = tuple(kind.instrument for kind in kinds() if kind.instrument and not kind.in_tracker)
+# images are simulated with the board and the camera of a file, and tested with the command that does it
+INSTRUMENTS = tuple(
+    kind.instrument for kind in kinds() if kind.instrument and not kind.in_tracker and kind is not Pixels
+)
 
 
 def residuals(campaign, truth: Truth, q=None):

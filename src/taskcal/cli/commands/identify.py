@@ -19,7 +19,6 @@ from taskcal.cli.options.fit import FitCommandOptions, HoldoutOptions
 from taskcal.cli.output import info, placement, say, show, show_facts, started_as, tell
 from taskcal.cli.progress import bar_by_parts, bar_over
 from taskcal.errors import CampaignError, FileError, FitError, TaskcalError
-from taskcal.report.camera import camera_facts
 from taskcal.report.content import Column, Table, describe_effective, millimetres
 
 if TYPE_CHECKING:
@@ -394,6 +393,8 @@ def _unclear_effects(calibration: "taskcal.Calibration") -> set[str]:
 
 
 def _facts(result: Mapping[str, Any], *, parameters: bool) -> list[tuple[str, str]]:
+    from taskcal.report.camera import camera_facts
+
     scale = result["prior_scale"]
     pairs = [f"{c['a']} and {c['b']} {c['correlation']:+.3f}" for c in result["correlations"]]
     rotation = f" and {result['model_error_mrad']:.3g} mrad" if "model_error_mrad" in result else ""

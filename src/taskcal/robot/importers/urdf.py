@@ -1,5 +1,6 @@
 """Robots from URDF files: the chain between two links, as the content of a robot file, and the meshes on the links."""
 
+import keyword
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -379,8 +380,8 @@ FLANGE = "tool0"
 MAX_TOTAL_LENGTH_M = 100.0
 """Metres that the links of a robot add up to, at most; of a small one in millimetres they are more."""
 
-RESERVED = ("tool", "base", "loop")
-"""What Taskcal calls parameters that belong to no joint."""
+RESERVED = ("tool", "base", "loop", *keyword.kwlist)
+"""What Taskcal calls parameters that belong to no joint; and what no expression of joints could hold."""
 
 
 def describe_urdf(
