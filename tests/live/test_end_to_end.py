@@ -22,8 +22,9 @@ from tests.live.peers import PATIENCE_S, OpcUaPeer, RtdePeer, point_stamped, rel
 ROBOT = tc.load_robot("ur5")
 MODEL = tc.ErrorModel(ROBOT)
 AIM = Aim(model=MODEL, task=tc.default_task(MODEL), seed=3, candidates=60, effects=False, most=14)
-RULES = Rules(settle_s=0.1, max_speed=2e-3, beam_s=PATIENCE_S)
-"""Faster than on a real robot, which rings; the noise of the joints is that of the simulated one."""
+RULES = Rules(settle_s=0.25, max_speed=5e-4, beam_s=PATIENCE_S, tries=20)
+"""Faster than on a real robot, which rings; the noise of the joints is that of the simulated one. On a busy machine readings stay
+away for a while, which is no standstill."""
 
 LATENCY_S, PERIOD_S, LOST = 0.02, 0.01, 0.02
 """Of the tracker: from a shot to its arrival, between two shots, and the share of shots at which the beam is lost."""
