@@ -100,7 +100,7 @@ def test_a_wrong_row_is_dropped_and_a_true_one_kept(tmp_path: Path) -> None:
         wrong["left"] -= 1
         return Shot(time_s=shot.time_s, point=shot.point + 1e-3)
 
-    instrument.read = read  # type: ignore[method-assign]
+    instrument.read = read
     session.happens = {14: lambda: wrong.update(left=4), 16: lambda: wrong.update(left=30)}
 
     def right() -> None:

@@ -100,15 +100,15 @@ def test_shots_that_waited_while_the_robot_moved_take_no_time(taker: Taker) -> N
     """A thousand of them are passed over before the joints are read again."""
     waiting = [Shot(time_s=-1.0, point=np.zeros(3))] * 1000
     fresh = taker.instrument.read
-    taker.instrument.read = lambda timeout_s: waiting.pop() if waiting else fresh(timeout_s)  # type: ignore[method-assign]
+    taker.instrument.read = lambda timeout_s: waiting.pop() if waiting else fresh(timeout_s)
     assert taker.take(None).shots == RULES.shots
     assert not waiting
-    assert taker.controller.cell.now < 10.0  # type: ignore[attr-defined]
+    assert taker.controller.cell.now < 10.0
 
 
 def test_a_standstill_is_shown_while_an_instrument_takes_long(taker: Taker) -> None:
     """Each shot takes five seconds; the joints are read often enough in between."""
-    cell, fresh, calls = taker.controller.cell, taker.instrument.read, [0.0]  # type: ignore[attr-defined]
+    cell, fresh, calls = taker.controller.cell, taker.instrument.read, [0.0]
 
     def read(timeout_s: float) -> Shot | None:
         calls[0] += timeout_s
@@ -118,5 +118,5 @@ def test_a_standstill_is_shown_while_an_instrument_takes_long(taker: Taker) -> N
         calls[0] = 0.0
         return fresh(timeout_s)
 
-    taker.instrument.read = read  # type: ignore[method-assign]
+    taker.instrument.read = read
     assert taker.take(None).shots == RULES.shots
