@@ -171,6 +171,13 @@ def test_ticks_lie_on_their_axis_in_order(low, length, log, pixels):
     assert len({text for _, text in ticks}) == len(ticks)
 
 
+@given(st.floats(0.0, 1e4), st.floats(1.2, 1e4), st.floats(60.0, 800.0))
+def test_an_axis_that_counts_has_whole_ticks_alone(low, length, pixels):
+    ticks = Scale(low, low + length, False, 0.0, pixels).ticks(plain, across=True, whole=True)
+    assert ticks
+    assert all(text.isdecimal() for _, text in ticks)
+
+
 def test_an_axis_whose_larger_end_is_first_counts_backwards():
     """Same ticks as forwards, mirrored."""
     forwards, backwards = (Scale(*ends, False, 0.0, 300.0) for ends in ((0.0, 900.0), (900.0, 0.0)))

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Callable
 from pathlib import Path
+from shutil import copytree
 
 import pytest
 from hypothesis import given, settings
@@ -76,6 +77,23 @@ def test_every_action_of_the_list_changes_something(project: Project) -> None:
     for number, act in enumerate(ACTIONS, 1):
         act(project)
         assert len(project.history()) == number
+
+
+def test_a_change_that_is_cut_off_by_a_kill_is_undone(project: Project) -> None:
+    """As far as it came; a copy of the folder, taken in the middle of the change, is what a kill leaves."""
+    before, cut = tree(project), project.folder.parent / "cut"
+    with project.change():  # as of many commands, which name their files one by one
+        rewrite(project)
+        with project.change("campaigns/b.csv"):
+            (project.folder / "campaigns/b.csv").write_text("new")
+            copytree(project.folder, cut)
+    assert len(project.history()) == 1
+    again = Project(cut)
+    assert tree(again) == tree(project)
+    again.undo()
+    assert tree(again) == before
+    assert Project(cut).history() == []
+    assert list((cut / LAYOUT.history).glob("*.old")) == []
 
 
 def test_undo_refuses_to_lose_what_another_program_wrote(project: Project) -> None:

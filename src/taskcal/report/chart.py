@@ -59,6 +59,8 @@ class Axis:
     """Whether it begins at zero."""
     categories: tuple[str, ...] = ()
     """Names of the values 0, 1, 2 …; of a vertical axis alone, where names have room."""
+    whole: bool = False
+    """Whether it counts, so that only whole numbers are ticks; of a horizontal axis."""
 
     @property
     def label(self) -> str:
@@ -215,12 +217,14 @@ class Scale:
             share = ((np.log10(values) if self.log else values) - low) / (high - low)
         return np.where(np.abs(share - 0.5) <= 0.5 + 1e-9, self.start + share * (self.end - self.start), np.nan)
 
-    def ticks(self, say: Say, *, across: bool) -> list[tuple[float, str]]:
-        """Places and texts of as many ticks as have room, of an axis across or upright."""
+    def ticks(self, say: Say, *, across: bool, whole: bool = False) -> list[tuple[float, str]]:
+        """Places and texts of as many ticks as have room, of an axis across or upright; only of whole numbers where it counts."""
         low, high = sorted((self.low, self.high))
         choices = _decades(low, high) if self.log else (_even(low, high, most) for most in range(9, 0, -1))
         drawn: list[tuple[float, str]] = []
         for ticks, step in choices:
+            if whole and step < 1.0:
+                continue
             placed = zip(self.at(ticks).tolist(), ticks, strict=True)
             drawn = [(at, _tick_text(tick, step, say)) for at, tick in placed if math.isfinite(at)]
             room = [text_width(text) + 10 if across else 1.7 * SIZE for _, text in drawn]
@@ -596,7 +600,7 @@ def _draw(
     canvas = _Canvas(
         panel=panel, x=Scale(*x_ends, panel.x.log, left + margin, end), y=scale, say=say, named=named, selects=selects
     )
-    below = canvas.x.ticks(say, across=True)
+    below = canvas.x.ticks(say, across=True, whole=panel.x.whole)
     grid = "".join(f"M{canvas.x.start:.1f} {at:.1f}H{end:.1f}" for at in marked)
     grid += "".join(f"M{at:.1f} {low:.1f}V{high:.1f}" for at, _ in below)
     out.append(f'<path d="{grid}" stroke="currentColor" stroke-opacity=".15" fill="none"/>')

@@ -7,7 +7,7 @@ import sys
 import time
 import unicodedata
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from importlib import resources
@@ -195,7 +195,8 @@ class Change:
     """Seconds since 1970."""
     before: Mapping[str, str | None]
     """Digests of the former contents, by path; None where there was no file."""
-    after: Mapping[str, str | None]
+    after: Mapping[str, str | None] | None
+    """Likewise of the new ones; None while the change goes on."""
 
 
 _CHANGES = TypeAdapter(list[Change])
@@ -226,6 +227,7 @@ class Project:
         self._lock = RLock()
         if not self._file.exists():
             write_whole(self._file, tomli_w.dumps(Choices(name=self.folder.name or "project").model_dump()))
+        self._end_cut_off()
 
     @property
     def choices(self) -> Choices:
@@ -316,6 +318,8 @@ class Project:
     ) -> Generator[None, None, None]:
         """Keep the contents that files had before a change, so that it can be undone; a change within another is part of that.
 
+        They are written before anything changes, so that a change that a crash cuts off can be undone, too.
+
         Args:
             paths: files that may change, from the project's folder.
             chosen: a choice and its value, if that is what it is; by default it is of files, named by the first.
@@ -325,12 +329,14 @@ class Project:
         with self._lock:
             outer = self._open
             if outer is not None:
-                for path in paths:
-                    outer.setdefault(path, self._content(path))
+                new = self.contents(path for path in paths if path not in outer)
+                outer |= new
+                self._announce(outer if new else {}, None)
                 yield
                 return
             self._open = {**(before or {}), **self.contents(paths)}
             try:
+                self._announce(self._open, chosen)
                 yield
             finally:
                 kept, self._open = self._open, None
@@ -344,10 +350,31 @@ class Project:
         file = self.path(path)
         return file.read_bytes() if file.is_file() else None
 
+    def _announce(self, before: Mapping[str, bytes | None], chosen: tuple[str, str] | None) -> None:
+        """Write what may change now, with its former contents."""
+        if not before:
+            return
+        self.path(LAYOUT.history).mkdir(exist_ok=True)
+        digests = {path: _digest(content) for path, content in before.items()}
+        begun = Change(
+            what="changed", named=chosen or (next(iter(before)), ""), at=time.time(), before=digests, after=None
+        )
+        contents = {self._kept(str(digests[path])): one for path, one in before.items() if one is not None}
+        self._write_history([*self.history(), begun], contents)
+
+    def _end_cut_off(self) -> None:
+        """Take up the change that a crash cut off, as far as it came."""
+        for cut in [one for one in self._changes() if one.after is None]:
+            with suppress(TaskcalError):  # a spoilt record: what it has of former contents is dropped
+                former = {path: None if digest is None else self._former(digest) for path, digest in cut.before.items()}
+                self._record(former, None, joins=False)
+
     def _record(self, before: Mapping[str, bytes | None], chosen: tuple[str, str] | None, *, joins: bool) -> None:
         after = self.contents(before)
         changed = [path for path in before if before[path] != after[path]]
         if not changed:
+            if before:
+                self._write_history(self.history(), {})
             return
         what = "chosen" if chosen else "added" if before[changed[0]] is None else "changed"
         digests = ({path: _digest(contents[path]) for path in changed} for contents in (before, after))
@@ -366,6 +393,10 @@ class Project:
 
     def history(self) -> list[Change]:
         """Changes that can be undone, the last one last; none where the record of them was spoilt."""
+        return [one for one in self._changes() if one.after is not None]
+
+    def _changes(self) -> list[Change]:
+        """Those that can be undone, and the one that goes on."""
         try:
             return _CHANGES.validate_json((self.folder / LAYOUT.history / CHANGES).read_bytes())
         except (OSError, ValueError):
@@ -381,7 +412,7 @@ class Project:
             *others, last = self.history() or [None]
             if last is None:
                 raise TaskcalError("there is nothing to undo")
-            for path, digest in last.after.items():
+            for path, digest in (last.after or {}).items():
                 if _digest(self._content(path)) != digest:
                     raise TaskcalError(
                         f"'{shown(path)}' was changed outside the studio since; undoing would lose that. What was done before "

@@ -348,4 +348,4 @@ def draw_curve(known: Mapping[int, Mapping[str, Any]], texts: Texts) -> Figure:
         Series(name=texts("live.expected"), x=rows, y=errors, low=low, high=high),
     )
     y = Axis(unit="mm", log=True)
-    return Figure(panels=(Panel(x=Axis(title=texts("live.axis")), y=y, series=series, levels=levels),))
+    return Figure(panels=(Panel(x=Axis(title=texts("live.axis"), whole=True), y=y, series=series, levels=levels),))

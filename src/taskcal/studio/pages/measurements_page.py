@@ -79,7 +79,7 @@ def draw_drift(campaign: Campaign, texts: Texts) -> Figure:
         for k, (name, points) in enumerate(campaign.reference_points.items())
     )
     y = Axis(title=texts("course.away"), zero=True)
-    return Figure(panels=(Panel(x=Axis(title=texts("course.row")), y=y, series=series),))
+    return Figure(panels=(Panel(x=Axis(title=texts("course.row"), whole=True), y=y, series=series),))
 
 
 def draw_repeatability(repeated: RepeatedPoses, texts: Texts) -> Figure:

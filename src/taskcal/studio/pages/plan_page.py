@@ -115,7 +115,9 @@ def _draw_by_count(result: Mapping[str, Any], texts: Texts) -> Figure:
         for key, colour, shape in (("random", ORANGE, "square"), ("grid", GREEN, "triangle"))
     )
     series = (Series(kind="line", name=texts("plan.planned"), x=numbers, y=errors[shown]), *others)
-    return Figure(panels=(Panel(x=Axis(title=texts("plan.poses_axis")), y=Axis(unit="mm", log=True), series=series),))
+    return Figure(
+        panels=(Panel(x=Axis(title=texts("plan.poses_axis"), whole=True), y=Axis(unit="mm", log=True), series=series),)
+    )
 
 
 async def _poses(
