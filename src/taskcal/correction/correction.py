@@ -404,14 +404,22 @@ class Correction:
             **self.motion.summary(),
         }
 
-    def targets(self) -> list[dict[str, Any]]:
-        """Correction of every motion's target, by file and line, in millimetres and degrees."""
-        errors = {}
+    def targets(self, count: int | None = None) -> list[dict[str, Any]]:
+        """Correction of the motions' targets, in the order of the program, in millimetres and degrees.
+
+        Args:
+            count: so many at most, those with the largest errors before; all by default.
+        """
+        errors: dict[str, dict[int, float]] = {}
         for label, deviations in (("before_mm", self.before), ("after_mm", self.after)):
             rows = np.flatnonzero(deviations.at_target)
             lengths = (deviations.length[rows] * 1e3).tolist()
             errors[label] = dict(zip(deviations.move[rows].tolist(), lengths, strict=True))
-        outside = self.measured_range.farthest(self.farthest)
+        motions = self.program.motions
+        chosen = range(len(motions))
+        if count is not None and len(motions) > count:
+            chosen = sorted(sorted(chosen, key=lambda i: -errors["before_mm"].get(i, 0.0))[:count])
+        outside = self.measured_range.farthest(self.farthest[np.array(chosen, dtype=np.int64)])
         return [
             {
                 "file": str(move.place.path),
@@ -427,10 +435,11 @@ class Correction:
                 "turn_deg": float(np.degrees(self.turn[i])),
                 "joint_change_deg": float(np.degrees(self.joint_change[i])),
                 "written_as": int(self.pieces[i]),
-                **outside[i],
+                **beyond,
                 "refused": self.rejected.get(i, ""),
             }
-            for i, move in enumerate(self.program.motions)
+            for i, beyond in zip(chosen, outside, strict=True)
+            for move in (motions[i],)
         ]
 
 

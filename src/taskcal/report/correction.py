@@ -183,12 +183,12 @@ def tabulate_targets(correction: Correction, count: int | None = None) -> Table:
 
     Of more than `MAX_TARGETS_ON_PAGE` those with the largest errors stand for all.
     """
-    targets = correction.targets()
     most = MAX_TARGETS_ON_PAGE if count is None else count
-    everything = len(targets) < most
+    targets = correction.targets(most)
+    everything = len(correction.program.motions) < most
     columns = TARGETS if count is None else [column for column in TARGETS if column.label in ON_A_LINE]
     if count is not None or not everything:
-        targets = sorted(targets, key=lambda t: -(t["before_mm"] or 0.0))[:most]
+        targets = sorted(targets, key=lambda t: -(t["before_mm"] or 0.0))
     return Table.of(
         "Targets" if everything else f"The {len(targets)} targets with the largest errors",
         columns,

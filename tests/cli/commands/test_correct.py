@@ -105,6 +105,26 @@ def test_correct_changes_only_the_targets_of_a_program(run: Run, cell: Path, par
     assert known.model.robot.name == IRB6660
 
 
+@pytest.mark.slow
+def test_long_lists_are_cut_with_a_count_unless_all_are_asked_for(
+    run: Run, cell: Path, robot, tmp_path: Path, monkeypatch
+):
+    path = tmp_path / "far.mod"
+    far, unknown = "MoveL Offs(pB,3000,0,0),v50,fine,tSpindle\\WObj:=wPart;", "MoveL pNowhere,v50,fine,tSpindle;"
+    path.write_text(module(robot, *GOOD, far, unknown, unknown), newline="")
+    line = ("correct", "-c", cell / "cal.json", path, "--dry-run", "--json")
+    whole = run(*line).json
+    monkeypatch.setattr("taskcal.cli.commands.correct.MAX_LISTED", 1)
+    cut, every = run(*line), run(*line, "--all-rows").json
+    assert every == whole
+    assert set(every["not_listed"].values()) == {0}
+    for name, left in cut.json["not_listed"].items():
+        assert (len(cut.json[name]), len(cut.json[name]) + left) == (1, len(every[name]))
+        assert all(row in every[name] for row in cut.json[name])
+    assert cut.json["targets"][0]["before_mm"] == max(row["before_mm"] or 0.0 for row in every["targets"])
+    assert "--all-rows" in cut.err
+
+
 def test_correction_below_its_uncertainty_is_not_written(run: Run, cell: Path, part: Path, tmp_path: Path, robot):
     """A cutter that is known to centimetres: what to measure is said, and nothing is written unless asked for."""
     spindle = Measured(name="tSpindle", in_flange=robot.T_flange_tool, uncertainty=0.02)

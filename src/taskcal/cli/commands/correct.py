@@ -33,7 +33,10 @@ STEPS = 8
 """Of the bar: reading, those that `taskcal.correct` names, and the verdict."""
 
 MAX_SHOWN_TARGETS = 12
-"""Targets of the table; the JSON result and the page have all of them."""
+"""Targets of the table."""
+
+MAX_LISTED = 1000
+"""Entries of a list of the JSON result, as of the page's table: of 100 000 motions all would be 53 MB."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,6 +163,9 @@ def command(
         help="Correct at run time the targets that the text does not state, such as computed ones (RAPID, KRL, URScript).",
     ),
     again: bool = option(False, help="Correct a program that taskcal correct wrote."),
+    all_rows: bool = option(
+        False, help=f"List every target, rejection and remark with --json, not only {MAX_LISTED} of each."
+    ),
     page: PageOptions,
 ) -> None:
     """Correct a robot program with the calibrated model.
@@ -208,9 +214,11 @@ def command(
     written = tuple(contents) if lay is None or out is None else (out,)
     if written:
         remember_corrected(correction, program.sources)
-    page.give(
-        _result(correction, verdict, written, page), lambda: _show(correction, verdict, written, page.in_words(made))
-    )
+    result = _result(correction, verdict, written, page, None if all_rows else MAX_LISTED)
+    page.give(result, lambda: _show(correction, verdict, written, page.in_words(made)))
+    left = [f"{count} more {name}" for name, count in result["not_listed"].items() if count]
+    if page.as_json and left:
+        info(f"not listed: {', '.join(left)}; --all-rows lists all")
     not_written = "error: not written: " if withheld else ""
     if correction.uncertain:
         info(f"{not_written}{state_uncertain(correction)}")
@@ -303,9 +311,23 @@ def _frame(cell: "taskcal.Cell", name: str | None, kind: str) -> "Frame | None":
 
 
 def _result(
-    correction: "taskcal.Correction", verdict: "Verdict", written: tuple[Path, ...], page: PageOptions
+    correction: "taskcal.Correction", verdict: "Verdict", written: tuple[Path, ...], page: PageOptions, most: int | None
 ) -> dict[str, Any]:
     program = correction.program
+    lists = {
+        "targets": correction.targets(most),
+        "refused": [
+            {"file": program.motions[i].place.path, "line": program.motions[i].place.line, "reason": reason}
+            for i, reason in sorted(correction.rejected.items())[:most]
+        ],
+        "remarks": [
+            {"file": diagnostic.place.path, "line": diagnostic.place.line, "text": diagnostic.text}
+            for diagnostic in correction.diagnostics[:most]
+        ],
+    }
+    counts = {
+        "targets": len(program.motions), "refused": len(correction.rejected), "remarks": len(correction.diagnostics),
+    }  # fmt: skip
     return {
         "program": [source.path for source in program.sources],
         "skipped_files": 0 if program.backup is None else program.backup.skipped,
@@ -313,15 +335,8 @@ def _result(
         "report": page.report,
         "verdict": verdict.summary(),
         **correction.summary(),
-        "targets": correction.targets(),
-        "refused": [
-            {"file": program.motions[i].place.path, "line": program.motions[i].place.line, "reason": reason}
-            for i, reason in sorted(correction.rejected.items())
-        ],
-        "remarks": [
-            {"file": diagnostic.place.path, "line": diagnostic.place.line, "text": diagnostic.text}
-            for diagnostic in correction.diagnostics
-        ],
+        **lists,
+        "not_listed": {name: counts[name] - len(lists[name]) for name in lists},
     }
 
 

@@ -149,7 +149,7 @@ def arguments_of(project: Project, choices: Choices) -> list[str]:
     ):
         options += [f"{option}={value}"] if value else []
     options += ["--accept-uncertain"] if choices.accept_uncertain else []
-    return ["correct", *read_together(project, choices.program), *options, "--json"]
+    return ["correct", *read_together(project, choices.program), *options, "--all-rows", "--json"]
 
 
 def begin_correction(studio: Studio) -> None:
