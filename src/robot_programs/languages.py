@@ -59,13 +59,14 @@ _OWN = (
     Language(
         name="KRL",
         suffixes=(".src", ".dat", ".sub"),
-        read=_reader("krl.read:read_krl", "tools", "parts"),
+        read=_reader("krl.read:read_krl", "tools", "parts", "data"),
         compose=_composer("krl.rewrite:compose_krl"),
         composed=(".src",),
         declares_frames=True,
         has_logic=True,
         marks=r"^\s*(GLOBAL\s+)?DEF(FCT|DAT)?\b",
         base_file="$machine.dat",
+        takes_data=True,
     ),
     Language(
         name="TP",

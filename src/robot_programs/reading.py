@@ -26,6 +26,7 @@ def read_program(
     part: Frame | None = None,
     tools: Mapping[str, Frame] | None = None,
     parts: Mapping[str, Frame] | None = None,
+    data: Mapping[str, str] | None = None,
 ) -> Program:
     """Read a robot program: RAPID, KRL, TP, URScript, APT or CSV.
 
@@ -42,15 +43,17 @@ def read_program(
         tools: of a program in APT: its tools, by the name or number by which it loads them. In RAPID and KRL those that the
             files do not declare, held by the robot: `tMill`, `TOOL_DATA[3]`.
         parts: in RAPID and KRL: work objects and bases that the files do not declare, in the controller's world frame.
+        data: in KRL: points, parameter sets and numbers that the files do not declare, by name, as the language writes them:
+            `{"XP1": "{E6POS: X 500,Y 0,Z 700,A 0,B 90,C 0,S 2,T 35}"}`. They are read, and not rewritten.
 
     Raises:
         FileError: a file is missing, or is not a program; of a CSV: it cannot be read as a path.
-        InputError: no file, several languages, or a tool where the program says its own.
+        InputError: no file, several languages, or a tool where the program says its own; data that are no values of the language.
     """
     _expect_kinds(paths, robot=robot, tool=tool, part=part)
-    for name, given in (("tools", tools), ("parts", parts)):
+    for name, given, of in (("tools", tools, "Frames"), ("parts", parts, "Frames"), ("data", data, "texts")):
         if given is not None and not isinstance(given, Mapping):
-            raise WrongKind(f"{name} is {shown(repr(given))}, not a dictionary of Frames by their names in the program")
+            raise WrongKind(f"{name} is {shown(repr(given))}, not a dictionary of {of} by their names in the program")
     files = [Path(path) for path in paths]
     if not files:
         raise InputError("no program was given; name its files")
@@ -63,7 +66,7 @@ def read_program(
         _check_language(named, frames=frames)
     backup, sources = _sources(files)
     _check_language([source.path for source in sources], frames=frames)
-    program = parse_program(sources, robot=robot, tool=tool, part=part, tools=tools, parts=parts)
+    program = parse_program(sources, robot=robot, tool=tool, part=part, tools=tools, parts=parts, data=data)
     missing = tuple(missing_names(program.diagnostics)) if backup else ()
     return program if backup is None else replace(program, backup=backup, diagnostics=(*missing, *program.diagnostics))
 
@@ -131,14 +134,22 @@ def parse_program(
     part: Frame | None = None,
     tools: Mapping[str, Frame] | None = None,
     parts: Mapping[str, Frame] | None = None,
+    data: Mapping[str, str] | None = None,
 ) -> Program:
     """The program of texts of one language; see `read_program`.
 
     Raises:
         FileError: a text is not a program.
+        InputError: data are given for a language that takes none, or are no values of it.
     """
-    return language_of(sources[0].path).read(
-        sources, Surroundings(robot=robot, tool=tool, part=part, tools=tools or {}, parts=parts or {})
+    language = language_of(sources[0].path)
+    if data and not language.takes_data:
+        raise InputError(
+            f"{sources[0].path} is {language.name}, for which no data can be given; pass the files that declare {min(data)}"
+        )
+    return language.read(
+        sources,
+        Surroundings(robot=robot, tool=tool, part=part, tools=tools or {}, parts=parts or {}, data=data or {}),
     )
 
 

@@ -8,7 +8,7 @@ import pytest
 from robot_programs.core.program import Program, missing_from
 from robot_programs.core.source import Source
 from robot_programs.reading import parse_program
-from taskcal.correction.cell import Cell, Measured, cell_to_fill_in, given_frames, load_cell, mount
+from taskcal.correction.cell import Cell, Measured, cell_to_fill_in, given_frames, load_cell, mount, write_cell
 from taskcal.errors import FileError, TaskcalError
 from taskcal.geometry import se3
 
@@ -58,6 +58,20 @@ def test_undeclared_frames_make_a_cell_file_to_fill_in(suffix, text, tmp_path):
     (tool, part) = NAMES[suffix]
     np.testing.assert_allclose(load_cell(path).tool(tool).controller, se3.translation(1e-3, 2e-3, 3e-3))
     np.testing.assert_allclose(load_cell(path).part(part).controller, se3.translation(1e-3, 2e-3, 3e-3))
+
+
+def test_other_data_are_stated_as_the_controller_shows_them(tmp_path):
+    """They are read as they are written, and keep their place in a cell file that is written again."""
+    missing = missing_from(read(".src", "DEF P( )\nPTP XHOME\nEND\n").diagnostics)
+    path = tmp_path / "cell.toml"
+    path.write_text(cell_to_fill_in(missing))
+    with pytest.raises(FileError, match="'XHOME': value is empty"):
+        load_cell(path)
+    path.write_text(path.read_text().replace('""', '"{E6AXIS: A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}"'))
+    write_cell(path, load_cell(path))
+    given = load_cell(path).data
+    program = parse_program((Source.of(Path("m.src"), b"DEF P( )\nPTP XHOME\nEND\n"),), data=given)
+    np.testing.assert_allclose(np.degrees(program.motions[0].end.q), [0, -90, 90, 0, 0, 0])
 
 
 @pytest.mark.parametrize(("suffix", "text"), PROGRAMS)

@@ -627,6 +627,8 @@ class Surroundings:
     """Frame in which the positions are counted; the robot's base by default."""
     parts: Mapping[str, Frame] = field(default_factory=dict[str, Frame])
     """Parts' frames by the name by which a program calls them."""
+    data: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Other data by name, as the program's language writes their values."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -704,6 +706,8 @@ class Language:
     """Whether a program may hold more than motions, which a new program of them would lose."""
     marks: str = ""
     """What is found in every file of a program, a regular expression without regard to letter case; empty for anything."""
+    takes_data: bool = False
+    """Whether data can be given that no file declares, beside tools and parts."""
     base_file: str = ""
     """The file that says where the robot stands in the world, in which frames are counted; empty where they are counted in
     the robot's base."""
@@ -773,9 +777,9 @@ def keep_together(visits: Iterable[Visit], staying: Container[int], changing: Co
 
 _MISSING = re.compile(
     r"unknown (?P<kind>tool|work object) '(?P<frame>[^']+)'|'(?P<data>[^']+)' is not declared in the files|"
-    r"(?:\$(?P<variable>TOOL|BASE): )?(?P<name>\S+) is not in the files given"
+    r"(?:\$(?P<variable>TOOL|BASE): )?(?P<name>\S+) is not in the files given(?P<value>; pass the)?"
 )
-MissingKind = Literal["tool", "part", "other"]
+MissingKind = Literal["tool", "part", "data", "other"]
 _KINDS: Mapping[str, MissingKind] = {"tool": "tool", "work object": "part", "TOOL": "tool", "BASE": "part"}
 
 
@@ -797,7 +801,8 @@ def missing_from(diagnostics: Iterable[Diagnostic]) -> tuple[MissingName, ...]:
     for diagnostic in diagnostics:
         for match in _MISSING.finditer(diagnostic.text):
             name = match["frame"] or match["data"] or match["name"]
-            kind = _KINDS.get(match["kind"] or match["variable"] or name.partition("_DATA[")[0], "other")
+            among = match["kind"] or match["variable"] or name.partition("_DATA[")[0]
+            kind = _KINDS.get(among, "data" if match["value"] else "other")
             known = found.get(name, MissingName(name=name, kind=kind, count=0, place=diagnostic.place))
             found[name] = replace(known, count=known.count + 1)
     return tuple(found.values())

@@ -5,10 +5,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import isfinite, nan
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
+from robot_programs.core.errors import InputError, shown
 from robot_programs.core.program import Frame, Unresolved, angled_pose, pose_numbers
 from robot_programs.core.source import Place, Source, TextEdit, renumbered
 from robot_programs.krl.syntax import (
@@ -200,6 +202,35 @@ def stated(file: File) -> Iterator[Datum]:
                 )
 
 
+GIVEN = Path("given.dat")
+"""In place of a data list whose values are stated beside the files."""
+
+
+def given_data(number: int, values: Mapping[str, str]) -> File:
+    """A data list of the system with values that no file states; those with a type are declared, too.
+
+    Args:
+        number: of the file.
+        values: by name, with its index where it is an element.
+
+    Raises:
+        InputError: one is no value.
+    """
+    lines = ["DEFDAT $GIVEN"]
+    for name, value in values.items():
+        own = File.of(number, Source.of(GIVEN, f"DEFDAT $GIVEN\n{name}={value}\nENDDAT\n".encode()))
+        if [datum.name for datum in stated(own)] != ["".join(name.upper().split())] or len(own.statements) != 3:
+            raise InputError(
+                f"'{shown(value)}' is no value for {shown(name)}; give a structure such as {{E6POS: X 1,Y 2,Z 3,A 0,B 0,C 0,S 2,T 35}}, "
+                "or a number"
+            )
+        (datum,) = stated(own)
+        type_ = datum.value.type if isinstance(datum.value, Aggregate) else ""
+        lines += [f"DECL {type_} {name}"] if type_ else []
+        lines.append(f"{name}={value}")
+    return File.of(number, Source.of(GIVEN, "\n".join([*lines, "ENDDAT", ""]).encode()))
+
+
 def aggregate_of(value: Operand | None) -> Aggregate | None:
     """The structure that a value is; None where it is none, or a product."""
     if value is None or len(value.parts) != 1:
@@ -371,6 +402,8 @@ class Data:
     """By file and first character of an assignment by a computed index: the elements that it sets, where that is known."""
     refused: set[str] = field(default_factory=set[str])
     """Variables that were asked for in vain, because code changes them."""
+    taken: dict[str, set[str]] = field(default_factory=lambda: defaultdict[str, set[str]](set))
+    """By name of what is stated beside the files: the programs that take it."""
     set_elsewhere: dict[str, Place] = field(default_factory=dict[str, Place])
     """Tools and bases that were taken as the data list states them, and where a program of its own changes them."""
 
@@ -391,7 +424,10 @@ class Data:
         """What a name means in a routine, as data lists state it; None where they do not."""
         if (module, routine, name.partition("[")[0]) in self._local:
             return None
-        return self._own.get((module, name, structure), self._shared.get((name, structure)))
+        datum = self._own.get((module, name, structure), self._shared.get((name, structure)))
+        if datum is not None and datum.file.source.path == GIVEN:
+            self.taken[name].add(module)
+        return datum
 
     @cached_property
     def _local(self) -> set[tuple[str, str, str]]:
@@ -454,6 +490,13 @@ class Data:
                 if isinstance(line, Declaration) and not line.shared:
                     out.setdefault(file.module, set()).update(variable.name for variable in line.variables)
         return {module: frozenset(names) for module, names in out.items()}
+
+    @cached_property
+    def _for_all(self) -> frozenset[str]:
+        """Variables of data lists that all programs know, with a value or without."""
+        files = (file for file in self.files if file.holds_data)
+        lines = ((file, line) for file in files for line in file.statements if isinstance(line, Declaration))
+        return frozenset(v.name for file, line in lines if line.shared or file.serves_all for v in line.variables)
 
     def number(self, name: str, module: str, routine: str = "") -> float | bool | None:
         """The number or truth value that a data list states for a variable, if no line of code ever changes it."""
@@ -522,6 +565,9 @@ class Data:
                 raise Unresolved(f"{name} is changed by the program, at {place}")
         if datum is None and (module, routine, variable) in self._local:
             raise Unresolved(f"{name} is a variable of the program's own, whose value is known only at run time")
+        declared = self.listed.get(module, frozenset()) | self._for_all
+        if datum is None and variable not in TABLES and variable in declared:
+            raise Unresolved(f"{name} has no value in its data list, so that it is known only at run time")
         if datum is None and variable.startswith("$"):
             raise Unresolved(f"{name} is known only at run time")
         if datum is None:

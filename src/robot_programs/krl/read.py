@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core import flow, se3
-from robot_programs.core.errors import FileError
+from robot_programs.core.errors import FileError, InputError
 from robot_programs.core.flow import MIN_LINES, Body, Counts, Group, Loop, Node, lines_in
 from robot_programs.core.program import Diagnostic, Frame, Motion, MotionKind, Target, Unresolved
 from robot_programs.core.source import Source, uncollected
@@ -21,15 +21,18 @@ from robot_programs.krl.data import (
     Data,
     Datum,
     File,
+    NotInFiles,
     Routine,
     Text,
     axes,
     external,
+    given_data,
     has_axes,
     has_pose,
     pose,
     pose_values,
     rotation_stated,
+    stated,
     whole,
 )
 from robot_programs.krl.frames import EVERYTHING, NULL, UNREACHED, Frames, State
@@ -256,9 +259,23 @@ class Resolver:
         """
         if line.trouble or (line.keyword == "SPL" and not in_spline):
             raise Unresolved(line.trouble or "it is part of no SPLINE block")
-        move, site = self._resolve(line, self.frames.with_settings(state, line.settings), returned)
+        state = self.frames.with_settings(state, line.settings)
+        try:
+            move, site = self._resolve(line, state, returned)
+        except Unresolved as trouble:
+            if not NotInFiles.is_said(said := str(trouble)):
+                raise
+            # names that have to be stated are said together
+            raise Unresolved("; ".join(dict.fromkeys([said, *self._missing_frames(state)]))) from None
         # the shape of a spline depends on all its points: they are corrected, and it is left whole
         return (replace(move, divisible=False) if in_spline else move), site
+
+    def _missing_frames(self, state: State) -> Iterator[str]:
+        try:
+            self.frames.tool_and_part(state)
+        except Unresolved as trouble:
+            if NotInFiles.is_said(str(trouble)):
+                yield str(trouble)
 
     def position(self, state: State) -> Aggregate | None:
         """Position of the robot, with the tool and base that hold; None where the text does not tell."""
@@ -929,7 +946,10 @@ routines set is taken as not known, and loops are not taken turn by turn."""
 
 @uncollected()
 def read_krl(
-    sources: Sequence[Source], tools: Mapping[str, Frame] | None = None, parts: Mapping[str, Frame] | None = None
+    sources: Sequence[Source],
+    tools: Mapping[str, Frame] | None = None,
+    parts: Mapping[str, Frame] | None = None,
+    data: Mapping[str, str] | None = None,
 ) -> KrlProgram:
     """Read a KRL program.
 
@@ -937,9 +957,11 @@ def read_krl(
         sources: its ``.src`` files, with their ``.dat`` and, for tools and bases by number, ``$config.dat``.
         tools: those that no file states, by name: ``TOOL_DATA[3]``.
         parts: bases that no file states, in the world, the same.
+        data: points, parameter sets and numbers that no file states, by name, as KRL writes them.
 
     Raises:
         FileError: a file is no KRL, or none holds a program.
+        InputError: a value that is given is none.
     """
     files = tuple(File.of(i, source) for i, source in enumerate(sources))
     for file in files:
@@ -948,7 +970,14 @@ def read_krl(
     if sources and all(file.holds_data for file in files):
         raise FileError(sources[0].path, "holds data only; pass the .src with the motions, too")
     given = {name.upper(): frame for name, frame in {**(tools or {}), **(parts or {})}.items()}
-    return replace(_Reading(files=files, given=given).program(), read=partial(read_krl, tools=tools, parts=parts))
+    if data:
+        beside = given_data(len(files), data)
+        for datum in (datum for file in files for datum in stated(file) if datum.shared):
+            if any(datum.name == other.name for other in stated(beside)):
+                raise InputError(f"{datum.name} is stated in {datum.place}; leave it out beside the files")
+        files = (*files, beside)
+    program = _Reading(files=files, given=given).program()
+    return replace(program, sources=tuple(sources), read=partial(read_krl, tools=tools, parts=parts, data=data))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -1043,9 +1072,20 @@ class _Reading:
         return KrlProgram(
             sources=tuple(file.source for file in self.files),
             motions=tuple(move for move, _ in found),
-            diagnostics=tuple(
-                Diagnostic(place=self.files[file].source.place(position), text=text)
-                for file, position, text in sorted({*self.findings.diagnostics, *failed})
+            diagnostics=(
+                *(
+                    Diagnostic(
+                        place=self.files[0].source.place(0),
+                        text=f"{name} is stated once beside the files, and taken in {', '.join(sorted(modules))}; pass the data list of "
+                        "those that have their own",
+                    )
+                    for name, modules in sorted(data.taken.items())
+                    if len(modules) > 1
+                ),
+                *(
+                    Diagnostic(place=self.files[file].source.place(position), text=text)
+                    for file, position, text in sorted({*self.findings.diagnostics, *failed})
+                ),
             ),
             sites=tuple(site for _, site in found),
             files=self.files,

@@ -116,6 +116,8 @@ class Cell:
     """Where the robot stands in the world, with all external axes at zero; None where it is not stated."""
     axes: tuple[ExternalAxis, ...] = ()
     """External axes, by number."""
+    data: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Other data that no file of the program declares, by name, as its language writes their values."""
 
     def tool(self, name: str) -> Measured:
         """Measurement of a tool; empty where there is none."""
@@ -250,6 +252,19 @@ class AxisSection(Section):
         )
 
 
+class DataSection(Section):
+    """A point, parameter set or number of the program that none of its files declares."""
+
+    name: str = Field(min_length=1)
+    value: str
+
+    @model_validator(mode="after")
+    def _stated(self) -> Self:
+        if not self.value.strip():
+            raise ValueError(f"'{self.name}': value is empty; state it as the controller shows it")
+        return self
+
+
 class CellFile(Section):
     """A cell file."""
 
@@ -257,10 +272,11 @@ class CellFile(Section):
     axis: tuple[AxisSection, ...] = ()
     tool: Annotated[tuple[MeasuredSection, ...], Field(max_length=MAX_NAMED)] = ()
     part: Annotated[tuple[MeasuredSection, ...], Field(max_length=MAX_NAMED)] = ()
+    data: Annotated[tuple[DataSection, ...], Field(max_length=MAX_NAMED)] = ()
 
     @model_validator(mode="after")
     def _names(self) -> Self:
-        for kind, sections in (("tools", self.tool), ("parts", self.part)):
+        for kind, sections in (("tools", self.tool), ("parts", self.part), ("data", self.data)):
             names = [section.name.casefold() for section in sections]
             if twice := repeated(names):
                 raise ValueError(f"two {kind} are named '{twice[0]}'")
@@ -283,6 +299,7 @@ def load_cell(path: str | Path) -> Cell:
         parts={section.name.casefold(): section.measured() for section in content.part},
         T_world_base=None if content.robot is None else content.robot.base.pose(),
         axes=tuple(section.axis() for section in sorted(content.axis, key=lambda section: section.number)),
+        data={section.name: section.value for section in content.data},
     )
     for part in cell.parts.values():
         toucher = part.touched_with.casefold()
@@ -314,6 +331,8 @@ def cell_text(cell: Cell) -> str:
     own: dict[str, object] = {} if cell.T_world_base is None else {"robot": {"base": _pose(cell.T_world_base)}}
     if cell.axes:
         own["axis"] = [_axis(axis) for axis in cell.axes]
+    if cell.data:
+        own["data"] = [{"name": name, "value": value} for name, value in cell.data.items()]
     return tomli_w.dumps({**own, **{kind: tables for kind, tables in sections.items() if tables}})
 
 
@@ -321,11 +340,15 @@ UNFILLED = 'controller = { position_mm = ["x", "y", "z"], quaternion = ["qx", "q
 """Of a tool or part that is still to be stated; refused until numbers stand there."""
 
 
+UNFILLED_DATA = 'value = ""  # as the controller shows it: "{E6POS: X 1,Y 2,Z 3,A 0,B 0,C 0,S 2,T 35}", "12.5"'
+"""The same of other data."""
+
+
 def cell_to_fill_in(missing: Iterable[MissingName]) -> str:
-    """Sections of a cell file for tools and parts that no file of a program declares; empty where there are none."""
+    """Sections of a cell file for what no file of a program declares; empty where there is nothing."""
     return "\n".join(
         f"# {one.count} of the program's motions, first in {one.place}\n[[{one.kind}]]\n"
-        f"{tomli_w.dumps({'name': one.name})}{UNFILLED}\n"
+        f"{tomli_w.dumps({'name': one.name})}{UNFILLED_DATA if one.kind == 'data' else UNFILLED}\n"
         for one in missing
         if one.kind != "other"
     )

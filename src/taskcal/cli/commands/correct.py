@@ -239,7 +239,9 @@ def _read(
     cell = taskcal.Cell() if around.cell is None else taskcal.load_cell(around.cell)
     tool, part = _frame(cell, around.tool, "tool"), _frame(cell, around.part, "part")
     tools, parts = given_frames(cell)
-    program = read_program(*programs, robot=calibration.model.robot, tool=tool, part=part, tools=tools, parts=parts)
+    program = read_program(
+        *programs, robot=calibration.model.robot, tool=tool, part=part, tools=tools, parts=parts, data=cell.data
+    )
     _say_missing(program, around)
     return cell, program
 
@@ -249,7 +251,7 @@ MAX_SHOWN_SECTIONS = 4
 
 
 def _say_missing(program: "Program", around: CellOptions) -> None:
-    """Name tools and parts that no file declares, and show or write the cell file that states them.
+    """Name tools, parts and data that no file declares, and show or write the cell file that states them.
 
     Raises:
         FileError: the file exists, or cannot be written.
@@ -259,21 +261,21 @@ def _say_missing(program: "Program", around: CellOptions) -> None:
     from taskcal.io.files import write_whole
 
     missing = missing_from(program.diagnostics)
-    frames = [one for one in missing if one.kind != "other"]
+    stated = [one for one in missing if one.kind != "other"]
     others = [one.name for one in missing if one.kind == "other"]
-    if frames:
-        listed = ", ".join(f"{one.kind} {one.name} ({one.count})" for one in frames)
+    if stated:
+        listed = ", ".join(f"{one.kind} {one.name} ({one.count})" for one in stated)
         info(f"declared in none of the files: {listed}")
         info("pass the files that declare them, or state them in the cell file (--cell); --missing CELL.toml writes it")
-        if around.missing is None and len(frames) <= MAX_SHOWN_SECTIONS:
-            info(cell_to_fill_in(frames))
+        if around.missing is None and len(stated) <= MAX_SHOWN_SECTIONS:
+            info(cell_to_fill_in(stated))
     if others:
         info(f"declared in none of the files, and not for a cell file: {', '.join(others)}")
-    if around.missing is not None and frames:
+    if around.missing is not None and stated:
         if around.missing.exists():
-            raise FileError(around.missing, "exists; name a new file for the tools and parts to be stated")
+            raise FileError(around.missing, "exists; name a new file for what is to be stated")
         own = "" if around.cell is None else around.cell.read_text(encoding="utf-8").rstrip() + "\n\n"
-        write_whole(around.missing, own + cell_to_fill_in(frames))
+        write_whole(around.missing, own + cell_to_fill_in(stated))
         info(f"to be filled in: {around.missing}")
 
 
