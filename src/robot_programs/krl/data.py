@@ -221,8 +221,8 @@ def given_data(number: int, values: Mapping[str, str]) -> File:
         own = File.of(number, Source.of(GIVEN, f"DEFDAT $GIVEN\n{name}={value}\nENDDAT\n".encode()))
         if [datum.name for datum in stated(own)] != ["".join(name.upper().split())] or len(own.statements) != 3:
             raise InputError(
-                f"'{shown(value)}' is no value for {shown(name)}; give a structure such as {{E6POS: X 1,Y 2,Z 3,A 0,B 0,C 0,S 2,T 35}}, "
-                "or a number"
+                f"'{shown(value)}' is no value for {shown(name)}; give a structure such as "
+                "{E6POS: X 1,Y 2,Z 3,A 0,B 0,C 0,S 2,T 35}, or a number"
             )
         (datum,) = stated(own)
         type_ = datum.value.type if isinstance(datum.value, Aggregate) else ""

@@ -1068,6 +1068,7 @@ class _Reading:
         except Unresolved:  # the motions to poses say so
             T_world_base = None
         found = list(self.findings.finished())
+        shared = "is stated once beside the files, and taken in {}; pass the data list of those that have their own"
         failed = ((number, start, text) for (number, start), (_, text) in self.findings.reasons.items())
         return KrlProgram(
             sources=tuple(file.source for file in self.files),
@@ -1076,8 +1077,7 @@ class _Reading:
                 *(
                     Diagnostic(
                         place=self.files[0].source.place(0),
-                        text=f"{name} is stated once beside the files, and taken in {', '.join(sorted(modules))}; pass the data list of "
-                        "those that have their own",
+                        text=f"{name} {shared.format(', '.join(sorted(modules)))}",
                     )
                     for name, modules in sorted(data.taken.items())
                     if len(modules) > 1

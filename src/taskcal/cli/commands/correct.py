@@ -99,7 +99,7 @@ class CellOptions:
     missing: Path | None = option(
         None,
         "CELL.toml",
-        "Cell file to write, with the tools and parts that no file of the program declares, to be filled in.",
+        "Cell file to write, with the tools, parts and data that no file of the program declares, to be filled in.",
     )
 
     def __post_init__(self) -> None:

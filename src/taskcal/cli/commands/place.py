@@ -93,8 +93,10 @@ def command(
 
     described = taskcal.Cell() if cell is None else taskcal.load_cell(cell)
     tools, parts = given_frames(described)
-    target = taskcal.load_task(what[0]) if is_task else read_program(
-        *what, robot=model.robot, tools=tools, parts=parts, data=described.data
+    target = (
+        taskcal.load_task(what[0])
+        if is_task
+        else read_program(*what, robot=model.robot, tools=tools, parts=parts, data=described.data)
     )
     with bar_over(["placements"], len(region.grid())) as begin:
         found = taskcal.correction.place(
