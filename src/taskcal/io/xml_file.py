@@ -20,7 +20,7 @@ MAX_ELEMENTS = 20_000
 
 @dataclass(frozen=True, eq=False)
 class Element:
-    """An element without its text, which descriptions of robots do not use."""
+    """An element."""
 
     path: Path
     """The file that has it."""
@@ -28,6 +28,13 @@ class Element:
     attributes: dict[str, str]
     line: int
     children: list["Element"] = field(default_factory=list["Element"])
+    pieces: list[str] = field(default_factory=list[str])
+    """Of its text."""
+
+    @property
+    def text(self) -> str:
+        """Its own text, without that of its children, without blanks around it."""
+        return "".join(self.pieces).strip()
 
     def all(self, tag: str) -> Iterator["Element"]:
         """Children of the element with a name."""
@@ -36,6 +43,12 @@ class Element:
     def first(self, tag: str) -> "Element | None":
         """The first of them, if there is one."""
         return next(self.all(tag), None)
+
+    def within(self) -> Iterator["Element"]:
+        """The element and all that are in it."""
+        yield self
+        for child in self.children:
+            yield from child.within()
 
     def error(self, message: str) -> FileError:
         """An error at the line where the element begins."""
@@ -64,6 +77,7 @@ def parse_xml(path: Path, content: bytes) -> Element:
     building = _Building(path, parser)
     parser.StartElementHandler = building.start
     parser.EndElementHandler = building.end
+    parser.CharacterDataHandler = building.characters
     parser.StartDoctypeDeclHandler = building.refuse_document_type
     try:
         parser.Parse(content, True)
@@ -103,6 +117,9 @@ class _Building:
 
     def end(self, tag: str) -> None:
         self.open.pop()
+
+    def characters(self, text: str) -> None:
+        self.open[-1].pieces.append(text)
 
     def refuse_document_type(self, name: str, *_: object) -> None:
         raise FileError(

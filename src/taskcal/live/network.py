@@ -1,22 +1,30 @@
 """What devices on a network share: addresses, items that arrive by themselves, the device's clock, and the names of its joints.
 
-Taskcal connects to the address that it is given, this computer's own where none is; nothing here listens.
+Taskcal connects to the address that it is given, this computer's own where none is. Where a protocol has the device send datagrams
+to whoever is configured there (`listen`), it takes those that come to the address that it is given, and answers none.
 """
 
 import re
 import socket
+from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain
 from math import inf, isfinite
+from pathlib import Path
 from threading import Condition, Thread
 from time import monotonic
-from typing import Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar
 from urllib.parse import parse_qsl, unquote, urlsplit
 
-from taskcal.errors import shown
-from taskcal.live.devices import Controller, Device, DeviceError
+import numpy as np
+from jaxtyping import Float
+
+from taskcal.errors import FileError, shown
+from taskcal.io.xml_file import Element, parse_xml
+from taskcal.live.devices import Controller, Device, DeviceError, JointReading
 from taskcal.robot.robot import Robot
 
 LOOPBACK = "127.0.0.1"
@@ -31,7 +39,17 @@ MAX_LINE_BYTES = 1 << 12
 """Of a line of numbers, which has some hundred."""
 
 RECEIVED_BYTES = 1 << 16
-"""At most taken from a socket at a time."""
+"""At most taken from a socket at a time; no datagram has more."""
+
+LISTENING_S = 0.2
+"""Between two looks at whether a socket that is listened to was closed, seconds."""
+
+OVERTAKEN_S = 1.0
+"""By which a stamp may be behind the last one and be of a message that was overtaken; more is a clock that was set back."""
+
+MOVED = 0.05
+"""Of an axis that is not the robot's, mm or degrees: more than a standing axis' encoder shows, less than a target needs to be
+elsewhere by what robots repeat (0.05 mm at half a metre from a turntable's axis is 0.006°)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,11 +131,9 @@ class Address:
         reason = _reason(error) if error is not None else "it was closed at the other end"
         return DeviceError(f"{self.called} was lost ({reason}); see that it still runs, and its cable")
 
-    def silent(self, what: str, timeout_s: float, why: str = "") -> DeviceError:
+    def silent(self, what: str, timeout_s: float, hint: str = "see that it still runs, and its cable") -> DeviceError:
         """Error of a connection that is there, over which nothing comes."""
-        return DeviceError(
-            f"{self.called} sent no {what} for {timeout_s:g} s{why}; see that it still runs, and its cable"
-        )
+        return DeviceError(f"{self.called} sent no {what} for {timeout_s:g} s; {hint}")
 
     def misunderstood(self, what: str) -> DeviceError:
         """Error of what arrived and is not what the protocol has there."""
@@ -165,6 +181,80 @@ def received(connection: socket.socket, address: Address) -> Iterator[bytes]:
         if not piece:
             raise address.lost()
         yield piece
+
+
+def listen(address: Address) -> socket.socket:
+    """A UDP socket at an address of this computer, for a device that sends datagrams there.
+
+    Raises:
+        DeviceError: it is no address of this computer, or another program has the port.
+    """
+    try:
+        family, kind, protocol, _, at = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM)[0]
+        connection = socket.socket(family, kind, protocol)
+        try:
+            connection.bind(at)
+        except OSError:
+            connection.close()
+            raise
+    except OSError as error:
+        raise DeviceError(
+            f"{address.called} cannot be listened to ({_reason(error)}); name an address of this computer, such as "
+            f"0.0.0.0:{address.port} for all that it has, and see that no other program has the port"
+        ) from error
+    connection.settimeout(LISTENING_S)
+    return connection
+
+
+def datagrams(
+    connection: socket.socket, address: Address, timeout_s: float, hint: str
+) -> Iterator[tuple[float, bytes]]:
+    """What one sender sends, each with when it arrived (`time.monotonic`), until the socket is closed.
+
+    Args:
+        connection: of `listen`.
+        address: its option ``from`` has the sender; without it whoever is the first.
+        timeout_s: longest wait for the first one, seconds.
+        hint: what to look at where none comes.
+
+    Raises:
+        DeviceError: none came in time, the sender is unknown, there are two, or the socket was closed.
+    """
+    chosen = address.options.get("from")
+    try:
+        sender = None if chosen is None else socket.getaddrinfo(chosen, None, connection.family)[0][4][0]
+    except OSError as error:
+        raise DeviceError(f"{address.called}: 'from={shown(chosen or '')}' is no host ({_reason(error)})") from error
+    begun, until = False, monotonic() + timeout_s
+    while begun or monotonic() < until:
+        try:
+            content, (host, *_) = connection.recvfrom(RECEIVED_BYTES)
+        except TimeoutError:
+            continue
+        except OSError as error:
+            raise address.lost(error) from error
+        arrived_s = monotonic()
+        sender = host if sender is None else sender
+        if host == sender:
+            begun = True
+            yield arrived_s, content
+        elif chosen is None:
+            raise DeviceError(
+                f"{address.called} gets packets from {sender} and from {host}; name one: '…?from={sender}'"
+            )
+    raise address.silent("packet", timeout_s, hint)
+
+
+def xml_of(content: bytes) -> Element:
+    """The root of a message in XML.
+
+    Raises:
+        ValueError: it is none, or declares a document type.
+    """
+    try:
+        return parse_xml(Path("it"), content)
+    except FileError as error:
+        raise ValueError(str(error)) from error
 
 
 def received_lines(pieces: Iterator[bytes], address: Address) -> Iterator[tuple[float, str]]:
@@ -274,8 +364,11 @@ class DeviceClock:
         self._last = -inf
 
     def advanced(self, stamp_s: float) -> bool:
-        """Whether a stamp is another one than the last; the same is of the same measurement, sent again."""
-        return stamp_s != self._last
+        """Whether a stamp is of another measurement than those before; much earlier than the last, the clock was set back.
+
+        The same is of a measurement that is sent again, one a little earlier of a message that was overtaken.
+        """
+        return not self._last - OVERTAKEN_S < stamp_s <= self._last
 
     def local(self, stamp_s: float, arrived_s: float) -> float:
         """When it was measured, on this computer's clock, and not later than it arrived.
@@ -333,3 +426,117 @@ def match_joints(robot: Robot, names: Sequence[str], address: Address) -> tuple[
 def _number(name: str) -> int | None:
     found = re.search(r"(\d+)$", name)
     return int(found[1]) if found else None
+
+
+class Axes:
+    """A robot's joints among the axes that a controller states, in degrees, in millimetres where one slides.
+
+    Axes beside these, as of a track or a positioner, have to stay where they were at first: robot or target might be moved by them.
+    """
+
+    def __init__(self, robot: Robot, address: Address):
+        self._robot, self._address = robot, address
+        self._units = np.where(robot.prismatic, 1e-3, np.pi / 180.0)
+        self._names: tuple[str, ...] = ()
+        self._order: list[int] = []
+        self._first: Float[np.ndarray, " axes"] = np.zeros(0)
+
+    def joints(self, own: Mapping[str, float], external: Mapping[str, float]) -> Float[np.ndarray, " joints"]:
+        """Joints in the robot's order, radians or metres.
+
+        Args:
+            own: values of the manipulator's axes by their names.
+            external: those of axes beside it, which count where the address names them (``joints=``).
+
+        Raises:
+            DeviceError: they are not surely the robot's, a value is none, or another axis has moved.
+        """
+        values = {**own, **external}
+        names, numbers = tuple(values), np.array([*values.values()], dtype=float)
+        if not self._names:
+            all_of_them = "joints" in self._address.options or len(self._robot.joints) > len(own)
+            self._order = list(match_joints(self._robot, names if all_of_them else [*own], self._address))
+            self._names, self._first = names, numbers
+        if names != self._names:
+            raise self._address.misunderstood(f"states {shown(', '.join(names))} after {shown(', '.join(self._names))}")
+        if not np.isfinite(numbers).all():
+            wrong = int(np.flatnonzero(~np.isfinite(numbers))[0])
+            raise self._address.misunderstood(f"states {shown(names[wrong])} as {numbers[wrong]}")
+        off = np.abs(numbers - self._first)
+        off[self._order] = 0.0
+        if len(off) and off.max() > MOVED:
+            k = int(off.argmax())
+            raise DeviceError(
+                f"{self._address.called} has moved the axis {names[k]} from {self._first[k]:g} to {numbers[k]:g}, which is no "
+                f"joint of {self._robot.name}: robot or target may stand elsewhere; bring it back and go on, or describe it as a "
+                "joint of the robot and name it ('…?joints=')"
+            )
+        return numbers[self._order] * self._units
+
+
+class DatagramJoints(Controller):
+    """A controller that sends its axes by itself, in a UDP datagram each, to an address of this computer; nothing is sent to it."""
+
+    port: ClassVar[int]
+    """Its usual one."""
+    hint: ClassVar[str]
+    """What to look at where nothing comes."""
+
+    def __init__(self, address: Address, feed: "Feed[JointReading]"):
+        self._address, self._feed = address, feed
+
+    @staticmethod
+    @abstractmethod
+    def parse(content: bytes) -> tuple[float, Mapping[str, float], Mapping[str, float]]:
+        """When a datagram was made by the controller's clock, seconds; its manipulator's axes, and those beside it (`Axes`).
+
+        Raises:
+            ValueError: it is not one of the protocol.
+        """
+
+    @classmethod
+    def open(cls, address: str | None, robot: Robot, timeout_s: float) -> "DatagramJoints":
+        """Listen, until the first datagram is there.
+
+        Raises:
+            DeviceError: none comes, it is not of the protocol, or its axes are not surely the robot's.
+        """
+        where = Address.parse(address, cls, cls.port, options=("from", "joints"))
+        connection = listen(where)
+        try:
+            readings = cls._readings(datagrams(connection, where, timeout_s, cls.hint), Axes(robot, where), where)
+            first = next(readings)
+        except DeviceError:
+            connection.close()
+            raise
+        return cls(where, Feed(chain([first], readings), connection.close))
+
+    @classmethod
+    def _readings(cls, arriving: Iterator[tuple[float, bytes]], axes: Axes, where: Address) -> Iterator[JointReading]:
+        clock = DeviceClock()
+        for arrived_s, content in arriving:
+            try:
+                stamp_s, own, external = cls.parse(content)
+            except ValueError as error:
+                raise where.misunderstood(
+                    f"gets a packet of {len(content)} bytes that is not understood ({shown(str(error))}): "
+                    f"{shown(repr(content[:32]))}"
+                ) from error
+            if clock.advanced(stamp_s):
+                joints = axes.joints(own, external)
+                yield JointReading(time_s=clock.local(stamp_s, arrived_s), joints=joints)
+
+    def read(self, timeout_s: float) -> JointReading:
+        """The newest joints.
+
+        Raises:
+            DeviceError: none arrived in time, or a datagram was refused.
+        """
+        reading = self._feed.newest(timeout_s)
+        if reading is None:
+            raise self._address.silent("joints", timeout_s, self.hint)
+        return reading
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._feed.close()
