@@ -25,7 +25,7 @@ from tests.planning.without_tracker import (
     plan_of,
 )
 
-every_way = pytest.mark.parametrize("way", INSTRUMENTS)
+every_way = pytest.mark.parametrize("way", [*INSTRUMENTS, "pixels"])
 
 
 @every_way
@@ -56,14 +56,14 @@ def test_plan_respects_limits_and_covers_every_fixture(way):
     assert np.count_nonzero(np.diff(stage)) == len(np.unique(stage)) - 1
 
 
-@pytest.mark.parametrize("way", ["socket", "wire"])
-def test_virtual_robots_become_as_accurate_as_expected(way):
+@pytest.mark.parametrize(("way", "robots"), [("socket", 8), ("wire", 8), ("pixels", 3)])
+def test_virtual_robots_become_as_accurate_as_expected(way, robots):
     rng, made = np.random.default_rng(2), plan_of(way)
     squares = []
-    for _ in range(8):
+    for _ in range(robots):
         x = draw_defects(MODEL, rng)
         calibration = identify(MODEL, measure(instrument_of(way), made.q, made.of, x, rng, made.model_error))
-        squares.append(aligned_error(calibration, x, instrument_of(way).T_tool_tip) ** 2)
+        squares.append(aligned_error(calibration, x, instrument_of(way).T_tool_targets[0]) ** 2)
     # of few robots; `python -m tests.planning.observed_accuracy` has many, of all kinds
     assert np.sqrt(np.mean(squares)) == pytest.approx(made.expected, rel=0.4)
 

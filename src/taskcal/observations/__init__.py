@@ -27,6 +27,8 @@ from taskcal.observations.board_drawing import board_pdf as board_pdf
 from taskcal.observations.board_drawing import lay_out_board as lay_out_board
 from taskcal.observations.calibration_board import Board as Board
 from taskcal.observations.calibration_board import read_boards as read_boards
+from taskcal.observations.camera_file import StatedCamera as StatedCamera
+from taskcal.observations.camera_file import read_camera as read_camera
 from taskcal.observations.cube import Cubes as Cubes
 from taskcal.observations.distance import Lengths as Lengths
 from taskcal.observations.distance import WireInstrument as WireInstrument
@@ -38,6 +40,7 @@ from taskcal.observations.instrument import instrument_classes as instrument_cla
 from taskcal.observations.instrument import load_fixtures as load_fixtures
 from taskcal.observations.landmark import CameraInstrument as CameraInstrument
 from taskcal.observations.landmark import Landmarks as Landmarks
+from taskcal.observations.pixels import PixelInstrument as PixelInstrument
 from taskcal.observations.pixels import Pixels as Pixels
 from taskcal.observations.plane import Planes as Planes
 from taskcal.observations.point import Point as Point

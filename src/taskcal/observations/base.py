@@ -276,6 +276,8 @@ class Observation(ABC):
     """Whether it is the position of the target itself, which compiled passes differentiate as they walk the chain."""
     instrument: ClassVar[str] = ""
     """What it is measured with, in a word: the kind's name on the command line."""
+    standing_words: ClassVar[tuple[str, ...]] = ()
+    """Columns that may name what stands, in its file; the label where there are none."""
     stated_lengths: ClassVar[str] = ""
     """What lengths may be stated of it beside its rows, in words; empty for none."""
     touched: ClassVar[bool] = False
@@ -387,6 +389,10 @@ class Observation(ABC):
         """Another one's unknowns in the order of these, NaN for those it does not have."""
         known = dict(zip(other.unknowns, unknown, strict=True))
         return np.array([known.get(name, np.nan) for name in self.unknowns])
+
+    def told_of_unknowns(self, unknown: Float[np.ndarray, " u"]) -> Float[np.ndarray, "n k u"]:
+        """Derivatives of what each row tells of the unknowns alone, wherever its target is, over the noise; nothing by default."""
+        return np.zeros((0 if self.of is None else len(self.of), 0, len(unknown)))
 
     @property
     def numbers(self) -> Int[np.ndarray, " n"]:

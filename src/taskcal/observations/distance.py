@@ -334,7 +334,7 @@ class WireInstrument(Instrument):
             "wire crosses the robot": ~self.sight_is_free(tip, of, links),
         }
 
-    def observation(self, of: Int[np.ndarray, " n"]) -> Lengths:
+    def observation(self, of: Int[np.ndarray, " n"], target: Float[np.ndarray, "n 4 4"] | None = None) -> Lengths:
         """Lengths, with the anchor of each row."""
         return Lengths(anchors=self.fixtures.names, of=of, scaled=self.wire_scale)
 

@@ -64,13 +64,14 @@ def load_fixtures(path: str | Path, instrument: str) -> Fixtures:
     Args:
         path: its file.
         instrument: such as ``socket``, ``wire`` or ``camera``, which is the word for the column of the names: ``socket``,
-            ``anchor``, ``landmark``; sockets may have a ``place``, too.
+            ``anchor``, ``landmark``; sockets may have a ``place``, too. For ``pixels`` it is ``board``, or ``camera``.
 
     Raises:
         FileError: the file cannot be read, lacks a column or a cell, or names a thing twice.
     """
     table, kind = read_csv(path), instrument_of(instrument)
-    label = kind.label
+    words = kind.standing_words or (kind.label,)
+    label = next((word for word in words if word in table), words[0])
     names = _names(table, label, placed="place" in kind.columns and "place" in table)
     position = np.stack([table.numbers(column) for column in POSITION], axis=1) * 1e-3
     if not len(table):
@@ -283,8 +284,13 @@ class Instrument:
         """
         return {}
 
-    def observation(self, of: Int[np.ndarray, " n"]) -> Observation:
-        """The kind of observation, with the fixture of each row."""
+    def observation(self, of: Int[np.ndarray, " n"], target: Float[np.ndarray, "n 4 4"] | None = None) -> Observation:
+        """The kind of observation, with the fixture of each row.
+
+        Args:
+            of: the fixture of each row.
+            target: poses of the target, for kinds whose noise or knowledge depends on them; None where no row is measured.
+        """
         return self.kind(**{self.kind.things: self.fixtures.names}, of=of)
 
     @property
@@ -388,6 +394,12 @@ class Instrument:
         """Postures of the approach to each measured one, which is the last, radians."""
         return q[:, None]
 
+    def views(
+        self, model: ErrorModel, q: Float[np.ndarray, "n joints"], of: Int[np.ndarray, " n"]
+    ) -> Mapping[str, Float[np.ndarray, " n"]]:
+        """Figures of each posture that a plan reports, by name and unit; none by default."""
+        return {}
+
     def columns(self, of: Int[np.ndarray, " n"]) -> dict[str, list[str]]:
         """Columns of a campaign after its joints: what each row refers to, and empty cells for what is to be read."""
         kind = self.observation(of)
@@ -438,7 +450,7 @@ class StagedInstrument(Instrument):
         rows = np.resize(np.flatnonzero(of == fixture), len(u))
         return self.scene.approach(goals @ self.T_tool_tip, rows) @ se3.inverse(self.T_tool_tip)
 
-    def observation(self, of: Int[np.ndarray, " n"]) -> Observation:
+    def observation(self, of: Int[np.ndarray, " n"], target: Float[np.ndarray, "n 4 4"] | None = None) -> Observation:
         """The kind of observation, with the fixture of each row."""
         kind = self.scene.observation
         return kind if kind.of is None else replace(kind, of=of)

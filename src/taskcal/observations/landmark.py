@@ -182,6 +182,15 @@ ASSUMED = ("a", "b", "c")
 """Landmarks where nobody states any."""
 
 
+STANDING = Setting(
+    "--landmarks",
+    "LANDMARKS.csv",
+    "Approximate landmarks or boards: landmark, x_mm y_mm z_mm, normal i j k; of images board, or camera with its line of sight. "
+    "By default in front of the task, landmarks three.",
+    ("fixtures",),
+)
+
+
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CameraInstrument(Instrument):
@@ -189,13 +198,7 @@ class CameraInstrument(Instrument):
 
     kind: ClassVar[type[Observation]] = Landmarks
     settings: ClassVar[tuple[Setting, ...]] = (
-        Setting(
-            "--landmarks",
-            "LANDMARKS.csv",
-            "Approximate landmarks or boards: landmark, x_mm y_mm z_mm, normal i j k. "
-            "By default three in front of the task.",
-            ("fixtures",),
-        ),
+        STANDING,
         Setting(
             "--cone-deg",
             "DEG",

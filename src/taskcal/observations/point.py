@@ -205,7 +205,7 @@ class Tracker(Instrument):
         """Names of the reflectors."""
         return ("tool",) if self.station is None else tuple(reflector.name for reflector in self.station.reflectors)
 
-    def observation(self, of: Int[np.ndarray, " n"]) -> Point:
+    def observation(self, of: Int[np.ndarray, " n"], target: Float[np.ndarray, "n 4 4"] | None = None) -> Point:
         """Points."""
         return Point()
 

@@ -614,7 +614,7 @@ class SocketInstrument(Instrument):
         """Whether the links stay out of the blocks, but for what carries the ball, which the cone keeps clear."""
         return clear_of_boxes(without_carriers(links, ball), self.blocks)
 
-    def observation(self, of: Int[np.ndarray, " n"]) -> Sockets:
+    def observation(self, of: Int[np.ndarray, " n"], target: Float[np.ndarray, "n 4 4"] | None = None) -> Sockets:
         """Sockets, with the socket of each row."""
         return Sockets(sockets=self.fixtures.names, of=of, distances=self.distances)
 

@@ -58,6 +58,8 @@ class Standalone(Observation):
     """1σ of its angles, radians."""
     rows_to_judge: ClassVar[int] = 1
     """Rows of one thing, at least, from which on one of them may seem wrong: fewer fit whatever they say."""
+    good_m: ClassVar[float] = GOOD_M
+    """Residual, metres, as of `GOOD_M`; larger for a kind whose own measurements err by as much before the fit."""
     evaluations: ClassVar[int] = MAX_EVALUATIONS
     """Of the residuals from each start, before the best goes on; fewer for a kind with many starts."""
 
@@ -226,7 +228,7 @@ class Search:
         for start in starts:
             trial, cost = self.improve(start, evaluations=self.kind.evaluations)
             x, least = (trial, cost) if cost < least else (x, least)
-            if np.quantile(self.distance(x), TRUSTED_SHARE) < GOOD_M:
+            if np.quantile(self.distance(x), TRUSTED_SHARE) < self.kind.good_m:
                 break
         counts, few = self.counts, self.kind.rows_to_judge
         judged = (counts >= few)[self.numbers]

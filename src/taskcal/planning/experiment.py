@@ -1,5 +1,6 @@
 """Information of candidate poses: whitened sensitivities in the basis to which candidates and task are sensitive."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -91,6 +92,10 @@ that on the way."""
 FRAME_DEVIATION_M = 1.0
 """Prior standard deviation of the tracker frame, metres and radians: as good as none beside millimetres."""
 
+ARM_SHARE = 0.5
+"""Of the robot's reach: an arm at which the error of a measured orientation moves a point by as much as the model error does, where
+nothing else is known of it. A convention: drives that err turn the tool and move it, some with all of the reach, some with none."""
+
 MIN_RIGID_RATIO = 1e-9
 """Singular value of the rigid motions over the largest, under which points, such as those on a line, do not have one: rounding."""
 
@@ -114,6 +119,8 @@ class Linearisation:
     """Standard deviation per axis of what geometry does not explain, where it is taken for white, metres."""
     field: SmoothField | None
     """The rest of that, as a smooth field."""
+    turn: float = 0.0
+    """Standard deviation per axis of the error of a measured orientation beside its noise, radians."""
     joints: Float[np.ndarray, " joints"] | None = None
     """Variances of the error of each joint at a single pose, rad² (m² where it slides); None where nothing is known."""
 
@@ -145,34 +152,50 @@ class Linearisation:
             station: of the tracker at each pose; the first by default.
         """
         of, T, instrument = visible.argmax(axis=1), self.places(q), self.instrument
-        kinds = tuple(instrument.observation(of) for _ in self.layout.kinds)
+        kinds = tuple(instrument.observation(of, T[:, t]) for t in range(T.shape[1]))
         campaign = self._campaign(q, kinds, T, instrument.rotations(T[:, 0], of), station)
         J, moved = self._rows(campaign)
         block = instrument.kind.block()
         J, noise = J[:, :, block], campaign.covariances(self.noise)[:, :, block][..., block]
         unknowns = self.layout.unknowns(self.about)
-        by_place = np.stack(
+        by_target = np.stack(
             [
-                kind.differentiate(T[:, t], unknown, campaign.read(t)).by_target[..., :3]
+                kind.differentiate(T[:, t], unknown, campaign.read(t)).by_target
                 for t, (kind, unknown) in enumerate(zip(kinds, unknowns, strict=True))
             ],
             axis=1,
         )
+        by_place, by_turn = by_target[..., :3], by_target[..., 3:]
         white = np.full(len(q), self.white**2)
         if self.field is not None:
             extra, left = self.field.columns(q)
             white = white + left
             J = np.concatenate([J, by_place @ extra[:, None]], axis=3)
         covariance = noise + white[:, None, None, None] * (by_place @ np.swapaxes(by_place, 2, 3))
+        covariance = covariance + self.turn**2 * (by_turn @ np.swapaxes(by_turn, 2, 3))
         if instrument.kind.in_tracker:
             J[~visible], moved[~np.repeat(visible, 3, axis=1)] = 0.0, 0.0
         if self.joints is None:
-            return (whitener(covariance) @ J).reshape(len(q), -1, J.shape[3])
+            rows = (whitener(covariance) @ J).reshape(len(q), -1, J.shape[3])
+            return np.concatenate([rows, *self._told_of_unknowns(kinds, unknowns, J.shape[3])], axis=1)
         # a joint that is off at a pose moves all targets that are seen there together
         R = (moved[:, :, : len(self.joints)] * self.joints) @ np.swapaxes(moved[:, :, : len(self.joints)], 1, 2)
         for t in range(J.shape[1]):
             R[:, 3 * t : 3 * t + 3, 3 * t : 3 * t + 3] += covariance[:, t]
         return whiteners(R) @ J.reshape(len(q), -1, J.shape[3])
+
+    def _told_of_unknowns(
+        self, kinds: tuple[Observation, ...], unknowns: Sequence[Float[np.ndarray, " u"]], width: int
+    ) -> list[Float[np.ndarray, "n k c"]]:
+        """Rows of what is told of the kinds' unknowns wherever the targets are."""
+        out: list[np.ndarray] = []
+        for kind, unknown, own in zip(kinds, unknowns, self.layout.own, strict=True):
+            told = kind.told_of_unknowns(unknown)
+            if told.shape[1]:
+                rows = np.zeros((*told.shape[:2], width))
+                rows[:, :, own] = told * self.deviations[own]
+                out.append(rows)
+        return out
 
     @property
     def stated(self) -> Float[np.ndarray, "z z"]:
@@ -365,6 +388,7 @@ def make_experiment(
         noise=noise or TrackerNoise(),
         white=error * np.sqrt(1.0 - share),
         field=field,
+        turn=(hyper.model_error[1] or error / (ARM_SHARE * model.robot.reach)) if instrument.kind.angles else 0.0,
     )
     seen = _any_seen(instrument, measurable.visible)
     # every station's frame is among the directions

@@ -1,6 +1,6 @@
 """Plan of the measurement poses that minimise the expected task error."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypedDict, Unpack
 
@@ -81,6 +81,8 @@ class Plan:
     """Places that the tracker is moved to."""
     blocked: tuple[BlockedPath, ...] = ()
     """Without a tracker: poses that the robot cannot be driven to from the one before, all joints at once, and stay clear."""
+    views: Mapping[str, Float[np.ndarray, " count"]] = field(default_factory=dict[str, np.ndarray])
+    """Without a tracker: figures of each pose by name and unit, as the instrument gives them: of images corners, distance, tilt."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -162,6 +164,8 @@ class Plan:
         if label:
             out[label] = list(names)
         out["not_clear_from_the_pose_before"] = blocked
+        if self.views:
+            out["views"] = {name: values.tolist() for name, values in self.views.items()}
         if label:
             out["poses_each"] = {name: names.count(name) for name in self.instrument.fixtures.names}
         return out
@@ -672,6 +676,7 @@ def plan(model: ErrorModel, task: Task, count: int = 60, **options: Unpack[PlanC
         model_error=prior.hyper.model_error[0],
         model_error_origin=prior.hyper.origin,
         blocked=() if of is None else find_blocked_paths(model.nominal, instrument, q, of),
+        views={} if of is None else instrument.views(model.nominal, q, of),
     )
 
 

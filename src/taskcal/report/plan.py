@@ -231,6 +231,7 @@ def _tabulate_poses(model: ErrorModel, plan: Plan) -> Table:
         columns.append(Column(plan.instrument.label, plan.names.__getitem__, "s"))
     elif plan.visible.shape[1] > 1:
         columns.append(Column("reflectors seen", lambda k: int(plan.visible[k].sum()), "d"))
+    columns += [Column(name.replace("_", " "), values.__getitem__, ".0f") for name, values in plan.views.items()]
     return Table.of(f"All {len(q)} poses", columns, range(len(q)), folded=True)
 
 

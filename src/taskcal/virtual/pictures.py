@@ -13,6 +13,7 @@ from taskcal.observations import Scene
 from taskcal.observations.board import Boards
 from taskcal.observations.calibration_board import Board
 from taskcal.observations.camera import KILO, LENSES, Lens
+from taskcal.observations.pixels import EDGE_PX
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 from taskcal.virtual.cell import (
@@ -26,9 +27,6 @@ from taskcal.virtual.cell import (
     visit,
 )
 from taskcal.virtual.rendering import render_board
-
-EDGE_PX = 8.0
-"""From the edge of an image, within which corners are not found."""
 
 FLATTEST = np.radians(75.0)
 """Angle between line of sight and the board's normal from which on corners are not found."""

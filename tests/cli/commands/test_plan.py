@@ -14,6 +14,7 @@ from taskcal.cli import main
 from taskcal.robot.catalogue import load_robot
 from taskcal.tables.forms import read_csv
 from tests.cli.conftest import IRB6660, Run
+from tests.task.task_files import BOX
 
 STATION = """
 position_mm = [4500.0, 0.0, 1500.0]
@@ -283,3 +284,34 @@ def test_effects_are_planned_for_when_asked(run: Run, cell: Path, tmp_path: Path
         assert ended.status == 2
         assert words in ended.err
     assert not (tmp_path / "no.csv").exists()
+
+
+CAMERA = """
+[camera]
+width = 1600
+height = 1200
+fx = 1450.0
+[camera.focus]
+nearest_mm = 300.0
+farthest_mm = 900.0
+"""
+CHECKERS = '[[board]]\nkind = "checkerboard"\ncolumns = 9\nrows = 6\nsquare_mm = 25.0\n'
+
+
+def test_poses_for_images_say_what_is_seen(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "camera.toml").write_text(CAMERA)
+    (tmp_path / "board.toml").write_text(CHECKERS)
+    (tmp_path / "where.csv").write_text("board,x_mm,y_mm,z_mm\nboard,1500,0,900\n")
+    (tmp_path / "task.toml").write_text(BOX.replace("position_mm = 0.1", "position_mm = 5.0"))
+    plan = ["plan", "--robot", IRB6660, "--task", tmp_path / "task.toml", "--observe", "pixels", "--count", "8"]
+    files = ["--board", tmp_path / "board.toml", "--camera", tmp_path / "camera.toml"]
+    made = ["--landmarks", tmp_path / "where.csv", "--candidates", "250", "-o", tmp_path / "plan.csv", "--json"]
+    ended = run(*plan, *files, *made)
+    assert ended.status == 0, ended.err
+    said = json.loads(ended.out)
+    assert (said["observe"], said["board"], said["poses_each"]) == ("pixels", ["board"] * 8, {"board": 8})
+    assert said["views"]["corners"] == [40.0] * 8  # without markers a board is found as a whole
+    assert 300.0 < min(said["views"]["distance_mm"]) <= max(said["views"]["distance_mm"]) < 1000.0
+    assert max(said["views"]["tilt_deg"]) <= 60.0
+    without = run(*plan, *made)
+    assert (without.status, "give --board and --camera" in " ".join(without.err.split())) == (1, True), without.err

@@ -154,9 +154,11 @@ class MeasuringOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class ExtendedOptions(MeasuredOptions):
-    """A campaign to go on from, and how it is read; distances and a wire's scale are of a plan without a tracker too."""
+    """A campaign to go on from, and how it is read; some are of a plan without a tracker too."""
 
-    of_others = ("distances", "wire_scale")
+    of_others = ("distances", "wire_scale", "board")
+
+    camera: Path | None = option(None, "CAMERA.toml", "With --observe pixels: the camera that is to take the images.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -389,6 +391,17 @@ def _in_words(clearance: Mapping[str, list[float] | None], model: "taskcal.Error
     return f"at least {', '.join(gaps) or '–'}; links as capsules of {min(radii) * 1e3:g} to {max(radii) * 1e3:g} mm radius"
 
 
+def _views_in_words(chosen: "taskcal.Plan") -> str:
+    """The least and the largest of each figure of the poses; empty where there are none."""
+    units = {"mm": " mm", "deg": "°"}
+    out: list[str] = []
+    for name, values in chosen.views.items():
+        what, _, unit = name.rpartition("_")
+        shown = f"{values.min():.0f} to {values.max():.0f}{units.get(unit, '')}"
+        out.append(f"{what or name} {shown}")
+    return ", ".join(out)
+
+
 def _show(result: Mapping[str, Any], chosen: "taskcal.Plan", setting: Setting, pages: str) -> None:
     import numpy as np
 
@@ -407,6 +420,7 @@ def _show(result: Mapping[str, Any], chosen: "taskcal.Plan", setting: Setting, p
         ("criterion", f"{chosen.criterion}; {chosen.exchanges} exchanges after the greedy start"),
         ("plan", f"wrote {result['plan']}, in the order in which to visit the poses"),
     ]
+    facts[4:4] = [("images", f"{view}")] if (view := _views_in_words(chosen)) else []
     if "visible" in result:
         seen = [len(names) for names in result["visible"]]
         number = f"{min(seen)} to {max(seen)}" if min(seen) < max(seen) else str(max(seen))
