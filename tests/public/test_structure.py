@@ -24,6 +24,7 @@ ONE_IMPORTER = {
         "taskcal.correction.run_time",
         "taskcal.correction.subdivision",
         "taskcal.diagnosis.drift",
+        "taskcal.diagnosis.images",
         "taskcal.identification.chunked_fit",
         "taskcal.identification.group_search",
         "taskcal.live.abb",

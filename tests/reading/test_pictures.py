@@ -147,6 +147,13 @@ def test_joints_that_do_not_follow_the_board_are_refused(folder):
         read(folder, {"image": [f"{k}.png" for k in order], **JOINTS})
 
 
+def test_swapped_columns_and_rows_of_a_board_are_named(folder):
+    text = (folder / "board.toml").read_text().replace(f"columns = {COLUMNS}", f"columns = {ROWS}")
+    (folder / "board.toml").write_text(text.replace(f"rows = {ROWS}\n", f"rows = {COLUMNS}\n"))
+    with pytest.raises(TaskcalError, match=r"columns and rows of board 'floor' are swapped: .* 10 columns and 7 rows"):
+        read(folder, {"image": [f"{k}.png" for k in range(8)], **JOINTS})
+
+
 def test_what_people_do_is_named(folder):
     """Images shifted by one row, squares in inches, a board that moves, and a focus that drifts; of sound images nothing is."""
     seen = take_pictures(4, 12)

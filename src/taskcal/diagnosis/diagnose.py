@@ -12,6 +12,7 @@ from taskcal.diagnosis.drift import find_drift_or_slip, find_large_move
 from taskcal.diagnosis.fits import LEVER_SHARE, MIN_ERROR_M, misfits
 from taskcal.diagnosis.hypotheses import MISTAKES as MISTAKES
 from taskcal.diagnosis.hypotheses import Case, Finding, Hypothesis, hypotheses_of, looked_for
+from taskcal.diagnosis.images import MOUNT, NOT_MENDED_OF_IMAGES, SeenPoses, pictures_of
 from taskcal.diagnosis.mistakes import common_shift, scale_mistakes, shift_fix, unit_mistakes
 from taskcal.diagnosis.rows import Local, Pairing, pair_rows
 from taskcal.diagnosis.search import (
@@ -19,6 +20,7 @@ from taskcal.diagnosis.search import (
     MIN_CLOSED_SHARE,
     MIN_JUDGED_ROWS,
     MISTAKE_CHARGE,
+    SOUND_SHARE,
     Explanation,
     Progress,
     explain_in_pairs,
@@ -203,6 +205,10 @@ def scope_of(campaign: Campaign) -> str:
     kinds = dict.fromkeys(one.key for one in campaign.observations if not one.in_tracker)
     if not kinds:
         return ""
+    if pictures_of(campaign) is not None:
+        return (
+            "images are examined by the poses of the board in them; of several boards by that which most of them show"
+        )
     if _is_quick(campaign):
         examined, left = "the joints (units, signs, zeros, couplings, order) and the robot, in pairs too", "frames"
     else:
@@ -377,7 +383,8 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -
             findings=(lacking,), robot=robot, campaign=campaign, unmended=(lacking.id,), scope=scope_of(campaign)
         )
     if scope := scope_of(campaign):
-        return _diagnose_observed(case, scope, progress)
+        pictured = pictures_of(campaign) is not None
+        return _diagnose_pictured(case, progress) if pictured else _diagnose_observed(case, scope, progress)
     found = explain_singly(case, progress)
     given = next(e for e in found if not e.mistakes)
     before = min(given.error, extent(case))
@@ -462,6 +469,33 @@ def _diagnose_part(whole: Campaign, part: Campaign, robot: Robot, progress: Prog
         campaign=found.campaign if mended else whole,
         scope=f"{scope}, and the mended campaign is without them" if mended else scope,
     )
+
+
+def _diagnose_pictured(case: Case, progress: Progress) -> Diagnosis:
+    """Diagnose poses of the board in images as those of a target in a tracker's frame; of several boards that most images show."""
+    seen = SeenPoses.of(case)
+    found = diagnose(seen.campaign, case.robot, progress=progress)
+    sizes = seen.find_size() if _left(found) > SOUND_SHARE * case.model.robot.reach else None
+    if sizes is not None:
+        again = diagnose(sizes[1], case.robot, progress=progress)
+        if _left(again) < 0.5 * _left(found):
+            found = replace(again, findings=(sizes[0], *again.findings))
+    focus = seen.find_focus(replace(case, robot=found.robot, campaign=found.campaign))
+    findings = [seen.tell(one) for one in found.findings if one.id != MOUNT and not (focus and one.id == "drift")]
+    findings += [] if focus is None else [focus]
+    lasting = tuple(one.id for one in findings if one.id in (*found.unmended, *NOT_MENDED_OF_IMAGES))
+    mended = seen.mended(case, found.campaign) if len(findings) > len(lasting) else case.campaign
+    return Diagnosis(
+        findings=tuple(findings), robot=found.robot, campaign=mended, unmended=lasting, scope=scope_of(case.campaign)
+    )
+
+
+def _left(found: Diagnosis) -> float:
+    """Error that the findings leave, metres; infinite where nothing explains it."""
+    if not found.findings:
+        return 0.0
+    after = found.findings[0].error_after
+    return np.inf if after is None else after
 
 
 @looked_for("rows", "too-few-rows")

@@ -55,12 +55,17 @@ class LinearFit:
     """From the tool to the tracker frame."""
     noise: float
     """Standard deviation per axis, metres."""
-    distance: Float[np.ndarray, " m"]
+    left: Float[np.ndarray, "m 3"]
     """How far each point is off after the robust fit, metres."""
     places: Float[np.ndarray, "m 3"]
     """Points about their centre, metres."""
     centre: Float[np.ndarray, " 3"]
     """In the tracker frame, metres."""
+
+    @property
+    def distance(self) -> Float[np.ndarray, " m"]:
+        """How far each point is off after the robust fit, metres."""
+        return np.linalg.norm(self.left, axis=1)
 
     @property
     def median(self) -> float:
@@ -105,7 +110,7 @@ def fit_linearly(case: Case, rows: Int[np.ndarray, " k"]) -> LinearFit | None:
         own[target == t, :, 3 * t : 3 * t + 3] = turned[target == t]
     columns = np.concatenate([geometry, frames, own], axis=2)
     held = len(case.model)
-    noise, distance = _robustly(columns, held, residual)
+    noise, left = _robustly(columns, held, residual)
     return LinearFit(
         rows=rows[row],
         targets=target,
@@ -114,7 +119,7 @@ def fit_linearly(case: Case, rows: Int[np.ndarray, " k"]) -> LinearFit | None:
         residual=residual,
         turned=turned,
         noise=noise,
-        distance=distance,
+        left=left,
         places=places,
         centre=predicted.mean(axis=0),
     )
@@ -158,14 +163,15 @@ def target_poses(registration: Registration, T: Float[np.ndarray, "n 4 4"]) -> F
 
 
 def _robustly(columns: np.ndarray, held: int, residual: np.ndarray) -> tuple[float, np.ndarray]:
-    distance = np.linalg.norm(residual, axis=1)
+    left, distance = residual, np.linalg.norm(residual, axis=1)
     noise = max(float(np.median(distance)) / MEDIAN_SIGMAS, MIN_NOISE_M)
     for _ in range(ROBUST_ROUNDS):
         weight = 1.0 / (1.0 + (distance / (TUNING_MEDIANS * MEDIAN_SIGMAS * noise)) ** 2) ** 2
         solution = _solve(columns, held, residual, weight, noise)[0]
-        distance = np.linalg.norm(residual - columns @ solution, axis=1)
+        left = residual - columns @ solution
+        distance = np.linalg.norm(left, axis=1)
         noise = max(float(np.median(distance)) / MEDIAN_SIGMAS, MIN_NOISE_M)
-    return noise, distance
+    return noise, left
 
 
 def _solve(

@@ -108,7 +108,7 @@ def nominal_poses(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Float[
 
 # All mistakes that are looked for.
 
-Part = Literal["joints", "frames", "robot", "order", "rows", "drift", "poses"]
+Part = Literal["joints", "frames", "robot", "order", "rows", "drift", "poses", "images"]
 """What a mistake is of."""
 
 

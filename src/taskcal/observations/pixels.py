@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -401,6 +401,38 @@ def hand_eye_place(
     rows = np.concatenate([T[:, :3, :3], np.tile(-np.eye(3), (len(T), 1, 1))], axis=2).reshape(-1, 6)
     right = (M[:, :3, 3] @ se3.exp(turn).T - T[:, :3, 3]).reshape(-1)
     return np.linalg.lstsq(rows, right, rcond=1e-9)[0][:3]
+
+
+class Apart(NamedTuple):
+    """How far what stands is from being in one place, as the nominal robot and the pictures have it."""
+
+    turn: float
+    """Median, radians."""
+    place: Float[np.ndarray, "n 3"]
+    """In the base, metres."""
+    scale: float
+    """Size of the robot's motion over that of the pictures."""
+    scale_error: float
+    """Standard error of it."""
+
+    @classmethod
+    def of(
+        cls,
+        T: Float[np.ndarray, "n 4 4"],
+        M: Float[np.ndarray, "n 4 4"],
+        fitted: slice | Bool[np.ndarray, " n"] = slice(None),
+    ) -> "Apart":
+        """Of poses of the tool and of what moves in the frame of what stands; the hand-eye from some of the rows."""
+        R = hand_eye_rotation(T[fitted], M[fitted])
+        L = T @ se3.pose(R, hand_eye_place(T[fitted], M[fitted], R)) @ se3.inverse(M)
+        middle = se3.nearest_rotation(np.median(L[fitted, :3, :3], axis=0))
+        turned = np.linalg.norm(se3.log(L[:, :3, :3] @ middle.T), axis=1)
+        ahead = (M[:, :3, 3] @ middle.T)[:, :, None]
+        rows = np.concatenate([T[:, :3, :3], np.tile(-np.eye(3), (len(T), 1, 1)), -ahead], axis=2).reshape(-1, 7)
+        found, *_ = np.linalg.lstsq(rows, -T[:, :3, 3].reshape(-1), rcond=1e-9)
+        off = rows @ found + T[:, :3, 3].reshape(-1)
+        variance = float(off @ off) / max(len(off) - 7, 1) * float(np.linalg.pinv(rows.T @ rows)[6, 6])
+        return cls(float(np.median(turned)), L[:, :3, 3], float(found[6]), float(np.sqrt(variance)))
 
 
 # A camera and boards that are stated: postures in which enough of a board is in the picture, sharp and not too flat.

@@ -11,12 +11,11 @@ from jaxtyping import Float, Int
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FileError, TaskcalError, shown
-from taskcal.geometry import se3
 from taskcal.geometry.euler import to_angles
 from taskcal.observations import ObservedColumns, Pixels
 from taskcal.observations.calibration_board import MAX_SCALE_ERROR, Board
-from taskcal.observations.camera import FEWEST_CORNERS, Lens, calibrate_camera
-from taskcal.observations.pixels import FEWEST, hand_eye_place, hand_eye_rotation
+from taskcal.observations.camera import FEWEST_CORNERS, Lens, Pictures, calibrate_camera, homography
+from taskcal.observations.pixels import FEWEST, Apart
 from taskcal.reading.readings import Readings
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -45,6 +44,14 @@ SCALE_SIGMAS = 5.0
 
 MIN_DRIFT, DRIFT_SIGMAS = 1e-3, 6.0
 """Share of the focal length, and standard errors, from which on it is said to drift: refocused lenses change by per cents."""
+
+MAX_NOISE_PX = 3.0
+"""Noise of a corner beyond which the board's description is doubted; corners that are found are within 0.3 pixels."""
+
+LOCK = (
+    "as with an autofocus, or a camera that warms up: lock the focus, let the camera warm up, and take the images again"
+)
+"""What changes a focal length, and what to do."""
 
 SURE = 2.0
 """By how much poses of the board fit better with the camera where it is than where it is not."""
@@ -215,7 +222,9 @@ def _wrist_as_joints(readings: Readings, robot: Robot) -> Readings:
     return replace(readings, q=q, joint_unit_stated=True)
 
 
-def with_pictures(campaign: Campaign, corners: Corners, boards: Sequence[Board], robot: Robot, model: str) -> Campaign:
+def with_pictures(
+    campaign: Campaign, corners: Corners, boards: Sequence[Board], robot: Robot, model: str, *, judged: bool = True
+) -> Campaign:
     """A campaign whose rows name images, with what these show.
 
     Args:
@@ -224,9 +233,10 @@ def with_pictures(campaign: Campaign, corners: Corners, boards: Sequence[Board],
         boards: that were printed.
         robot: whose nominal poses tell whether the camera moves, or the board.
         model: of the lens, ``pinhole`` or ``fisheye``.
+        judged: whether pictures that do not fit the robot are refused.
 
     Raises:
-        CampaignError: images are not there, too few show a board, or neither fits.
+        CampaignError: images are not there, too few show a board, or they do not fit the robot.
     """
     blank = next(one for one in campaign.observations if isinstance(one, Pixels))
     number = _numbers(campaign, blank, corners)
@@ -265,6 +275,8 @@ def with_pictures(campaign: Campaign, corners: Corners, boards: Sequence[Board],
         np.concatenate([corner for _, _, corner, _ in shapes]),
         np.concatenate([pixel for *_, pixel in shapes]),
     )
+    if pictures.noise > MAX_NOISE_PX:
+        _refuse_swapped_counts(pictures, corners, boards)
     notes = list(corners.notes)
     if few:
         notes.append(f"no board is seen in {in_words(few)}")
@@ -278,12 +290,15 @@ def with_pictures(campaign: Campaign, corners: Corners, boards: Sequence[Board],
         lens=pictures.lens,
         pictures=pictures,
     )
-    kind = replace(kind, on_wrist=_is_on_wrist(kind, campaign, robot))
-    notes += _focus_drift(kind)
+    poses = BoardPoses.of(replace(campaign, observations=(kind,)), ErrorModel(robot).poses(campaign.q))
+    apart = poses.apart if len(poses.rows) >= FEWEST else None
+    kind = replace(kind, on_wrist=len(boards) > 1 or apart is None or apart[0].turn < apart[1].turn)
+    focus = focus_drift(kind)
+    notes += [] if focus is None else [focus]
     M = np.tile(np.eye(4), (len(campaign), 1, 1))
     M[:, :3, 3] = np.nan
     M[of >= 0] = kind.measured(pictures.settle(pictures.camera))[of[of >= 0]]
-    return replace(
+    pictured = replace(
         campaign,
         targets=("camera" if kind.on_wrist else "board",),
         points=M[:, None, :3, 3],
@@ -292,6 +307,38 @@ def with_pictures(campaign: Campaign, corners: Corners, boards: Sequence[Board],
         source=f"{campaign.source} with {corners.source}" if corners.source != campaign.source else campaign.source,
         notes=(*campaign.notes, *notes),
     )
+    if judged and apart is not None:
+        _refuse_misfit(kind, poses, apart, campaign.source)
+    return pictured
+
+
+def _refuse_swapped_counts(pictures: Pictures, corners: Corners, boards: Sequence[Board]) -> None:
+    """See that corners do not lie on a plane far better where columns and rows of a board are exchanged."""
+    number = {name: k for k, name in enumerate(corners.images)}
+
+    def off(board: Board, images: Sequence[int]) -> float:
+        places = dict(zip(board.ids().tolist(), board.drawn_corners(), strict=True))
+        out: list[float] = []
+        for k in images:
+            own = [
+                c for c in np.flatnonzero(corners.image == number[pictures.names[k]]) if int(corners.id[c]) in places
+            ]
+            if len(own) >= FEWEST_CORNERS:
+                plane, pixel = np.stack([places[int(c)] for c in corners.id[own]]), corners.pixel[own]
+                seen = np.column_stack([plane, np.ones(len(own))]) @ homography(plane, pixel).T
+                out.append(float(np.linalg.norm(seen[:, :2] / seen[:, 2:] - pixel, axis=1).mean()))
+        return float(np.median(out)) if out else np.inf
+
+    for b, board in enumerate(boards):
+        swapped, images = (
+            replace(board, columns=board.rows, rows=board.columns),
+            np.flatnonzero(pictures.board == b).tolist(),
+        )
+        if FAR_BETTER * off(swapped, images) < off(board, images):
+            raise CampaignError(
+                f"{corners.source}: columns and rows of board '{board.name}' are swapped: its corners lie on a plane if it has "
+                f"{swapped.columns} columns and {swapped.rows} rows; correct the board's file"
+            )
 
 
 def _numbers(campaign: Campaign, blank: Pixels, corners: Corners) -> Int[np.ndarray, " n"]:
@@ -336,110 +383,125 @@ def _board(name: str, numbers: dict[str, int], corners: Corners) -> int:
 # Whether pictures and robot belong together, told by poses alone: before a fit, and for sure.
 
 
-class _Apart(NamedTuple):
-    """How far what stands is from being in one place, as the nominal robot and the pictures have it."""
+class BoardPoses(NamedTuple):
+    """Rows that show the board that most rows show, in their order, as the nominal robot and the pictures have them."""
 
-    turn: float
-    """Median, radians."""
-    place: Float[np.ndarray, "n 3"]
-    """In the base, metres."""
-    scale: float
-    """Size of the robot's motion over that of the pictures."""
-    scale_error: float
-    """Standard error of it."""
+    rows: Int[np.ndarray, " n"]
+    T: Float[np.ndarray, "n 4 4"]
+    """Of the tool."""
+    mounts: tuple[Float[np.ndarray, "n 4 4"], Float[np.ndarray, "n 4 4"]]
+    """What moves in the frame of what stands, with the camera on the wrist, and with the camera beside the robot."""
+    names: tuple[str, ...]
+    """Of the images."""
 
     @classmethod
-    def of(cls, T: Float[np.ndarray, "n 4 4"], M: Float[np.ndarray, "n 4 4"], fitted: slice = slice(None)) -> "_Apart":
-        """Of poses of the tool and of what moves in the frame of what stands; the hand-eye from some of the rows."""
-        R = hand_eye_rotation(T[fitted], M[fitted])
-        L = T @ se3.pose(R, hand_eye_place(T[fitted], M[fitted], R)) @ se3.inverse(M)
-        middle = se3.nearest_rotation(np.median(L[fitted, :3, :3], axis=0))
-        turned = np.linalg.norm(se3.log(L[:, :3, :3] @ middle.T), axis=1)
-        ahead = (M[:, :3, 3] @ middle.T)[:, :, None]
-        rows = np.concatenate([T[:, :3, :3], np.tile(-np.eye(3), (len(T), 1, 1)), -ahead], axis=2).reshape(-1, 7)
-        found, *_ = np.linalg.lstsq(rows, -T[:, :3, 3].reshape(-1), rcond=1e-9)
-        off = rows @ found + T[:, :3, 3].reshape(-1)
-        variance = float(off @ off) / max(len(off) - 7, 1) * float(np.linalg.pinv(rows.T @ rows)[6, 6])
-        return cls(float(np.median(turned)), L[:, :3, 3], float(found[6]), float(np.sqrt(variance)))
+    def of(cls, campaign: Campaign, T: Float[np.ndarray, "n 4 4"]) -> "BoardPoses":
+        """Of a campaign of images and its nominal poses of the tool."""
+        kind = next(one for one in campaign.observations if isinstance(one, Pixels))
+        assert kind.of is not None
+        assert kind.pictures is not None
+        rows = np.flatnonzero(kind.of >= 0)
+        rows = rows[kind.board_of[rows] == np.bincount(kind.board_of[rows]).argmax()]
+        settled = kind.pictures.settle(kind.pictures.camera)
+        wrist, base = (replace(kind, on_wrist=one).measured(settled)[kind.of[rows]] for one in (True, False))
+        return cls(rows, T[rows], (wrist, base), tuple(kind.images[k] for k in kind.of[rows]))
+
+    @property
+    def apart(self) -> tuple[Apart, Apart]:
+        """With either mount."""
+        wrist, base = (Apart.of(self.T, M) for M in self.mounts)
+        return wrist, base
 
 
-def _is_on_wrist(kind: Pixels, campaign: Campaign, robot: Robot) -> bool:
-    """Whether the camera moves and the board stands, by which of both fits the nominal robot better.
+def _refuse_misfit(kind: Pixels, poses: BoardPoses, apart: tuple[Apart, Apart], source: str) -> None:
+    """See that robot and pictures fit each other.
 
     Raises:
-        CampaignError: the poses fit neither; or they fit if images are shifted by one row, boards have another size, or something
-            moved between two images.
+        CampaignError: they do not; or they fit if images are shifted by one row, boards have another size, or something moved
+            between two images.
     """
-    assert kind.of is not None
-    assert kind.pictures is not None
-    rows = np.flatnonzero(kind.of >= 0)
-    rows = rows[kind.board_of[rows] == np.bincount(kind.board_of[rows]).argmax()]
-    if len(rows) < FEWEST:
-        return True  # the fit says how many it needs
-    T, settled = ErrorModel(robot).poses(campaign.q[rows]), kind.pictures.settle(kind.pictures.camera)
-    both = [replace(kind, on_wrist=on_wrist).measured(settled)[kind.of[rows]] for on_wrist in (True, False)]
-    wrist, base = (_Apart.of(T, M) for M in both)
-    on_wrist, one = (True, wrist) if len(kind.boards) > 1 or wrist.turn < base.turn else (False, base)
-    M, names = both[0 if on_wrist else 1], [kind.images[k] for k in kind.of[rows]]
-    _refuse_shifted(T, both, min(wrist.turn, base.turn), campaign.source, names)
+    (wrist, base), one = apart, apart[0 if kind.on_wrist else 1]
+    _refuse_shifted(poses, min(wrist.turn, base.turn), source)
     if len(kind.boards) == 1 and max(wrist.turn, base.turn) < SURE * min(wrist.turn, base.turn):
         raise CampaignError(
-            f"{campaign.source}: the poses of the board in the images follow the robot neither with the camera on the wrist (off "
+            f"{source}: the poses of the board in the images follow the robot neither with the camera on the wrist (off "
             f"by {np.degrees(wrist.turn):.2g}°, median) nor beside the robot ({np.degrees(base.turn):.2g}°): check that rows and "
             "images belong together, and the joints' units and signs; or turn the wrist more from image to image"
         )
-    if abs(one.scale - 1.0) > max(MAX_SCALE_ERROR, SCALE_SIGMAS * one.scale_error):
+    if is_of_other_size(one):
         raise CampaignError(
-            f"{campaign.source}: the robot moves {one.scale:.3g} times as far as boards of the stated size say; check the unit of "
+            f"{source}: the robot moves {one.scale:.3g} times as far as boards of the stated size say; check the unit of "
             "square_mm (millimetres, not inches or metres), and that one square is stated and not the whole board"
         )
-    _refuse_moved(T, M, one, campaign.source, names, "board" if on_wrist else "camera")
-    return on_wrist
+    moved = find_move(poses.T, poses.mounts[0 if kind.on_wrist else 1])
+    if moved is not None:
+        raise CampaignError(
+            f"{source}: the {'board' if kind.on_wrist else 'camera'} moved by about {moved.jump * 1e3:.0f} mm between "
+            f"{poses.names[moved.first - 1]} and {poses.names[moved.first]}; fit the rows before and after by themselves (--rows)"
+        )
 
 
-def _refuse_shifted(T: np.ndarray, both: list[np.ndarray], turn: float, source: str, names: Sequence[str]) -> None:
+def is_of_other_size(one: Apart) -> bool:
+    """Whether the robot contradicts the stated size of the board."""
+    return abs(one.scale - 1.0) > max(MAX_SCALE_ERROR, SCALE_SIGMAS * one.scale_error)
+
+
+def _refuse_shifted(poses: BoardPoses, turn: float, source: str) -> None:
     """See that images do not fit far better with the row before or after their own."""
-    if turn < MIN_TURN_RAD or len(T) < FEWEST_SHIFTED:
+    if turn < MIN_TURN_RAD or len(poses.T) < FEWEST_SHIFTED:
         return
     for shift, which in ((1, "after"), (-1, "before")):
         moved, kept = (slice(1, None), slice(None, -1)) if shift == 1 else (slice(None, -1), slice(1, None))
-        found = min(_Apart.of(T[moved], M[kept]).turn for M in both)
+        found = min(Apart.of(poses.T[moved], M[kept]).turn for M in poses.mounts)
         if found < min(turn / FAR_BETTER, MIN_TURN_RAD):
             raise CampaignError(
                 f"{source}: images are shifted against joints by one row: with each image taken for the row {which} its own, "
-                f"the board is off by {np.degrees(found):.2g}° instead of {np.degrees(turn):.2g}° (median), from {names[0]} on; "
-                "pair them by the column image"
+                f"the board is off by {np.degrees(found):.2g}° instead of {np.degrees(turn):.2g}° (median), from {poses.names[0]} "
+                "on; pair them by the column image"
             )
 
 
-def _refuse_moved(T: np.ndarray, M: np.ndarray, one: _Apart, source: str, names: Sequence[str], what: str) -> None:
-    """See that what stands is not in two places, one before and one after some image."""
+class Move(NamedTuple):
+    """What stands was in two places."""
+
+    first: int
+    """Number of the first row of the second place."""
+    jump: float
+    """Metres."""
+    before: float
+    """Mean distance of each row's place from the median one, metres."""
+    after: float
+    """The same, of the places before and after by themselves."""
+
+
+def find_move(T: Float[np.ndarray, "n 4 4"], M: Float[np.ndarray, "n 4 4"]) -> Move | None:
+    """The move of what stands, of poses of the tool and of what moves in the frame of what stands; None of sound ones."""
 
     def off(place: np.ndarray) -> float:
         return float(np.linalg.norm(place - np.median(place, axis=0), axis=1).sum())
 
-    least, split, jump = off(one.place) / FAR_BETTER, 0, 0.0
-    for k in range(FEWEST_SHIFTED // 2, len(T) - FEWEST_SHIFTED // 2 + 1):
-        larger = slice(0, k) if 2 * k >= len(T) else slice(k, None)
-        place = _Apart.of(T, M, larger).place
+    n, best = len(T), None
+    if n < 2 * (FEWEST_SHIFTED // 2):
+        return None
+    before = off(Apart.of(T, M).place)
+    least = before / FAR_BETTER
+    for k in range(FEWEST_SHIFTED // 2, n - FEWEST_SHIFTED // 2 + 1):
+        larger = slice(0, k) if 2 * k >= n else slice(k, None)
+        place = Apart.of(T, M, larger).place
         total, between = off(place[:k]) + off(place[k:]), np.median(place[:k], axis=0) - np.median(place[k:], axis=0)
         if total < least:
-            least, split, jump = total, k, float(np.linalg.norm(between))
-    if split and jump > MIN_JUMP_M:
-        raise CampaignError(
-            f"{source}: the {what} moved by about {jump * 1e3:.0f} mm between {names[split - 1]} and {names[split]}; fit the rows "
-            "before and after by themselves (--rows)"
-        )
+            least, best = total, Move(k, float(np.linalg.norm(between)), before / n, total / n)
+    return best if best is not None and best.jump > MIN_JUMP_M else None
 
 
-def _focus_drift(kind: Pixels) -> list[str]:
-    """A note where focal lengths change steadily from the first image to the last."""
+def focus_drift(kind: Pixels) -> str | None:
+    """What to say of focal lengths that change steadily from the first image to the last; None of sound ones."""
     assert kind.pictures is not None
     pictures = kind.pictures
     information, gradient = pictures.settle(pictures.camera).of_camera
     n, k = gradient.shape
     if n < FEWEST_SHIFTED:
-        return []
+        return None
     time, by_focus = np.linspace(-0.5, 0.5, n), np.zeros(k)
     by_focus[:2] = pictures.camera[:2]
     both = np.concatenate(
@@ -450,8 +512,8 @@ def _focus_drift(kind: Pixels) -> list[str]:
     C = np.linalg.pinv(H, rcond=1e-12, hermitian=True)
     drift, error = float(C[-1] @ g), float(np.sqrt(max(C[-1, -1], 0.0)))
     if abs(drift) < max(MIN_DRIFT, DRIFT_SIGMAS * error):
-        return []
-    return [
-        f"the focal length changes by {drift * 100:+.2f} ± {error * 100:.2f} % from {pictures.names[0]} to {pictures.names[-1]}, "
-        "as with an autofocus or a camera that warms up: lock the focus, let it warm up, and take the images again"
-    ]
+        return None
+    return (
+        f"the focal length changes by {drift * 100:+.2f} ± {error * 100:.2f} % from {pictures.names[0]} to "
+        f"{pictures.names[-1]}, {LOCK}"
+    )

@@ -42,6 +42,8 @@ class ReadOptions:
     """Folder of the images, or the corners in them, or their file; None where the campaign's own file has the corners."""
     lens: Literal["pinhole", "fisheye"] = "pinhole"
     """Of the camera that took them."""
+    judged: bool = True
+    """Whether images that do not fit the robot are refused."""
 
 
 @checked
@@ -177,7 +179,8 @@ def _read_pictures(paths: Sequence[str | Path], robot: Robot, options: ReadOptio
         )
     readings = _of_file(pictures.one_row_an_image(table) if own else table, robot, options.form, options.angles)
     readings = _one_row_a_pose(pictures.with_images(readings, robot, corners), robot, options)
-    return pictures.with_pictures(campaign_of(readings, robot), corners, boards, robot, options.lens)
+    campaign = campaign_of(readings, robot)
+    return pictures.with_pictures(campaign, corners, boards, robot, options.lens, judged=options.judged)
 
 
 def _joined(parts: Sequence[tuple[str, Campaign]], robot: Robot) -> Campaign:

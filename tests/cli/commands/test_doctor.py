@@ -13,6 +13,7 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.virtual.cell import simulate
 from tests.cli.conftest import Run
 from tests.laws.observations import socket_campaign
+from tests.observations.pictured import COLUMNS, CORNERS, LENS, ROWS, SQUARE, take_pictures
 
 
 def test_a_sound_installation(run: Run) -> None:
@@ -102,3 +103,27 @@ def test_without_a_tracker_the_command_says_what_it_examined(run: Run, tmp_path:
     ended = run("doctor", path, "--robot", "ur5", "--json")
     assert ended.json["findings"][0]["id"] == "joint-sign"
     assert "frames, the order of rows, slips, drift and single rows are not" in ended.err
+
+
+@pytest.mark.long
+def test_doctor_reads_images_that_identify_refuses(run: Run, tmp_path: Path) -> None:
+    """The wrong joint is named by both; the file without the mistake is identified."""
+    seen = take_pictures(4, 12)
+    image, corner = np.divmod(np.arange(len(seen.pixel)), len(CORNERS))
+    corners = {"image": image, "corner": corner, "u_px": seen.pixel[:, 0], "v_px": seen.pixel[:, 1]}
+    size = {"width_px": np.full(len(image), LENS.width), "height_px": np.full(len(image), LENS.height)}
+    q = np.degrees(seen.q) * [1.0, 1.0, -1.0, 1.0, 1.0, 1.0]
+    joints = {"image": range(12), **{f"J{j + 1}_deg": q[:, j] for j in range(6)}}
+    for name, columns in (("corners.csv", corners | size), ("joints.csv", joints)):
+        rows = [",".join(columns), *(",".join(map(str, row)) for row in zip(*columns.values(), strict=True))]
+        (tmp_path / name).write_text("\n".join(rows) + "\n")
+    (tmp_path / "board.toml").write_text(
+        f'[[board]]\nkind = "checkerboard"\ncolumns = {COLUMNS}\nrows = {ROWS}\nsquare_mm = {SQUARE * 1e3}\n'
+    )
+    images = ["--robot", "ur5", "--images", tmp_path / "corners.csv", "--board", tmp_path / "board.toml"]
+    refused = run("identify", tmp_path / "joints.csv", *images, "-o", tmp_path / "cal.json")
+    assert refused.status == 1
+    assert "joint-sign of J3" in " ".join(refused.err.split())
+    ended = run("doctor", tmp_path / "joints.csv", *images, "--fix", tmp_path / "mended.csv", "--json")
+    assert [(one["id"], one["subject"]) for one in ended.json["findings"]] == [("joint-sign", ["J3"])]
+    assert run("identify", tmp_path / "mended.csv", *images, "-o", tmp_path / "cal.json").status == 0

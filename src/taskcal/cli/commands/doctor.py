@@ -3,6 +3,7 @@
 import os
 import platform
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -11,6 +12,7 @@ import typer
 
 import taskcal
 from taskcal.cli.command import argument, option
+from taskcal.cli.options.campaign import TableOptions
 from taskcal.cli.options.common import OutputOptions
 from taskcal.cli.output import info, show, tell
 from taskcal.cli.progress import bar_by_parts
@@ -25,6 +27,7 @@ def command(
     ),
     robot: str | None = option(None, "ROBOT", "The campaign's robot: catalogue name, or file.", also="-r"),
     fix: Path | None = option(None, "OUT.csv", "Output CSV: the campaign with the mistakes fixed."),
+    reading: TableOptions,
     out: OutputOptions,
 ) -> None:
     """Diagnose a campaign, or (without arguments) check the installation.
@@ -40,10 +43,11 @@ def command(
         return
     if robot is None:
         raise typer.BadParameter("--robot is required with a campaign", param_hint="--robot")
-    outputs = out.begin("doctor", [("--fix", fix)], [*campaign, robot])
+    inputs = [*campaign, robot, reading.points, reading.distances, reading.images, reading.board]
+    outputs = out.begin("doctor", [("--fix", fix)], inputs)
     from taskcal.reading.writer import campaign_text
 
-    found = diagnose_file(campaign, taskcal.load_robot(robot))
+    found = diagnose_file(campaign, taskcal.load_robot(robot), reading.read_options)
     if found.scope:
         info(f"{', '.join(path.name for path in campaign)}: {found.scope}")
     if fix is not None and len(found.findings) > len(found.unmended):
@@ -83,7 +87,9 @@ def _show(diagnosis: "taskcal.diagnosis.Diagnosis", campaign: str) -> None:
         tell(f"{finding.id}: {finding.fix}")
 
 
-def diagnose_file(path: Path | Sequence[Path], robot: "taskcal.Robot") -> "taskcal.diagnosis.Diagnosis":
+def diagnose_file(
+    path: Path | Sequence[Path], robot: "taskcal.Robot", options: "taskcal.reading.ReadOptions | None" = None
+) -> "taskcal.diagnosis.Diagnosis":
     """The diagnosis of a file or of several stations' files, which may be outside the robot's limits, with progress on a terminal.
 
     Raises:
@@ -91,19 +97,25 @@ def diagnose_file(path: Path | Sequence[Path], robot: "taskcal.Robot") -> "taskc
     """
     from taskcal.diagnosis.hypotheses import open_limits
 
-    campaign = taskcal.read_campaign(path, open_limits(robot))
+    options = replace(options or taskcal.reading.ReadOptions(), judged=False)
+    campaign = taskcal.read_campaign(path, open_limits(robot), options=options)
     with bar_by_parts("testing the usual mistakes") as progress:
         return taskcal.diagnose(campaign, robot, progress=progress)
 
 
-def with_first_finding(refusal: TaskcalError, path: Sequence[Path], robot: "taskcal.Robot") -> str:
+def with_first_finding(
+    refusal: TaskcalError,
+    path: Sequence[Path],
+    robot: "taskcal.Robot",
+    options: "taskcal.reading.ReadOptions | None" = None,
+) -> str:
     """A refusal's message, with the doctor's first finding if it reduces the error."""
     message = str(refusal)
     # units have to be right before anything else can be tested, and rows that determine no frame test nothing
     if isinstance(refusal, UnitError | OpenFrameError):
         return message
     try:
-        findings = diagnose_file(path, robot).findings
+        findings = diagnose_file(path, robot, options).findings
     except TaskcalError:
         return message
     first = findings[0] if findings else None

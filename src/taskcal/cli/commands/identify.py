@@ -5,7 +5,7 @@ import re
 from collections import defaultdict
 from collections.abc import Collection, Generator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -97,15 +97,16 @@ def command(
     from taskcal.identification.effects import tracker_error
     from taskcal.reading.writer import corners_text
 
-    with _explained(campaign, described, FileError):
-        corners = reading.find_corners()
+    corners = reading.find_corners()
+    stated = reading.read_options if corners is None else replace(reading.read_options, images=corners)
+    with _explained(campaign, described, stated, FileError, CampaignError):
         read = reading.read(campaign, described, noise=fitting.noise(), corners=corners)
 
     model = taskcal.ErrorModel(described, lengths_only=fitting.lengths_only)
     if fitting.mpe_to_sigma is not None and read.whole.uncertainty is not None:
         info("--mpe-to-sigma has no effect: the campaign states its own uncertainties (u_mm)")
     fit = _Fit(model=model, fitting=fitting, search=search, effects=effects, seed=holdout.seed, fits=holdout.fits)
-    with _explained(campaign, described, CampaignError, FitError):
+    with _explained(campaign, described, stated, CampaignError, FitError):
         calibration = holdout.fit(read, fit, fit.nominal, fitting.noise())
     for remark in calibration.remarks:
         info(remark)
@@ -126,7 +127,10 @@ def command(
 
 @contextmanager
 def _explained(
-    campaign: Sequence[Path], robot: "taskcal.Robot", *refusals: type[TaskcalError]
+    campaign: Sequence[Path],
+    robot: "taskcal.Robot",
+    stated: "taskcal.reading.ReadOptions",
+    *refusals: type[TaskcalError],
 ) -> Generator[None, None, None]:
     """Add to a refusal of the campaign what the doctor finds."""
     try:
@@ -136,7 +140,7 @@ def _explained(
             raise  # of another file, of rows or points, which no diagnosis explains
         from taskcal.cli.commands.doctor import with_first_finding
 
-        raise TaskcalError(with_first_finding(refusal, campaign, robot)) from refusal
+        raise TaskcalError(with_first_finding(refusal, campaign, robot, stated)) from refusal
 
 
 @dataclass(kw_only=True)
