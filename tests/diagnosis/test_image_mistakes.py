@@ -53,7 +53,7 @@ def mirrored(pictured):
 def moved(pictured):
     half = 8 * len(CORNERS)
     noise = 0.15 * np.random.default_rng(0).normal(size=pictured.pixel[half:].shape)
-    after = pictured.moved(0.008).pixel[half:] + noise
+    after = pictured.moved(0.015).pixel[half:] + noise
     return replace(pictured, pixel=np.concatenate([pictured.pixel[:half], after])).campaign()
 
 
