@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from taskcal.estimation.group_variances import GroupEquations, Groups, find_sizes
 from taskcal.estimation.least_squares import fit
 from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
@@ -150,3 +151,21 @@ def test_all_effects_in_one_model_against_geometry_alone(race, model, campaign):
         below=120.0,
         rounds=3,
     )
+
+
+def test_sizes_of_few_rows_against_normal_equations(race):
+    """Sizes of 50 groups of 14 parameters by 180 rows: by the covariance of the rows, and by as many equations as parameters."""
+    rng, own = np.random.default_rng(0), np.repeat(np.arange(50), 14)
+    A = 30.0 * rng.normal(size=(180, len(own)))
+    y = A @ (np.exp(rng.normal(size=50))[own] * rng.normal(size=len(own)) / 30.0) + rng.normal(size=len(A))
+    groups = Groups(group=own, held=np.zeros((0, 0)), location=np.zeros(50), spread=9.0 * np.eye(50))
+
+    def few():
+        return find_sizes(GroupEquations.of_rows(A, y, groups), np.zeros(50), 6)
+
+    def many():
+        equations = GroupEquations(groups=groups, given=A.T @ A, b=A.T @ y, square=float(y @ y))
+        return find_sizes(equations, np.zeros(50), 6)
+
+    np.testing.assert_allclose(few().log_variances, many().log_variances, atol=1e-6)
+    race("sizes, 180 rows of 700 parameters", few, {"normal equations": many}, below=0.8, rounds=5)

@@ -49,6 +49,31 @@ def test_evidence_and_estimate_are_the_textbooks(rows):
     np.testing.assert_allclose(at.covariance, D - D @ A.T @ np.linalg.solve(K, A @ D), atol=1e-8)
 
 
+def test_few_rows_say_what_their_normal_equations_say():
+    """Whichever of both is smaller is worked with, and draws, spread and scores are the same."""
+    A, y, groups = problem(7)
+    few = GroupEquations.of_rows(A, y, groups)
+    whole = GroupEquations(groups=groups, given=A.T @ A, b=A.T @ y, square=float(y @ y))
+    assert few.few is not None
+    assert whole.few is None
+    at, same = (find_sizes(equations, np.zeros(3), gain=1e-9) for equations in (few, whole))
+    np.testing.assert_allclose(at.log_variances, same.log_variances, atol=1e-6)
+    at, same = (equations.at(np.array([1.0, -2.0, 0.3])) for equations in (few, whole))
+    new = np.random.default_rng(1).normal(size=(5, 2, len(GROUP)))
+    for a, b in (
+        (at.log_integrated([1]), same.log_integrated([1])),
+        (at.effective_parameters, same.effective_parameters),
+        (at.spread(new), same.spread(new)),
+        (at.spread(new), new @ at.covariance @ np.swapaxes(new, 1, 2)),
+        *zip(at.scores(), same.scores(), strict=True),
+    ):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
+    spreads = [one.averaged_spread(new, 6, np.random.default_rng(2)) for one in (at, same)]
+    np.testing.assert_allclose(*spreads, rtol=1e-8)
+    S = same.averaged(6, np.random.default_rng(2))[1]
+    np.testing.assert_allclose(spreads[0], new @ S @ np.swapaxes(new, 1, 2), rtol=1e-8)
+
+
 def test_equations_without_some_rows_are_those_of_the_others():
     A, y, groups = problem(30)
     less, others = GroupEquations.of_rows(A, y, groups).less(A[:7], y[:7]), GroupEquations.of_rows(A[7:], y[7:], groups)

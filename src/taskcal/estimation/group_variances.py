@@ -8,6 +8,8 @@ D the prior's variances, K = (1 + √D·AᵀA·√D)⁻¹ and u = K·√D·Aᵀy
     ∂ℓ/∂log v_g = ½ Σ_i (u_i² − 1 + K_ii),   E[−∂²ℓ/∂log v_g ∂log v_h] = ½ Σ_ij (δ_ij − K_ij)²,   i of g, j of h
 
 (Harville 1977, Journal of the American Statistical Association 72; MacKay 1992, Neural Computation 4, for the same as "evidence").
+Where there are fewer rows than parameters, the same follows from the covariance S = 1 + A·D·Aᵀ of the rows, in a part of the time:
+1 − K = √D·Aᵀ·S⁻¹·A·√D. Parameters without a group are projected out of the rows before (`FewRows`).
 How uncertain the sizes themselves are is in the covariance, by draws from their Laplace approximation.
 """
 
@@ -18,7 +20,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.estimation.matrices import factor_lower, invert_factored, solve_factored
+from taskcal.estimation.matrices import factor_lower, invert_factored, invert_triangular, solve_factored
 from taskcal.kernels.chunks import in_chunks
 
 LARGEST_CHANGE = 10.0
@@ -103,37 +105,91 @@ class Groups:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class FewRows:
+    """Rows without what parameters without a group explain.
+
+    The columns of these parameters, and beneath them the rows of their prior, are Q·R. The last n rows of Qᵀ·[A, y] know nothing
+    of them.
+    """
+
+    A: Float[np.ndarray, "n grouped"]
+    y: Float[np.ndarray, " n"]
+    free: tuple[Float[np.ndarray, "free free"], Float[np.ndarray, "free grouped"], Float[np.ndarray, " free"]]
+    """R, and the first rows of Qᵀ·[A, y]: R·x is what y leaves of A·x of parameters with a group."""
+
+    @classmethod
+    def of(cls, A: Float[np.ndarray, "n p"], y: Float[np.ndarray, " n"], groups: Groups) -> "FewRows":
+        """Rows as they were measured."""
+        own = np.flatnonzero(groups.group < 0)
+        k = len(own)
+        known = np.concatenate([A[:, own], np.linalg.cholesky(groups.held).T]) if k else A[:, own]
+        Q, R = np.linalg.qr(known, mode="complete")
+        turned = Q[: len(A)].T @ np.column_stack([A[:, groups.grouped], y])
+        return cls(A=turned[k:, :-1], y=turned[k:, -1], free=(R[:k], turned[:k, :-1], turned[:k, -1]))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class GroupEquations:
     """Normal equations of whitened rows."""
 
     groups: Groups
-    H: Float[np.ndarray, "p p"]
-    """AᵀA."""
     b: Float[np.ndarray, " p"]
     """Aᵀy."""
     square: float
     """yᵀy."""
+    given: Float[np.ndarray, "p p"] | None = None
+    """AᵀA; None where it follows from the rows."""
+    rows: tuple[Float[np.ndarray, "n p"], Float[np.ndarray, " n"]] | None = None
+    """A and y, fewer than parameters; else None."""
 
     @classmethod
     def of_rows(cls, A: Float[np.ndarray, "rows p"], y: Float[np.ndarray, " rows"], groups: Groups) -> "GroupEquations":
         """Equations of whitened rows."""
-        H = np.sum(in_chunks(lambda rows: A[rows].T @ A[rows], len(A), ROWS_AT_ONCE), axis=0)
-        return cls(groups=groups, H=H, b=A.T @ y, square=float(y @ y))
+        n, p = A.shape
+        if n < p:
+            return cls(groups=groups, b=A.T @ y, square=float(y @ y), rows=(A, y))
+        H = np.sum(in_chunks(lambda rows: A[rows].T @ A[rows], n, ROWS_AT_ONCE), axis=0)
+        return cls(groups=groups, b=A.T @ y, square=float(y @ y), given=H)
+
+    @cached_property
+    def H(self) -> Float[np.ndarray, "p p"]:
+        """AᵀA."""
+        if self.given is not None:
+            return self.given
+        assert self.rows is not None
+        return self.rows[0].T @ self.rows[0]
+
+    @cached_property
+    def few(self) -> FewRows | None:
+        """The rows, where they are fewer than parameters."""
+        return None if self.rows is None else FewRows.of(*self.rows, self.groups)
 
     def less(self, A: Float[np.ndarray, "rows p"], y: Float[np.ndarray, " rows"]) -> "GroupEquations":
         """Equations without some of the rows."""
         return GroupEquations(
-            groups=self.groups, H=self.H - A.T @ A, b=self.b - A.T @ y, square=self.square - float(y @ y)
+            groups=self.groups, given=self.H - A.T @ A, b=self.b - A.T @ y, square=self.square - float(y @ y)
         )
 
     def at(self, log_variances: Float[np.ndarray, " groups"]) -> "Evidence":
         """Evidence at some sizes."""
+        groups = self.groups
         root = np.ones(len(self.b))
-        root[self.groups.grouped] = np.exp(0.5 * log_variances)[self.groups.own]
-        L = factor_lower(self.groups.prior + root[:, None] * self.H * root)
-        u = solve_factored(L, root * self.b)
-        log = 0.5 * (float(u @ (root * self.b)) - self.square + self.groups.log_held) - float(np.log(np.diag(L)).sum())
-        return Evidence(equations=self, log_variances=log_variances, log=log, root=root, L=L, u=u)
+        root[groups.grouped] = np.exp(0.5 * log_variances)[groups.own]
+        if self.few is None:
+            L = factor_lower(groups.prior + root[:, None] * self.H * root)
+            u = solve_factored(L, root * self.b)
+            fit, logs, B = float(u @ (root * self.b)) - self.square, np.log(np.diag(L)), None
+        else:
+            R, A, y = self.few.free
+            B = self.few.A * root[groups.grouped]
+            L = factor_lower(np.eye(len(B)) + B @ B.T)
+            u, weights = np.empty(len(self.b)), solve_factored(L, self.few.y)
+            u[groups.grouped] = B.T @ weights
+            u[groups.group < 0] = np.linalg.solve(R, y - A @ (root * u)[groups.grouped])
+            fit = -float(self.few.y @ weights)
+            logs = np.log(np.abs(np.concatenate([np.diag(L), np.diag(R)])))
+        log = 0.5 * (fit + groups.log_held) - float(logs.sum())
+        return Evidence(equations=self, log_variances=log_variances, log=log, root=root, u=u, factor=L, columns=B)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -146,15 +202,33 @@ class Evidence:
     """Log marginal likelihood, for rows of unit noise, but for log 2π."""
     root: Float[np.ndarray, " p"]
     """Standard deviation of every parameter that has a group, 1 for others."""
-    L: Float[np.ndarray, "p p"]
-    """Cholesky factor of the posterior information in units of these …"""
     u: Float[np.ndarray, " p"]
-    """… and posterior mean."""
+    """Posterior mean in units of these."""
+    factor: Float[np.ndarray, "k k"]
+    """Cholesky factor of the posterior information in these units; of few rows that of their covariance S."""
+    columns: Float[np.ndarray, "n grouped"] | None = None
+    """Of few rows A·√D, else None."""
 
     @cached_property
     def K(self) -> Float[np.ndarray, "p p"]:
         """Posterior covariance in these units."""
-        return invert_factored(self.L)
+        if self.columns is None:
+            return invert_factored(self.factor)
+        H, root = self.equations.H, self.root
+        return invert_factored(factor_lower(self.equations.groups.prior + root[:, None] * H * root))
+
+    @cached_property
+    def determined(self) -> Float[np.ndarray, "grouped grouped"]:
+        """1 − K of parameters with a group: how far the rows determine them."""
+        if self.columns is None:
+            return np.eye(len(self.equations.groups.grouped)) - self.K[self.equations.groups.block]
+        return self._white.T @ self._white
+
+    @cached_property
+    def _white(self) -> Float[np.ndarray, "n grouped"]:
+        """Of few rows F⁻¹·A·√D with F·Fᵀ = S, so that 1 − K is its square."""
+        assert self.columns is not None
+        return invert_triangular(self.factor) @ self.columns
 
     @property
     def mean(self) -> Float[np.ndarray, " p"]:
@@ -166,24 +240,34 @@ class Evidence:
         """Posterior covariance."""
         return self.root[:, None] * self.K * self.root
 
+    def spread(self, A: Float[np.ndarray, "n m p"]) -> Float[np.ndarray, "n m m"]:
+        """Covariance of what is predicted for some rows, block by block."""
+        n, m, p = A.shape
+        few, groups = self.equations.few, self.equations.groups
+        if few is None:
+            return (A.reshape(n * m, p) @ self.covariance).reshape(A.shape) @ np.swapaxes(A, 1, 2)
+        R, along, _ = few.free
+        free = np.linalg.solve(R.T, A.reshape(n * m, p)[:, groups.group < 0].T).T
+        own = (A.reshape(n * m, p)[:, groups.grouped] - free @ along) * self.root[groups.grouped]
+        free, own, known = (part.reshape(n, m, -1) for part in (free, own, own @ self._white.T))
+        return sum(sign * part @ np.swapaxes(part, 1, 2) for sign, part in ((1, free), (1, own), (-1, known)))
+
     @property
     def effective_parameters(self) -> float:
         """How many parameters with a group the data determine: γ = Σ(1 − K_ii), each between 0 and 1 (MacKay 1992, eq. 4.9)."""
-        k = self.equations.groups.grouped
-        return float(len(k) - self.K[k, k].sum())
+        return float(np.trace(self.determined))
 
     @cached_property
     def information(self) -> Float[np.ndarray, "groups groups"]:
         """Fisher information of the log variances, without their prior."""
-        groups = self.equations.groups
-        N = np.eye(len(groups.grouped)) - self.K[groups.block]
-        return 0.5 * groups.member.T @ (N * N) @ groups.member
+        member = self.equations.groups.member
+        return 0.5 * member.T @ (self.determined * self.determined) @ member
 
     def scores(self) -> tuple[Float[np.ndarray, " searched"], Float[np.ndarray, "searched searched"]]:
         """Gradient and Fisher information of the searched log variances' posterior."""
         groups = self.equations.groups
-        k, s = groups.grouped, groups.searched
-        gradient = 0.5 * groups.member.T @ (self.u[k] ** 2 - 1.0 + self.K[k, k])
+        s = groups.searched
+        gradient = 0.5 * groups.member.T @ (self.u[groups.grouped] ** 2 - np.diag(self.determined))
         gradient = gradient[s] - groups.precision @ (self.log_variances - groups.location)[s]
         return gradient, self.information[np.ix_(s, s)] + groups.precision
 
@@ -194,28 +278,37 @@ class Evidence:
         off = (self.log_variances - groups.location)[groups.searched]
         return self.log - 0.5 * float(off @ groups.precision @ off)
 
+    def draws(self, count: int, rng: np.random.Generator) -> "Sequence[Evidence]":
+        """The model at sizes drawn in pairs about the likeliest ones; at these alone where no size is sought."""
+        searched = self.equations.groups.searched
+        if not len(searched) or count < 2:
+            return [self]
+        spread = invert_triangular(np.linalg.cholesky(self.scores()[1])).T
+        out: list[Evidence] = []
+        for _ in range(count // 2):
+            step = np.zeros(len(self.log_variances))
+            step[searched] = spread @ rng.standard_normal(len(searched))
+            out += [self.equations.at(self.log_variances + sign * step) for sign in (1.0, -1.0)]
+        return out
+
     def averaged(self, draws: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Mean (p) of the parameters at the likeliest sizes, and their covariance (p, p) about it over draws of the sizes.
 
-        The sizes are drawn in pairs about the likeliest ones. The mean is not averaged: what is next to nothing may be larger
-        by as much as smaller in its logarithm, which draws noise into the mean.
+        The mean is not averaged: what is next to nothing may be larger by as much as smaller in its logarithm, which draws noise
+        into the mean.
         """
-        searched = self.equations.groups.searched
-        if not len(searched) or draws < 2:
-            return self.mean, self.covariance
-        from scipy.linalg import solve_triangular
+        drawn = self.draws(draws, rng)
+        S = sum(one.covariance + np.outer(one.mean - self.mean, one.mean - self.mean) for one in drawn)
+        return self.mean, S / len(drawn)
 
-        information = self.scores()[1]
-        spread = solve_triangular(np.linalg.cholesky(information), np.eye(len(searched)), lower=True).T
-        S = np.zeros(self.L.shape)
-        for _ in range(draws // 2):
-            step = np.zeros(len(self.log_variances))
-            step[searched] = spread @ rng.standard_normal(len(searched))
-            for sign in (1.0, -1.0):
-                drawn = self.equations.at(self.log_variances + sign * step)
-                apart = drawn.mean - self.mean
-                S += drawn.covariance + np.outer(apart, apart)
-        return self.mean, S / (2 * (draws // 2))
+    def averaged_spread(
+        self, A: Float[np.ndarray, "n m p"], draws: int, rng: np.random.Generator
+    ) -> Float[np.ndarray, "n m m"]:
+        """The same of what is predicted for some rows, block by block."""
+        drawn = self.draws(draws, rng)
+        apart = [(A @ (one.mean - self.mean))[..., None] for one in drawn]
+        parts = [one.spread(A) + off @ np.swapaxes(off, 1, 2) for one, off in zip(drawn, apart, strict=True)]
+        return np.mean(parts, axis=0)
 
     def without(self, left_out: Sequence[int] | Int[np.ndarray, " k"]) -> "Evidence":
         """The same model with some of its groups zero, and the others of the sizes that they have."""

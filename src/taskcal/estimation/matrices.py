@@ -63,6 +63,11 @@ def solve_factored(L: Float[np.ndarray, "p p"], b: Float[np.ndarray, " p"]) -> F
     return _lapack("potrs")(L, b, lower=True)[0] if len(L) else b.copy()
 
 
+def invert_triangular(L: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
+    """Inverse of a lower triangular L."""
+    return _lapack("trtri")(L, lower=True)[0] if len(L) else L.copy()
+
+
 def invert_factored(L: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     """Inverse of L·Lᵀ."""
     if not len(L):

@@ -306,7 +306,7 @@ class GroupModel:
     ) -> GroupEquations:
         """Normal equations about an estimate; the square is left out."""
         H = self.scaled(self.scaled(information).T)
-        return GroupEquations(groups=self.groups, H=H, b=self.scaled(gradient) + H @ self.units_of(z), square=0.0)
+        return GroupEquations(groups=self.groups, given=H, b=self.scaled(gradient) + H @ self.units_of(z), square=0.0)
 
 
 def expected_spread(labels: Sequence[Group]) -> Float[np.ndarray, "groups groups"]:
@@ -502,7 +502,7 @@ def search_about(
     for _ in range(MAX_SEARCH_STEPS):
         if errors.searched:
             errors, last = _without_cycles(fitted.errors, step.errors, last)
-        if step.gain < SETTLED_GAIN and moved < SETTLED_SIZE:
+        if (step.gain < SETTLED_GAIN or not last.any()) and moved < SETTLED_SIZE:
             break
         sizes = fitted.found.log_variances
         fitted = _fit_once(one, z, at, errors, weights, options, sizes, steps=1)
@@ -611,12 +611,9 @@ def score(fitted: GroupFit) -> tuple[NoiseStep, Float[np.ndarray, " n"]]:
     if not errors.searched:
         k = len(errors.variances)
         return NoiseStep(errors=errors, deviations=np.zeros(k), information=np.zeros((k, k))), weights
-    n, m = fitted.y.shape
+    n = len(A)
     left, judged = fitted.y - A @ fitted.found.mean, one.judged()
-    followed = (A[judged].reshape(len(judged) * m, A.shape[2]) @ fitted.found.covariance).reshape(
-        len(judged), m, A.shape[2]
-    )
-    explained = followed @ np.swapaxes(A[judged], 1, 2)
+    explained = fitted.found.spread(A[judged])
     # covariances of poses are what is found over the weights: the whitener of what is found has none
     whitener = fitted.whitener[judged] / np.sqrt(weights[judged, None] * fitted.by_loss[judged])[:, :, None]
     at = fitted.at if len(judged) == n else fitted.at.take(judged)

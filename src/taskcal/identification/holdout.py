@@ -373,8 +373,8 @@ def validate_groups(
     errors = {name: np.full((n, targets), np.nan) for name in ("", *effects)}
     error, predicted = np.zeros((n, targets, 3)), np.zeros((n, targets, 3, 3))
     for part, at in _folds(fitted, parts):
-        mean, S = at.averaged(VALIDATION_DRAWS, rng)
-        error[part], predicted[part] = _judge(fitted, part, mean, S)
+        spread = at.averaged_spread(fitted.A[part], VALIDATION_DRAWS, rng)
+        error[part], predicted[part] = _judge(fitted, part, at.mean, spread)
         errors[""][part] = np.linalg.norm(error[part], axis=2)
         for name, group in numbers.items():
             errors[name][part] = _lengths(fitted, part, at.without(group).mean)
@@ -452,10 +452,8 @@ def _folds(
 
 def _squares(A: Float[np.ndarray, "n m p"], y: Float[np.ndarray, "n m"], fold: Evidence) -> Float[np.ndarray, " n"]:
     """Expected squares of what a fold's fit leaves."""
-    n, m, p = A.shape
-    some = A[sampled_poses(n)]
-    spread = np.einsum("nip,nip->n", (some.reshape(-1, p) @ fold.covariance).reshape(-1, m, p), some)
-    return ((y - A @ fold.mean) ** 2).sum(axis=1) + spread_to_all(spread, n)
+    spread = np.trace(fold.spread(A[sampled_poses(len(A))]), axis1=1, axis2=2)
+    return ((y - A @ fold.mean) ** 2).sum(axis=1) + spread_to_all(spread, len(A))
 
 
 def _left(fitted: GroupFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarray, "k m"]:
@@ -478,16 +476,15 @@ def _lengths(fitted: GroupFit, part: np.ndarray, mean: np.ndarray) -> Float[np.n
 
 
 def _judge(
-    fitted: GroupFit, part: np.ndarray, mean: np.ndarray, S: np.ndarray
+    fitted: GroupFit, part: np.ndarray, mean: np.ndarray, spread: Float[np.ndarray, "k m m"]
 ) -> tuple[Float[np.ndarray, "k targets 3"], Float[np.ndarray, "k targets 3 3"]]:
-    """Errors of position of some rows, and their predicted covariance."""
-    A, k, m = fitted.A[part], len(part), fitted.A.shape[1]
+    """Errors of position of some rows, and their predicted covariance, of which `spread` is that of what the model says."""
+    m = fitted.A.shape[1]
     back = np.linalg.inv(fitted.whitener[part])
     error = np.einsum("nij,nj->ni", back, _left(fitted, part, mean))
     # a new pose has a weight of its own, that is told by no residual
     single = np.eye(m) * fitted.weights[part, None, None]
-    spread = (A.reshape(k * m, -1) @ S).reshape(A.shape) @ np.swapaxes(A, 1, 2) + single
-    covariance = back @ spread @ np.swapaxes(back, 1, 2)
+    covariance = back @ (spread + single) @ np.swapaxes(back, 1, 2)
     targets = fitted.group_model.problem.seen.valid.shape[1]
     width = m // targets
     own = [slice(t * width, t * width + 3) for t in range(targets)]
@@ -610,7 +607,7 @@ def judge_ends(fitted: GroupFit, stretch: float, effects: Sequence[str] = ()) ->
         rest = np.setdiff1d(np.flatnonzero(seen.any(axis=1)), part)
         means.append(_means(fitted, part, at, effects))
         u = MeasuredRange.of_rows(robot, problem.q[rest]).extrapolation(problem.q[part])
-        error, predicted = _judge(fitted, part, at.mean, at.covariance)
+        error, predicted = _judge(fitted, part, at.mean, at.spread(fitted.A[part]))
         row, target = np.nonzero(seen[part])
         noise = problem.noise[part][row, target][:, :3, :3]
         v, square = _diagonal(error[row, target], noise, stretch * (predicted[row, target] - noise))
