@@ -250,7 +250,7 @@ class Evidence:
         free = np.linalg.solve(R.T, A.reshape(n * m, p)[:, groups.group < 0].T).T
         own = (A.reshape(n * m, p)[:, groups.grouped] - free @ along) * self.root[groups.grouped]
         free, own, known = (part.reshape(n, m, -1) for part in (free, own, own @ self._white.T))
-        return sum(sign * part @ np.swapaxes(part, 1, 2) for sign, part in ((1, free), (1, own), (-1, known)))
+        return free @ np.swapaxes(free, 1, 2) + own @ np.swapaxes(own, 1, 2) - known @ np.swapaxes(known, 1, 2)
 
     @property
     def effective_parameters(self) -> float:
@@ -298,7 +298,10 @@ class Evidence:
         into the mean.
         """
         drawn = self.draws(draws, rng)
-        S = sum(one.covariance + np.outer(one.mean - self.mean, one.mean - self.mean) for one in drawn)
+        S = np.zeros((len(self.root),) * 2)
+        for one in drawn:
+            apart = one.mean - self.mean
+            S += one.covariance + np.outer(apart, apart)
         return self.mean, S / len(drawn)
 
     def averaged_spread(
