@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from taskcal import load_robot
-from taskcal.live.abb import PASSWORD_VARIABLE, Egm, Rws
+from taskcal.live.abb import LOGIN_VARIABLE, Egm, Rws
 from taskcal.live.devices import DeviceError
 from taskcal.live.rsi import Rsi
 from tests.live.peers import LOOPBACK, PATIENCE_S, serving
@@ -312,7 +312,7 @@ class TestRws:
         assert asked[-1][0] == "/logout"
 
     def test_another_user_and_axes_beside_the_robot(self, monkeypatch):
-        monkeypatch.setenv(PASSWORD_VARIABLE, "wort")
+        monkeypatch.setenv(LOGIN_VARIABLE, "wort")
         external = [100.0, *[9e9] * 5]
         with (
             webserver(lambda: page(external=external), ("Anna B", "wort")) as (at, _),

@@ -38,6 +38,7 @@ ONE_IMPORTER = {
     "one of many alike, which a table names": {
         "taskcal.live.folder",
         "taskcal.live.hand",
+        "taskcal.live.natnet",
         "taskcal.live.opcua",
         "taskcal.live.ros",
         "taskcal.live.rsi",

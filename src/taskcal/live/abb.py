@@ -28,7 +28,6 @@ from urllib.request import (
     HTTPSHandler,
     OpenerDirector,
     ProxyHandler,
-    Request,
     build_opener,
 )
 
@@ -156,7 +155,8 @@ PORTS = {"http": 80, "https": 443}
 USER, PASSWORD = "Default User", "robotics"
 """With which ABB ships its controllers (Robot Web Services, *Authentication*)."""
 
-PASSWORD_VARIABLE = "TASKCAL_RWS_PASSWORD"  # noqa: S105 - a name
+LOGIN_VARIABLE = "TASKCAL_RWS_PASSWORD"
+"""Of the environment, with the password."""
 
 ACCEPTED = {"http": "application/xhtml+xml", "https": "application/xhtml+xml;v=2.0"}
 
@@ -230,10 +230,9 @@ class Rws(Controller):
             DeviceError: there is none.
         """
         where, until = self._address, monotonic() + timeout_s
-        asked = Request(f"{where.scheme}://{where}/{path}", headers={"Accept": ACCEPTED[where.scheme]})  # noqa: S310 - http or https
         content = b""
         try:
-            with self._opener.open(asked, timeout=timeout_s) as answer:
+            with self._opener.open(f"{where.scheme}://{where}/{path}", timeout=timeout_s) as answer:
                 while piece := answer.read1(MAX_ANSWER_BYTES):
                     content += piece
                     if len(content) > MAX_ANSWER_BYTES:
@@ -255,7 +254,7 @@ class Rws(Controller):
         if error.code == 401:
             return DeviceError(
                 f"{where.called} refuses the user '{user}' with the password {_stated()}; name another ('…?user=NAME'), its "
-                f"password in the environment variable {PASSWORD_VARIABLE}"
+                f"password in the environment variable {LOGIN_VARIABLE}"
             )
         if error.code == 404:
             return DeviceError(f"{where.called} has no '{shown(self._path)}'; name its mechanical unit: '…?unit=ROB_1'")
@@ -279,7 +278,7 @@ class Rws(Controller):
 
 
 def _stated() -> str:
-    return f"of {PASSWORD_VARIABLE}" if os.environ.get(PASSWORD_VARIABLE) else "that ABB ships"
+    return f"of {LOGIN_VARIABLE}" if os.environ.get(LOGIN_VARIABLE) else "that ABB ships"
 
 
 def _opener(where: Address) -> OpenerDirector:
@@ -289,12 +288,14 @@ def _opener(where: Address) -> OpenerDirector:
         DeviceError: the certificate cannot be read.
     """
     passwords = HTTPPasswordMgrWithDefaultRealm()
-    password = os.environ.get(PASSWORD_VARIABLE) or PASSWORD
+    password = os.environ.get(LOGIN_VARIABLE) or PASSWORD
     passwords.add_password(None, f"{where.scheme}://{where}/", where.options.get("user", USER), password)
     handlers = [ProxyHandler({}), _NoRedirect(), HTTPCookieProcessor(), HTTPDigestAuthHandler(passwords)]
     if where.scheme == "https":  # a password that is not hashed is told through a cipher alone
         handlers += [HTTPBasicAuthHandler(passwords), HTTPSHandler(context=_trusted(where))]
-    return build_opener(*handlers)
+    opener = build_opener(*handlers)
+    opener.addheaders = [("Accept", ACCEPTED[where.scheme])]
+    return opener
 
 
 def _trusted(where: Address) -> ssl.SSLContext:

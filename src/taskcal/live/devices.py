@@ -162,7 +162,7 @@ class Instrument(Device):
 CONTROLLERS_GROUP, INSTRUMENTS_GROUP = "taskcal.controllers", "taskcal.instruments"
 """Entry points of other packages: subclasses of `Controller` and `Instrument`."""
 
-OWN_MODULES = ("abb", "folder", "hand", "opcua", "ros", "rsi", "rtde", "tcp", "virtual")
+OWN_MODULES = ("abb", "folder", "hand", "natnet", "opcua", "ros", "rsi", "rtde", "tcp", "virtual")
 """Modules of this folder that define controllers and instruments."""
 
 _CONTROLLERS: dict[str, type[Controller]] = {}

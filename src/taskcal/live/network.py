@@ -207,20 +207,26 @@ def listen(address: Address) -> socket.socket:
 
 
 def datagrams(
-    connection: socket.socket, address: Address, timeout_s: float, hint: str
+    connection: socket.socket,
+    address: Address,
+    timeout_s: float,
+    hint: str,
+    chosen: str | None = None,
+    meanwhile: Callable[[], None] = lambda: None,
 ) -> Iterator[tuple[float, bytes]]:
     """What one sender sends, each with when it arrived (`time.monotonic`), until the socket is closed.
 
     Args:
-        connection: of `listen`.
-        address: its option ``from`` has the sender; without it whoever is the first.
+        connection: bound, with a time limit.
+        address: of the device.
         timeout_s: longest wait for the first one, seconds.
         hint: what to look at where none comes.
+        chosen: whose datagrams count; None for whoever is the first.
+        meanwhile: called again and again.
 
     Raises:
         DeviceError: none came in time, the sender is unknown, there are two, or the socket was closed.
     """
-    chosen = address.options.get("from")
     try:
         sender = None if chosen is None else socket.getaddrinfo(chosen, None, connection.family)[0][4][0]
     except OSError as error:
@@ -228,6 +234,7 @@ def datagrams(
     begun, until = False, monotonic() + timeout_s
     while begun or monotonic() < until:
         try:
+            meanwhile()
             content, (host, *_) = connection.recvfrom(RECEIVED_BYTES)
         except TimeoutError:
             continue
@@ -504,7 +511,8 @@ class DatagramJoints(Controller):
         where = Address.parse(address, cls, cls.port, options=("from", "joints"))
         connection = listen(where)
         try:
-            readings = cls._readings(datagrams(connection, where, timeout_s, cls.hint), Axes(robot, where), where)
+            arriving = datagrams(connection, where, timeout_s, cls.hint, where.options.get("from"))
+            readings = cls._readings(arriving, Axes(robot, where), where)
             first = next(readings)
         except DeviceError:
             connection.close()
