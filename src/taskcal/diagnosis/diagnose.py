@@ -12,7 +12,7 @@ from taskcal.diagnosis.drift import find_drift_or_slip, find_large_move
 from taskcal.diagnosis.fits import LEVER_SHARE, MIN_ERROR_M, misfits
 from taskcal.diagnosis.hypotheses import MISTAKES as MISTAKES
 from taskcal.diagnosis.hypotheses import Case, Finding, Hypothesis, hypotheses_of, looked_for
-from taskcal.diagnosis.images import MOUNT, NOT_MENDED_OF_IMAGES, SeenPoses, pictures_of
+from taskcal.diagnosis.images import NOT_MENDED_OF_IMAGES, NOT_TOLD_OF_IMAGES, SeenPoses, pictures_of
 from taskcal.diagnosis.mistakes import common_shift, scale_mistakes, shift_fix, unit_mistakes
 from taskcal.diagnosis.rows import Local, Pairing, pair_rows
 from taskcal.diagnosis.search import (
@@ -481,7 +481,11 @@ def _diagnose_pictured(case: Case, progress: Progress) -> Diagnosis:
         if _left(again) < 0.5 * _left(found):
             found = replace(again, findings=(sizes[0], *again.findings))
     focus = seen.find_focus(replace(case, robot=found.robot, campaign=found.campaign))
-    findings = [seen.tell(one) for one in found.findings if one.id != MOUNT and not (focus and one.id == "drift")]
+    findings = [
+        seen.tell(one)
+        for one in found.findings
+        if one.id not in NOT_TOLD_OF_IMAGES and not (focus and one.id == "drift")
+    ]
     findings += [] if focus is None else [focus]
     lasting = tuple(one.id for one in findings if one.id in (*found.unmended, *NOT_MENDED_OF_IMAGES))
     mended = seen.mended(case, found.campaign) if len(findings) > len(lasting) else case.campaign

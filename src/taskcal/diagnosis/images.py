@@ -14,8 +14,9 @@ from taskcal.diagnosis.hypotheses import Case, Finding, looked_for
 from taskcal.observations import Pixels
 from taskcal.reading.pictures import LOCK, BoardPoses, focus_drift, is_of_other_size
 
-MOUNT = "inverse-poses"
-"""Finding that says no more than that the camera is beside the robot, or on the wrist, after all."""
+NOT_TOLD_OF_IMAGES = ("inverse-poses", "small-workspace")
+"""The first says no more than that the camera is beside the robot, or on the wrist, after all; and a camera that looks at a board
+cannot go as far as a target that a tracker follows."""
 
 NOT_MENDED_OF_IMAGES = ("square-size", "mirrored-images", "fixture-moved", "drift", "focus-changed")
 """Mistakes that no change of the rows can fix."""

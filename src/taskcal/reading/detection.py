@@ -19,6 +19,9 @@ from taskcal.tables.forms import read_table
 SUFFIXES = frozenset((".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm"))
 """Of images that OpenCV reads."""
 
+THUMBNAIL_PX, THUMBNAIL_QUALITY = 480, 60
+"""Width of a small image, and quality of its JPEG: 15 to 25 kB, on which squares are seen."""
+
 LOOKED_AT = 3
 """Images, evenly among all, on which other boards are tried where one is not found."""
 
@@ -143,6 +146,20 @@ def _read(path: Path) -> np.ndarray:
     if image is None:
         raise FileError(path, "is not an image that OpenCV reads; save it as PNG")
     return image
+
+
+def thumbnail(path: Path) -> bytes:
+    """A small JPEG of an image, to be shown.
+
+    Raises:
+        FileError: it is not an image that OpenCV reads.
+        TaskcalError: OpenCV is not installed.
+    """
+    cv2 = _opencv()
+    image = _read(path)
+    share = min(1.0, THUMBNAIL_PX / image.shape[1])
+    small = cv2.resize(image, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
+    return cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, THUMBNAIL_QUALITY])[1].tobytes()
 
 
 def _look(path: Path, finders: Sequence[Callable[[np.ndarray], Found]]) -> tuple[tuple[int, int], list[Found], float]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -1186,6 +1187,7 @@ def calibration_page(
     over: Uncertainty | None = None,
     space: Workspace | None = None,
     campaign: Campaign | None = None,
+    images: Path | None = None,
     remainder: ResidualAnalysis | None = None,
     rungs: Sequence[Rung] = (),
 ) -> Page:
@@ -1196,7 +1198,8 @@ def calibration_page(
         judged: the verdict.
         over: uncertainty over a task, if one was named.
         space: the task's workspace.
-        campaign: whose images are shown, if one was named.
+        campaign: whose corners are shown, if one was named.
+        images: folder of its images, if they are to be shown.
         remainder: its residuals.
         rungs: nested models, on that campaign.
     """
@@ -1205,7 +1208,7 @@ def calibration_page(
     sections = [] if judged is None else [verdict_section(judged)]
     sections.append(summary_section(calibration, errors, over, judged, space))
     sections += [held_out_section(calibration), range_section(calibration), residuals_section(calibration, errors)]
-    pictured = camera_section(calibration, campaign)
+    pictured = camera_section(calibration, campaign, images)
     sections += [] if pictured is None else [pictured]
     if remainder is not None:
         sections.append(residual_analysis_section(remainder, f"{len(remainder.residual)} poses"))

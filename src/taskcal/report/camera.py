@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.observations import Pixels
 from taskcal.observations.camera import KILO
+from taskcal.reading.detection import thumbnail
 from taskcal.report.chart import BLUE, VERMILION, Axis, Cells, Figure, Panel, Series
 from taskcal.report.content import Chart, Column, Section, Table, decimals_of
 from taskcal.robot.error_model import ErrorModel
@@ -188,12 +190,18 @@ def _placed(numbers: list[tuple[float, float]]) -> dict[str, list[float]]:
 # A section of the report of a calibration.
 
 
-def camera_section(calibration: Calibration, campaign: Campaign | None = None) -> Section | None:
+def camera_section(
+    calibration: Calibration, campaign: Campaign | None = None, images: Path | None = None
+) -> Section | None:
     """Make the section of camera and hand-eye; None without images.
 
     Args:
         calibration: of images or not.
         campaign: with images, whose corners are drawn.
+        images: their folder, from which some are shown, small.
+
+    Raises:
+        FileError: an image is not one that OpenCV reads.
     """
     t = _pictured(calibration)
     if t is None:
@@ -216,7 +224,7 @@ def camera_section(calibration: Calibration, campaign: Campaign | None = None) -
         _tabulate_steps(found),
         Chart(
             "Residuals of the corners over the image",
-            _draw_arrows(kind, _residuals(calibration, campaign, t), camera),
+            _draw_arrows(kind, _residuals(calibration, campaign, t), camera, images),
             "Each arrow goes from where a corner is predicted towards where it was seen, enlarged as stated. With the board of "
             "each image placed where it fits best, what is left is lens and noise: arrows that turn together, as in a ring or "
             "towards a corner, are of a lens that the model does not describe. With the board where the robot has it, the arrows "
@@ -297,9 +305,9 @@ def _tabulate_steps(found: Mapping[str, Any]) -> Table:
 
 
 def _draw_arrows(
-    kind: Pixels, residual: Float[np.ndarray, "c 2"], camera: Float[np.ndarray, " k"]
+    kind: Pixels, residual: Float[np.ndarray, "c 2"], camera: Float[np.ndarray, " k"], images: Path | None
 ) -> Mapping[str, Figure]:
-    """Residuals over the image plane: of all images, then of those with the largest ones."""
+    """Residuals over the image plane: of all images, then of those with the largest ones, over these."""
     assert kind.pictures is not None
     pictures, robot = kind.pictures, "board where the robot has it"
     numbers = camera / np.repeat([KILO, 1.0], [4, len(camera) - 4])
@@ -315,12 +323,20 @@ def _draw_arrows(
     for k in np.argsort(-sizes)[:MAX_IMAGES].tolist():
         own = each[k]
         views[f"{pictures.names[k]}, {sizes[k]:.2f} px rms"] = Figure(
-            panels=(_arrows(kind, own[:MAX_ARROWS], residual, VERMILION, robot),)
+            panels=(_arrows(kind, own[:MAX_ARROWS], residual, VERMILION, robot, _shown(images, pictures.names[k])),)
         )
     return views
 
 
-def _arrows(kind: Pixels, corners: np.ndarray, residual: Float[np.ndarray, "c 2"], colour: str, what: str) -> Panel:
+def _shown(images: Path | None, name: str) -> bytes:
+    """An image of a folder, small; nothing where it is not there."""
+    path = None if images is None else images / Path(name).name
+    return thumbnail(path) if path is not None and path.is_file() else b""
+
+
+def _arrows(
+    kind: Pixels, corners: np.ndarray, residual: Float[np.ndarray, "c 2"], colour: str, what: str, image: bytes = b""
+) -> Panel:
     """Arrows of some corners, enlarged by the largest of 1, 2, 5, 10 … with which they have room."""
     assert kind.pictures is not None
     lens, seen, r = kind.pictures.lens, kind.pictures.pixel[corners], residual[corners]
@@ -341,6 +357,7 @@ def _arrows(kind: Pixels, corners: np.ndarray, residual: Float[np.ndarray, "c 2"
         series=tuple(
             Series(kind="line", x=part[..., 0].ravel(), y=part[..., 1].ravel(), colour=colour) for part in parts
         ),
+        image=image,
         equal=True,
     )
 

@@ -1,5 +1,6 @@
 """Charts: frozen data, and their image as SVG, which stands in a page or alone, in light, in dark and on paper."""
 
+import base64
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -123,6 +124,8 @@ class Panel:
     series: tuple[Series, ...] = ()
     cells: Cells | None = None
     levels: tuple[Level, ...] = ()
+    image: bytes = b""
+    """JPEG behind all, from one end of the axes to the other."""
     height: float = 260.0
     """Of the axes, CSS pixels; categories have the height that they need."""
     equal: bool = False
@@ -601,6 +604,10 @@ def _draw(
         panel=panel, x=Scale(*x_ends, panel.x.log, left + margin, end), y=scale, say=say, named=named, selects=selects
     )
     below = canvas.x.ticks(say, across=True, whole=panel.x.whole)
+    if panel.image:
+        place = f'x="{canvas.x.start:.1f}" y="{low:.1f}" width="{end - canvas.x.start:.1f}" height="{high - low:.1f}"'
+        data = base64.b64encode(panel.image).decode()
+        out.append(f'<image {place} preserveAspectRatio="none" href="data:image/jpeg;base64,{data}"/>')
     grid = "".join(f"M{canvas.x.start:.1f} {at:.1f}H{end:.1f}" for at in marked)
     grid += "".join(f"M{at:.1f} {low:.1f}V{high:.1f}" for at, _ in below)
     out.append(f'<path d="{grid}" stroke="currentColor" stroke-opacity=".15" fill="none"/>')

@@ -1,6 +1,8 @@
 """From rendered images of a virtual robot to hand-eye, to a file of the corners, and to the page that shows them."""
 
 import json
+import re
+from base64 import b64decode
 
 import numpy as np
 import pytest
@@ -56,5 +58,9 @@ def test_images_give_the_hand_eye_and_a_file_that_gives_it_again(run, tmp_path, 
         tail, tip = (np.column_stack([arrows.x[k::7], arrows.y[k::7]]) for k in (0, 1))
         seen = tail + (tip - tail) / float(panel.title.split("×")[1])
         np.testing.assert_allclose(seen, again.observations[0].pictures.pixel, atol=1e-6)
-    done(f"report cal.json --campaign shots.csv --images {first['corners']} --board board.toml -o page.html")
-    assert "Residuals of the corners over the image" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    done("report cal.json --campaign shots.csv --images seen --board board.toml -o page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "Residuals of the corners over the image" in page
+    small = [b64decode(text) for text in re.findall('href="data:image/jpeg;base64,([^"]*)"', page)]
+    assert len(set(small)) == min(len(again), 8)  # behind the arrows of the images with the largest residuals
+    assert max(map(len, small)) < 30_000

@@ -118,7 +118,8 @@ def command(
 
     def show_all() -> None:
         tracker_mm = tracker_error(fitted, fitting.noise()) * 1e3
-        show_report(calibration, result, tracker_mm=tracker_mm, parameters=parameters)
+        again = reading.named_images(campaign)
+        show_report(calibration, result, tracker_mm=tracker_mm, parameters=parameters, again=again)
         if fit.explanation is not None:
             show_explanation(fit.explanation)
 
@@ -265,7 +266,12 @@ MIN_SIGNIFICANCE = 2.0
 
 
 def show_report(
-    calibration: "taskcal.Calibration", result: Mapping[str, Any], *, tracker_mm: float, parameters: bool = False
+    calibration: "taskcal.Calibration",
+    result: Mapping[str, Any],
+    *,
+    tracker_mm: float,
+    parameters: bool = False,
+    again: str = "",
 ) -> None:
     """Print a calibration: the verdict, the errors, what to do next, and the rest.
 
@@ -274,6 +280,7 @@ def show_report(
         result: what `report` returns of it.
         tracker_mm: mean 3D error of tracker noise alone.
         parameters: whether to print the parameters, too.
+        again: options that name the images again, for a report that shows them.
     """
     from taskcal.report import calibration as tables
 
@@ -288,7 +295,7 @@ def show_report(
     say(tables.verdict(result["robot"], before, after, held_out and held_out["n"], in_space=in_space, angles=angles))
     tell()
     show(tables.tabulate_errors(summaries))
-    steps = next_steps(calibration, result, tracker_mm)
+    steps = next_steps(calibration, result, tracker_mm, again)
     show_facts([("next" if number == 0 else "", step) for number, step in enumerate(steps)])
     tell()
     for table in (
@@ -304,13 +311,16 @@ def show_report(
     show_facts([*held, *_facts(result, parameters=parameters)])
 
 
-def next_steps(calibration: "taskcal.Calibration", result: Mapping[str, Any], tracker_mm: float) -> list[str]:
+def next_steps(
+    calibration: "taskcal.Calibration", result: Mapping[str, Any], tracker_mm: float, again: str = ""
+) -> list[str]:
     """List the next steps, the most urgent first.
 
     Args:
         calibration: the fit.
         result: what `report` returns of it.
         tracker_mm: mean 3D error of tracker noise alone.
+        again: options that name the images again, for a report that shows them.
     """
     import numpy as np
 
@@ -354,7 +364,7 @@ def next_steps(calibration: "taskcal.Calibration", result: Mapping[str, Any], tr
         steps.append(
             f"fit non-geometric effects (--effects auto): {kind} error {left:.3f} mm, tracker noise {tracker_mm:.3f} mm"
         )
-    steps.append(f"full report: {program} report {cal}; correct a program: {program} correct -c {cal} PROGRAM")
+    steps.append(f"full report: {program} report {cal}{again}; correct a program: {program} correct -c {cal} PROGRAM")
     return steps
 
 

@@ -94,6 +94,7 @@ def command(
                 over=uncertainty,
                 space=space,
                 campaign=campaign,
+                images=measured.images if measured.images is not None and measured.images.is_dir() else None,
                 remainder=remainder,
                 rungs=rungs,
             ),

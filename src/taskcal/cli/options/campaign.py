@@ -79,6 +79,14 @@ class TableOptions:
 
         return detect_corners(self.images, read_boards(self.board))
 
+    def named_images(self, campaign: Sequence[Path]) -> str:
+        """Options with which a report shows the images of a campaign; empty without images."""
+        if self.board is None:
+            return ""
+        given = (("campaign", campaign[0]), ("images", self.images), ("board", self.board))
+        lens = "" if self.lens == "pinhole" else f" --lens {self.lens}"
+        return "".join(f" --{name} {path}" for name, path in given if path is not None) + lens
+
     @property
     def read_options(self) -> "taskcal.reading.ReadOptions":
         """Stated options, as the reader takes them."""
