@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.errors import TaskcalError
-from taskcal.live.devices import DeviceError, controllers, instruments
+from taskcal.errors import TaskcalError, UnknownName
+from taskcal.live.devices import DeviceError, controllers, instrument_of, instruments
 from taskcal.live.folder import Folder
 from taskcal.live.lines import Columns
 
@@ -26,10 +26,15 @@ def test_a_format_is_stated_once(header: str, line: str) -> None:
 
 
 def test_what_is_no_point_is_refused_or_lost() -> None:
-    """A unit that is not stated, a field too many and a word are refused; empty cells and zeros are a lost beam."""
+    """No unit, columns of other instruments, a field too many and a word are refused; empty cells and zeros are a lost beam."""
     for wrong in ("x y z", "x_mm y_mm", "id"):
         with pytest.raises(TaskcalError, match="x_mm y_mm z_mm"):
             Columns.of(wrong)
+    for other, header in (("wire", "id d_mm anchor"), ("camera", "sx_mm sy_mm sz_mm"), ("socket", "socket place")):
+        with pytest.raises(TaskcalError, match=f"plan --observe {other}"):
+            Columns.of(header)
+        with pytest.raises(UnknownName, match=f"plan --observe {other}"):
+            instrument_of(other)
     columns = Columns.of("id x_mm y_mm z_mm")
     for wrong in ("1 2 3", "p 1 two 3"):
         with pytest.raises(TaskcalError):

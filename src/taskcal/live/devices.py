@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import TaskcalError, UnknownName
+from taskcal.observations.base import kinds
 from taskcal.plugins import load_plugins, state_faults
 from taskcal.robot.robot import Robot
 
@@ -216,9 +217,16 @@ def instrument_of(name: str) -> type[Instrument]:
     """The instrument of a name.
 
     Raises:
-        UnknownName: there is none.
+        UnknownName: there is none; those without a tracker do not measure live.
     """
+    if name not in instruments() and any(kind.needed and name == kind.instrument for kind in kinds()):
+        raise UnknownName("instrument", name, instruments(), f"for live measuring: {planned_instead(name)}")
     return _found("instrument", name, instruments(), INSTRUMENTS_GROUP)
+
+
+def planned_instead(instrument: str) -> str:
+    """What works for an instrument that measures something else than points."""
+    return f"points alone are measured live; plan its rows (taskcal plan --observe {instrument}), and fill in the plan's file"
 
 
 def _found(kind: str, name: str, known: Mapping[str, type[_Kind]], group: str) -> type[_Kind]:

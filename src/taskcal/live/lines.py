@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import TaskcalError, shown
-from taskcal.live.devices import DeviceError, Shot
+from taskcal.live.devices import DeviceError, Shot, planned_instead
+from taskcal.observations.base import kinds
 from taskcal.reading.columns import meanings
 from taskcal.reading.readings import is_lost
 from taskcal.tables.table import LENGTHS
@@ -42,6 +43,11 @@ class Columns:
         names = _split(text)
         known = meanings(names, [""] * len(names), ())
         places = [(one.index, k, one.unit) for k, one in enumerate(known) if one is not None and one.kind == "position"]
+        read = {one.target for one in known if one is not None and one.kind == "observed"}
+        if kind := next((one for one in kinds() if one.needed and read.issuperset(one.needed)), None):
+            raise TaskcalError(
+                f"'{shown(text)}' are columns of a {kind.instrument}: {planned_instead(kind.instrument)}"
+            )
         if [axis for axis, _, _ in sorted(places)] != [0, 1, 2]:
             raise TaskcalError(
                 f"'{shown(text)}' does not name the columns of one point; write for example 'x_mm y_mm z_mm', with - for each "
