@@ -8,6 +8,9 @@ import pytest
 from jaxtyping import Float
 
 from robot_programs import read_program
+from robot_programs.core.program import Surroundings
+from robot_programs.core.source import read_source
+from robot_programs.languages import language_of
 from taskcal.correction.correct import correct
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify
@@ -71,14 +74,38 @@ def test_lines_against_half_as_many(race, tmp_path: Path, smoke, request, writte
     n = 20 if smoke else 1500
 
     def reads(lines: int) -> Callable[[], object]:
-        path = tmp_path / str(lines) / name
-        path.parent.mkdir()
-        path.write_text(written(lines), encoding="utf-8")
-        assert len(read_program(path).motions) == lines
-        return lambda: read_program(path)
+        return reads_all_lines(tmp_path / str(lines) / name, written(lines), lines)
 
     language = request.node.callspec.id
     race(f"{language}, {2 * n} lines", reads(2 * n), {f"{n} lines": reads(n)}, below=MOST, rounds=3)
+
+
+def reads_all_lines(path: Path, text: str, lines: int) -> Callable[[], object]:
+    """Reads each line of a program by itself."""
+    path.parent.mkdir()
+    path.write_text(text, encoding="utf-8")
+    read = language_of(path).read
+    assert len(read((read_source(path),), Surroundings()).motions) == lines
+    return lambda: read((read_source(path),), Surroundings())
+
+
+FOLDED = 0.5
+"""Of the time of all lines, which a program read from a few of them must stay below; a fifth and a tenth were measured."""
+
+
+@pytest.mark.guard
+@pytest.mark.parametrize(("written", "name"), [(rapid, "long.mod"), (krl, "long.src")], ids=["RAPID", "KRL"])
+def test_a_few_lines_against_all(race, tmp_path: Path, smoke, request, written: Callable[[int], str], name: str):
+    n = 600 if smoke else 3000
+    every = reads_all_lines(tmp_path / "all" / name, written(n), n)
+    few = tmp_path / "all" / name
+    race(
+        f"{request.node.callspec.id}, from a few lines",
+        lambda: read_program(few),
+        {"all lines": every},
+        below=FOLDED,
+        rounds=3,
+    )
 
 
 @pytest.mark.guard

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from robot_programs.core.errors import FileError
+from robot_programs.core.program import NUMBER, LiteralForm, Program
 from robot_programs.core.program import Composition as Composition
 from robot_programs.core.program import Language as Language
-from robot_programs.core.program import Program
 from robot_programs.core.program import Surroundings as Surroundings
 from robot_programs.core.source import Source
 
@@ -44,6 +44,12 @@ def _loaded(function: str) -> Any:
     return getattr(import_module(f"robot_programs.{module}"), name)
 
 
+def _form(poses: str, pattern: str, unless: str = "") -> LiteralForm:
+    """The commonest form of a motion in a language; ``(#)`` stands for a number of its target."""
+    text = pattern.replace("(#)", f"({NUMBER})").replace(" ", r"[ \t]*")
+    return LiteralForm(pattern=text, poses=lambda rows, like: _loaded(poses)(rows, like), unless=unless)
+
+
 _OWN = (
     Language(
         name="RAPID",
@@ -55,6 +61,10 @@ _OWN = (
         has_logic=True,
         marks=r"^\s*MODULE\b|\A\ufeff?\s*MOC:CFG_",
         base_file="MOC.cfg",
+        form=_form(
+            "rapid.resolve:literal_poses",
+            r"Move[JL] \[ \[ (#) , (#) , (#) \] , \[ (#) , (#) , (#) , (#) \] ,[-+.,\[\]\deE\t\x20]*\] ,[\w\\:=,\t\x20]*;",
+        ),
     ),
     Language(
         name="KRL",
@@ -67,6 +77,10 @@ _OWN = (
         marks=r"^\s*(GLOBAL\s+)?DEF(FCT|DAT)?\b",
         base_file="$machine.dat",
         takes_data=True,
+        form=_form(
+            "krl.data:literal_poses",
+            r"S?(?:LIN|PTP) \{ X (#) , Y (#) , Z (#) , A (#) , B (#) , C (#) (?:,[-+.,\w\t\x20]*)?\}[\w\t\x20]*",
+        ),
     ),
     Language(
         name="TP",
@@ -87,6 +101,10 @@ _OWN = (
         marks=r"^\s*(def|sec)\s+\w+\s*\(|^\s*move[jlpc]\s*\(",
         declares_frames=False,
         has_logic=True,
+        form=_form(
+            "urscript.values:literal_poses",
+            r"move[jlp] \( p \[ (#) , (#) , (#) , (#) , (#) , (#) \][\w.,=\t\x20-]*\)",
+        ),
     ),
     Language(
         name="APT",
@@ -95,6 +113,8 @@ _OWN = (
         compose=None,
         marks=r"^\s*(GOTO|TLON|LOADTL|LOAD|FEDRAT|RAPID|PARTNO|TOOL PATH|MULTAX|CUTTER)\b",
         declares_frames=False,
+        # with other frames the tool's axis tells in which a point is counted
+        form=_form("apt.read:literal_poses", "GOTO / (#) , (#) , (#)(?: , (#) , (#) , (#))?", unless=r"^\s*CSYS"),
     ),
     Language(
         name="CSV",

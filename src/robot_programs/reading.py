@@ -12,6 +12,7 @@ from jaxtyping import Float
 from robot_programs.backup import lay_backup, open_backup
 from robot_programs.core.errors import FileError, InputError, WrongKind, shown
 from robot_programs.core.files import is_backup
+from robot_programs.core.folded import read_folded
 from robot_programs.core.program import Frame, Motion, Program, Target, missing_names
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Backup, Place, Source, read_source
@@ -147,10 +148,8 @@ def parse_program(
         raise InputError(
             f"{sources[0].path} is {language.name}, for which no data can be given; pass the files that declare {min(data)}"
         )
-    return language.read(
-        sources,
-        Surroundings(robot=robot, tool=tool, part=part, tools=tools or {}, parts=parts or {}, data=data or {}),
-    )
+    around = Surroundings(robot=robot, tool=tool, part=part, tools=tools or {}, parts=parts or {}, data=data or {})
+    return read_folded(sources, language.form, lambda sources: language.read(sources, around))
 
 
 # Writing the files of a program that was read.

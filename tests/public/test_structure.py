@@ -18,6 +18,7 @@ MANY_ALIKE = {"taskcal.cli.commands": "one file for each command", "taskcal.stud
 ONE_IMPORTER = {
     "a step of its own in the way of a file, or of a fit": {
         "robot_programs.apt.rewrite",
+        "robot_programs.core.folded",
         "robot_programs.krl.computed",
         "robot_programs.rapid.computed",
         "robot_programs.urscript.computed",

@@ -531,6 +531,24 @@ class Resolver:
         self.position = self.previous = None
 
 
+def literal_poses(rows: Float[np.ndarray, "n k"], like: Motion) -> Float[np.ndarray, "n 4 4"] | None:
+    """The poses of points in the unit of a motion, which is that of the last one, with its tool axis where they state none."""
+    T = like.end.T
+    if T is None or not np.isfinite(rows).all():
+        return None
+    stated = len(rows[0]) > 3
+    if stated and np.abs(np.linalg.norm(rows[:, 3:], axis=1) - 1.0).max() > 0.9 * UNIT_TOLERANCE:
+        return None
+    last = float(np.abs(rows[-1, :3]).max())
+    unit = min(UNITS.values(), key=lambda unit: abs(unit * last - np.abs(T[:3, 3]).max()))
+    axes = (
+        rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
+        if stated
+        else np.repeat(-T[None, :3, 2], len(rows), axis=0)
+    )
+    return se3.pose(with_axis(axes), unit * rows[:, :3])
+
+
 def _defines(statement: Statement) -> bool:
     """Whether a statement only gives a value to a name."""
     return len(statement.tokens) > 1 and statement.tokens[1].text == "="

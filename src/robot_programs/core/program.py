@@ -688,6 +688,22 @@ class Composition:
         return Source(path=Path(f"{self.name}{suffix}"), text=text, encoding="utf-8")
 
 
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+"""A decimal number, as all languages have them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiteralForm:
+    """Commonest form of a motion whose target is written out, a statement in a line of its own."""
+
+    pattern: str
+    """With a group for each number of the target; the rest may call nothing. Letter case does not matter."""
+    poses: Callable[[Float[np.ndarray, "n k"], Motion], Float[np.ndarray, "n 4 4"] | None]
+    """Poses of such numbers where all else is as in a motion; None where one of them is none that counts."""
+    unless: str = ""
+    """A pattern of what numbers mean more with than a place, and is not in the program's text."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Language:
     """A language of robot programs."""
@@ -708,6 +724,8 @@ class Language:
     """What is found in every file of a program, a regular expression without regard to letter case; empty for anything."""
     takes_data: bool = False
     """Whether data can be given that no file declares, beside tools and parts."""
+    form: LiteralForm | None = None
+    """By which long programs are read from a few of their lines; None where each line is read."""
     base_file: str = ""
     """The file that says where the robot stands in the world, in which frames are counted; empty where they are counted in
     the robot's base."""
@@ -836,6 +854,17 @@ def rotation(A: float, B: float, C: float) -> Float[np.ndarray, "3 3"]:
             [-sb, cb * sc, cb * cc],
         ]
     )
+
+
+def rotations(degrees: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
+    """The same of many angles."""
+    (sa, sb, sc), (ca, cb, cc) = np.sin(np.radians(degrees)).T, np.cos(np.radians(degrees)).T
+    rows = [
+        [ca * cb, ca * sb * sc - sa * cc, ca * sb * cc + sa * sc],
+        [sa * cb, sa * sb * sc + ca * cc, sa * sb * cc - ca * sc],
+        [-sb, cb * sc, cb * cc],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
 
 
 def angles(

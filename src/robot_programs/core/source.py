@@ -103,6 +103,10 @@ class Source:
         own = bisect_right(self._starts, position)
         return own if self.lines is None else self.lines[own - 1]
 
+    def start(self, line: int) -> int:
+        """First character of a line of the file, counted from 1; of one that stands for it, where it is written several times."""
+        return self._starts[line - 1 if self.lines is None else self.lines.index(line)]
+
     def place(self, position: int) -> Place:
         """Place of a character."""
         return Place(path=self.path, line=self.line(position))

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from robot_programs.core import se3
 from robot_programs.core.errors import InputError, shown
-from robot_programs.core.program import Frame, Unresolved, angled_pose, pose_numbers
+from robot_programs.core.program import Frame, Motion, Unresolved, angled_pose, pose_numbers, rotations
 from robot_programs.core.source import Place, Source, TextEdit, renumbered
 from robot_programs.krl.syntax import (
     Aggregate,
@@ -278,6 +279,11 @@ def pose(aggregate: Aggregate, *, needed: tuple[str, ...] = POSE) -> Float[np.nd
         Unresolved: a needed component is missing or no number.
     """
     return angled_pose(*(_stated(aggregate, name, needed) for name in POSE))
+
+
+def literal_poses(rows: Float[np.ndarray, "n 6"], like: Motion) -> Float[np.ndarray, "n 4 4"] | None:
+    """The poses of X Y Z A B C; see `LiteralForm.poses`."""
+    return se3.pose(rotations(rows[:, 3:]), rows[:, :3] * 1e-3) if np.isfinite(rows).all() else None
 
 
 def rotation_stated(aggregate: Aggregate) -> bool:

@@ -1046,9 +1046,7 @@ class _Reading:
             text = (
                 f"{name} is changed here, in a program of its own; motions are corrected for the value in the data list"
             )
-            lines = self.files[number].source.text.split("\n")
-            position = sum(len(line) + 1 for line in lines[: place.line - 1])
-            self.findings.diagnose(self.files[number], position, text)
+            self.findings.diagnose(self.files[number], self.files[number].source.start(place.line), text)
 
     def _warn(self) -> None:
         """Say where the controller may correct its geometry by itself."""

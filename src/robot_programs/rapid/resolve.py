@@ -29,6 +29,7 @@ from robot_programs.rapid.syntax import (
     listed,
 )
 from robot_programs.rapid.values import (
+    MAX_COORDINATE_MM,
     UNIT_TOLERANCE,
     Frames,
     Origin,
@@ -260,6 +261,14 @@ def poses_of(targets: Sequence[TargetArgument | None]) -> Iterator[Float[np.ndar
     own = np.array(meant).reshape(-1, 7)
     T = iter(se3.pose(se3.from_quaternion(own[:, [4, 5, 6, 3]]), own[:, :3] / 1e3))
     return (next(T) if t is not None and t.type == "robtarget" else None for t in targets)
+
+
+def literal_poses(rows: Float[np.ndarray, "n 7"], like: Motion) -> Float[np.ndarray, "n 4 4"] | None:
+    """The poses of positions, mm, and quaternions, scalar first; see `LiteralForm.poses`."""
+    off = np.abs(np.sqrt((rows[:, 3:] ** 2).sum(axis=1)) - 1.0)
+    if not (np.abs(rows[:, :3]).max() <= MAX_COORDINATE_MM and off.max() <= 0.9 * UNIT_TOLERANCE):
+        return None
+    return se3.pose(se3.from_quaternion(rows[:, [4, 5, 6, 3]]), rows[:, :3] / 1e3)
 
 
 def resolve_target(argument: Argument, type_: TargetType, scope: Scope, values: Values, file: File) -> TargetArgument:

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core import se3
-from robot_programs.core.program import MotionKind, angled_pose
+from robot_programs.core.program import Motion, MotionKind, angled_pose
 from robot_programs.core.values import COMPARISONS
 from robot_programs.urscript.syntax import Expression, plain_name
 
@@ -96,6 +96,11 @@ def matrix(values: Six) -> Float[np.ndarray, "4 4"]:
     half = 0.5 * math.hypot(*w)
     scale = 0.5 * math.sin(half) / half if half else 0.5
     return se3.pose_of((x, y, z), (scale * w[0], scale * w[1], scale * w[2], math.cos(half)))
+
+
+def literal_poses(rows: Float[np.ndarray, "n 6"], like: Motion) -> Float[np.ndarray, "n 4 4"] | None:
+    """The same of many; see `LiteralForm.poses`."""
+    return se3.pose(se3.exp(rows[:, 3:]), rows[:, :3]) if np.isfinite(rows).all() else None
 
 
 def six_of(T: Float[np.ndarray, "4 4"], near: Six = (0.0,) * 6) -> Six:
