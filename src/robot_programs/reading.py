@@ -212,6 +212,7 @@ def compose_program(
     q: Float[np.ndarray, "moves joints"] | None = None,
     notes: Sequence[str] = (),
     wait_s: float = 0.0,
+    wait_input: str = "",
     speed: float = 0.25,
     joint_speed_percent: float = 10.0,
 ) -> Source:
@@ -224,6 +225,8 @@ def compose_program(
         q: joint positions in which each motion ends, radians; they decide the posture of motions to a pose.
         notes: a comment before each motion; in CSV the name of a target that has none.
         wait_s: seconds to wait behind each motion that stops and waits; not in CSV.
+        wait_input: digital input to wait for there in place of a time, until it has gone off and on: its name in RAPID, its number
+            in KRL, TP and URScript.
         speed: in RAPID: of the TCP, for motions that do not say theirs, metres per second.
         joint_speed_percent: in KRL: of motions of all joints, of the axes' largest speeds.
 
@@ -245,6 +248,7 @@ def compose_program(
         q=q,
         notes=notes,
         wait_s=wait_s,
+        wait_input=wait_input,
         speed=speed,
         joint_speed_percent=joint_speed_percent,
     )

@@ -29,7 +29,6 @@ ONE_IMPORTER = {
         "taskcal.identification.chunked_fit",
         "taskcal.identification.group_search",
         "taskcal.live.abb",
-        "taskcal.live.runner",
         "taskcal.planning.experiment",
         "taskcal.reading.inference",
         "taskcal.studio.cell_editor",

@@ -644,6 +644,8 @@ class Composition:
     """A comment before each motion."""
     wait_s: float = 0.0
     """Seconds to wait behind each motion that stops."""
+    wait_input: str = ""
+    """Digital input to wait for there in place of a time, until it has gone off and on: its name in RAPID, elsewhere its number."""
     speed: float = 0.25
     """Of the TCP, for motions that do not say theirs, metres per second."""
     joint_speed_percent: float = 10.0
@@ -677,10 +679,33 @@ class Composition:
         """Joint positions in which a motion ends, radians."""
         return None if self.q is None else self.q[number]
 
-    def waits_s(self, number: int) -> float:
-        """Seconds to wait behind a motion."""
+    def waits(self, number: int, seconds: str, *inputs: str) -> list[str]:
+        """Lines that wait behind a motion, if it waits.
+
+        Args:
+            number: of the motion.
+            seconds: how the language waits for ``{0}`` seconds.
+            inputs: how it waits until the input ``{0}`` is off, and until it is on.
+        """
         move = self.motions[number]
-        return self.wait_s if move.stops and move.waits else 0.0
+        if not (move.stops and move.waits):
+            return []
+        if self.wait_input:
+            return [line.format(self.wait_input) for line in inputs]
+        return [seconds.format(self.wait_s)] if self.wait_s else []
+
+    def expect_input(self, pattern: str, what: str) -> None:
+        """See that the language has an input as it is stated.
+
+        Args:
+            pattern: of the whole text.
+            what: what it has to be, in words.
+
+        Raises:
+            InputError: it does not.
+        """
+        if self.wait_input and not re.fullmatch(pattern, self.wait_input):
+            raise InputError(f"'{self.wait_input}' is not an input of this language; state {what}")
 
     def written(self, lines: Iterable[str], suffix: str, newline: str = "\r\n") -> Source:
         """The program of some lines, which end as controllers write them."""

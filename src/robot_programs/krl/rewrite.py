@@ -772,6 +772,7 @@ def compose_krl(program: Composition) -> Source:
         InputError: KRL cannot say it.
     """
     program.expect_name("a KRL program", MAX_NAME_LENGTH, begins="A-Za-z_")
+    program.expect_input(r"\d+", "its number, such as 3")
     robot = program.robot
     if len(robot.joint_names) > len(AXES) or any(robot.prismatic):
         raise InputError(f"{robot.name} is not a robot of up to six turning axes, which KRL's positions describe")
@@ -807,8 +808,7 @@ def _motions(program: Composition) -> Iterator[str]:
         along_path = motion.kind in ("linear", "circular")
         passing = "" if motion.stops else " C_DIS" if along_path else " C_PTP"
         yield f"{KEYWORDS[motion.kind]} {','.join(points)}{passing}"
-        if waits_s := program.waits_s(i):
-            yield f"WAIT SEC {waits_s:g}"
+        yield from program.waits(i, "WAIT SEC {0:g}", "WAIT FOR NOT $IN[{0}]", "WAIT FOR $IN[{0}]")
 
 
 def _settings(number: int, motion: Motion) -> dict[str, str]:

@@ -1179,6 +1179,7 @@ def compose_rapid(program: Composition) -> Source:
         InputError: RAPID cannot say it.
     """
     program.expect_name("a RAPID module", MAX_NAME_LENGTH - len(RUN), reserved=RESERVED)
+    program.expect_input(r"[A-Za-z]\w{0,31}", "the name of its signal, such as di_measured")
     name, robot = program.name, program.robot
     if len(robot.joint_names) != JOINTS or any(robot.prismatic):
         raise InputError(f"{robot.name} is not a robot of six turning axes, which RAPID's targets describe")
@@ -1197,8 +1198,7 @@ def compose_rapid(program: Composition) -> Source:
         speed = _speed(program.speed if motion.speed is None else motion.speed, declared)
         arguments = [*points, speed, "fine" if motion.stops else program.zone, _tool(motion, declared)]
         body.append(f"    {NAMES[motion.kind]} {','.join(arguments)};")
-        if waits_s := program.waits_s(i):
-            body.append(f"    WaitTime {waits_s:g};")
+        body += program.waits(i, "    WaitTime {0:g};", "    WaitDI {0},0;", "    WaitDI {0},1;")
     lines = [f"MODULE {name}", *declared.lines, "", f"  PROC {name}{RUN}()", *body, "  ENDPROC", "ENDMODULE"]
     return program.written(lines, ".mod")
 

@@ -308,6 +308,7 @@ def compose_tp(program: Composition) -> Source:
         InputError: TP cannot say it.
     """
     program.expect_name("a TP program", MAX_NAME_LENGTH)
+    program.expect_input(r"\d+", "its number, such as 3")
     positions: list[str] = []
     for number, move in enumerate(program.motions):
         if move.end.q is None:
@@ -337,5 +338,4 @@ def _instructions(program: Composition) -> Iterator[str]:
         if program.notes:
             yield f"  !{program.note(i)[:MAX_REMARK_LENGTH]}"
         yield f"J P[{i + 1}] {program.joint_speed_percent:g}% {'FINE' if move.stops else 'CNT100'}"
-        if waits_s := program.waits_s(i):
-            yield f"  WAIT {waits_s:6.2f}(sec)"
+        yield from program.waits(i, "  WAIT {0:6.2f}(sec)", "  WAIT DI[{0}]=OFF", "  WAIT DI[{0}]=ON")

@@ -468,6 +468,7 @@ def compose_urscript(program: Composition) -> Source:
         InputError: URScript cannot say it.
     """
     program.expect_name("a URScript program", MAX_NAME_LENGTH, reserved=RESERVED)
+    program.expect_input(r"\d+", "its number, such as 3")
     robot = program.robot
     if len(robot.joint_names) != JOINTS or any(robot.prismatic):
         raise InputError(f"{robot.name} is not a robot of six turning axes, which URScript's positions describe")
@@ -505,8 +506,8 @@ def _motions(program: Composition) -> Iterator[str]:
         line, part = frame(move.part) if move.kind != "axes" else ("", "")
         yield from (line,) if line else ()
         yield _motion(program, i, move, part, _blend(ways[max(i - 1, 0) : i + 1]))
-        if waits_s := program.waits_s(i):
-            yield f"sleep({waits_s:g})"
+        until = "while {}get_standard_digital_in({{0}}):\n    sync()\n  end"
+        yield from program.waits(i, "sleep({0:g})", until.format(""), until.format("not "))
 
 
 def _motion(program: Composition, number: int, move: Motion, part: str, radius: float) -> str:

@@ -1,7 +1,7 @@
 """What is read while measuring: a controller's joints, and an instrument's points, each a class that enters a registry."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from inspect import isabstract
@@ -112,6 +112,12 @@ class Controller(Device):
 
     def show(self, joints: Float[np.ndarray, " joints"]) -> None:
         """The pose to be measured next, in radians, for what shows it to a person who moves the robot; does nothing by default."""
+
+    def asks(self, ask: Callable[[str], str]) -> None:
+        """How to ask the person who moves the robot for a line; does nothing where the joints are read."""
+
+    def visits(self, joints: Float[np.ndarray, "n joints"]) -> None:
+        """The poses of a program that moves the robot, in radians, for what simulates one; does nothing by default."""
 
     def move(self, joints: Float[np.ndarray, " joints"], speed_fraction: float) -> None:
         """Begin a motion to joints, all joints at once; it ends when they are read there.

@@ -12,24 +12,13 @@ from taskcal.live.devices import Controller, DeviceError, JointReading
 from taskcal.robot.robot import Robot
 
 
-def _ask(text: str) -> str:
-    """Ask on the terminal."""
-    import sys
-
-    print(text, end="", file=sys.stderr, flush=True)
-    line = sys.stdin.readline()
-    if not line:
-        raise DeviceError("the input has ended, and no more joints can be typed; resume in a terminal (--resume)")
-    return line
-
-
 class Hand(Controller):
     """Joints as a person enters them, in degrees, millimetres where a joint slides."""
 
     name: ClassVar[str] = "hand"
     streams: ClassVar[bool] = False
 
-    def __init__(self, robot: Robot, ask: Callable[[str], str] = _ask):
+    def __init__(self, robot: Robot, ask: Callable[[str], str] | None = None):
         self._robot, self._ask = robot, ask
         slides = robot.prismatic
         self._shown = ""
@@ -38,7 +27,7 @@ class Hand(Controller):
 
     @classmethod
     def open(cls, address: str | None, robot: Robot, timeout_s: float) -> "Hand":
-        """Ask on the terminal.
+        """Ask whoever is asked (`asks`).
 
         Raises:
             DeviceError: an address, which it does not have.
@@ -46,6 +35,10 @@ class Hand(Controller):
         if address is not None:
             raise DeviceError(f"the controller 'hand' has no address, and '{shown(address)}' is given; leave it out")
         return cls(robot)
+
+    def asks(self, ask: Callable[[str], str]) -> None:
+        """Ask by this."""
+        self._ask = ask
 
     def show(self, joints: Float[np.ndarray, " joints"]) -> None:
         """Remember the pose, to show it with the question."""
@@ -57,8 +50,10 @@ class Hand(Controller):
         """Ask until joints are entered; a person takes what time it takes.
 
         Raises:
-            DeviceError: the input has ended.
+            DeviceError: the input has ended, or nobody is asked.
         """
+        if self._ask is None:
+            raise DeviceError("the controller 'hand' asks for joints, and nobody is there to answer")
         wrong = ""
         while True:
             text = self._ask(f"{wrong}Move to {self._shown}\nand enter the joints as they are: ")

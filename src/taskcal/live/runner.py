@@ -15,14 +15,17 @@ from taskcal.live.journal import Journal, Row
 from taskcal.live.steering import Aim, State, Steering, Step
 from taskcal.live.stillness import MissedError, StoppedError, Taken, Taker
 
-Answer = Literal["again", "skip", "moved", "keep", "stop"]
-"""Measure again; leave the pose out; the tracker was moved, and stands elsewhere from now on; go on as it is; stop."""
+Answer = Literal["again", "skip", "moved", "keep", "yes", "no", "stop"]
+"""Measure again; leave the pose out; the tracker was moved, and stands elsewhere from now on; go on as it is; the robot is at the
+pose that is named, or at another one; stop."""
 
 MEANINGS: dict[Answer, str] = {
     "again": "measure again (after the reflector is back in its nest, the beam is there, …)",
     "skip": "leave this pose out",
     "moved": "the tracker was moved: a new station from here on",
     "keep": "go on as it is",
+    "yes": "the robot is at this pose",
+    "no": "it is at another pose",
     "stop": "stop; the rows stay, and --resume goes on",
 }
 
@@ -31,7 +34,7 @@ MEANINGS: dict[Answer, str] = {
 class Event:
     """What happened; of some kinds one field has it."""
 
-    kind: Literal["pose", "row", "state", "note"]
+    kind: Literal["pose", "left", "row", "state", "note"]
     text: str = ""
     """In words, of a note."""
     step: Step | None = None
@@ -39,8 +42,21 @@ class Event:
     state: State | None = None
     next_error: float | None = None
     """Expected over the task after the pose that is shown, metres."""
+    left: "Left | None" = None
     pose_s: float | None = None
     """Time that a pose takes, median of the last ones, seconds."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Left:
+    """What a robot program still has to visit."""
+
+    ids: tuple[str, ...]
+    """Of its poses that were not measured, those first that bring most."""
+    next_error: float | None
+    """Expected over the task after the one that brings most, metres; None before the first fit, and where no such pose is left."""
+    all: float | None
+    """Expected after all of them, metres."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -56,7 +72,7 @@ class Outcome:
     """How it ended."""
 
     state: State
-    reason: Literal["proven", "most", "stopped"]
+    reason: Literal["proven", "most", "visited", "stopped"]
 
 
 FIRST_SPEED_SHARE = 0.1
@@ -144,13 +160,8 @@ class Runner:
 
     def _pose(self, state: State) -> Outcome | None:
         """One pose, from its choice to its row; or how it ended."""
-        self.tell(Event(kind="state", state=state, pose_s=self._pace()))
-        if state.proven:
-            return Outcome(state=state, reason="proven")
-        if state.rows >= self.steering.aim.most:
-            return Outcome(state=state, reason="most")
-        if self.taker.stopped():
-            return Outcome(state=state, reason="stopped")
+        if (outcome := self._ended(state)) is not None:
+            return outcome
         step, error = self.steering.next(state, doubt=self._doubt, clear=self._clear())
         self.tell(Event(kind="pose", step=step, state=state, next_error=error))
         row = self._row(step)
@@ -158,6 +169,17 @@ class Runner:
             self.steering.skip(step)
         else:
             self._journal.append(row)
+        return None
+
+    def _ended(self, state: State) -> Outcome | None:
+        """Tell what is known; how it ended, if it did."""
+        self.tell(Event(kind="state", state=state, pose_s=self._pace()))
+        if state.proven:
+            return Outcome(state=state, reason="proven")
+        if state.rows >= self.steering.aim.most:
+            return Outcome(state=state, reason="most")
+        if self.taker.stopped():
+            return Outcome(state=state, reason="stopped")
         return None
 
     def _clear(self) -> Callable[[Float[np.ndarray, " joints"]], bool] | None:
@@ -211,7 +233,10 @@ class Runner:
             self.drive.go(here, step.q)
         elif go:
             controller.show(step.q)
-        taken = self.taker.take(step.q)
+        return self._row_of(step, self.taker.take(step.q))
+
+    def _row_of(self, step: Step, taken: Taken) -> Row:
+        """A row that was taken, which is told."""
         self.tell(Event(kind="row", step=step, taken=taken))
         self._here = taken.joints
         self._first_s = taken.time_s if self._first_s is None else self._first_s

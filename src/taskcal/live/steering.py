@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from taskcal.campaigns.campaign import Campaign, Stations
 from taskcal.correction.correction import ErrorBudget
@@ -172,6 +172,23 @@ def level_of(look: int) -> float:
     return FALSE_STOP / (look * (look + 1))
 
 
+def as_campaign(rows: Sequence[Row], calibration: Calibration) -> Campaign:
+    """Rows as measurements of a calibration's target, each in the frame of its station, which the calibration has to know."""
+    known = calibration.layout.stations
+    names = ("1",) if known is None else known.names
+    return Campaign(
+        ids=tuple(row.id for row in rows),
+        q=np.stack([row.joints for row in rows]),
+        targets=calibration.targets,
+        points=np.stack([row.point for row in rows])[:, None],
+        stations=Stations(
+            names=names,
+            of=np.array([names.index(str(row.station)) for row in rows], dtype=np.int64),
+            T_first_station=np.tile(np.eye(4), (len(names), 1, 1)),
+        ),
+    )
+
+
 class Steering:
     """Chooses poses and judges, by the journal's rows and notes."""
 
@@ -271,7 +288,7 @@ class Steering:
         """Whether it is time for a fit: at first, after many rows, where a station is new, or fitted rows count no more."""
         if self._fit is None or len(fitting) >= math.ceil(REFIT_GROWTH * len(self._fit.rows)):
             return True
-        new = not all(self._located(self.journal.rows[k]) for k in fitting)
+        new = not all(self.located(self.journal.rows[k]) for k in fitting)
         return new or not np.array_equal(self._fit.rows, fitting[: len(self._fit.rows)])
 
     def _refit(self, fitting: Int[np.ndarray, " k"]) -> None:
@@ -312,23 +329,10 @@ class Steering:
     # The rows kept out.
 
     def _campaign(self, rows: Sequence[Row]) -> Campaign:
-        """Rows as measurements of the calibration's target, each in the frame of its station."""
         assert self._fit is not None
-        known = self._fit.calibration.layout.stations
-        names = ("1",) if known is None else known.names
-        return Campaign(
-            ids=tuple(row.id for row in rows),
-            q=np.stack([row.joints for row in rows]),
-            targets=self._fit.calibration.targets,
-            points=np.stack([row.point for row in rows])[:, None],
-            stations=Stations(
-                names=names,
-                of=np.array([names.index(str(row.station)) for row in rows], dtype=np.int64),
-                T_first_station=np.tile(np.eye(4), (len(names), 1, 1)),
-            ),
-        )
+        return as_campaign(rows, self._fit.calibration)
 
-    def _located(self, row: Row) -> bool:
+    def located(self, row: Row) -> bool:
         """Whether the frame of a row's station is known."""
         if self._fit is None:
             return False
@@ -337,7 +341,7 @@ class Steering:
 
     def kept_out_errors(self) -> Float[np.ndarray, " k"]:
         """Errors in space of the rows kept out, by the calibration without them, metres."""
-        rows = [row for row in (self.journal.rows[k] for k in self._numbers("kept-out")) if self._located(row)]
+        rows = [row for row in (self.journal.rows[k] for k in self._numbers("kept-out")) if self.located(row)]
         if not rows or self._fit is None:
             return np.zeros(0)
         return np.linalg.norm(residuals_on(self._fit.calibration, self._campaign(rows))[:, 0], axis=1)
@@ -467,23 +471,51 @@ class Steering:
             free = np.delete(free, best)
         raise ReachError("the robot gets to no candidate on a straight way that is clear; move it, and resume")
 
+    @single_threaded
+    def errors_after(
+        self, q: Float[np.ndarray, "n joints"]
+    ) -> tuple[Float[np.ndarray, " n"], float] | tuple[None, None]:
+        """The error over the task that is expected after each of some poses alone, and after all of them, metres.
+
+        Args:
+            q: the poses, radians.
+
+        Returns:
+            both; None of both before the first fit.
+        """
+        if self._fit is None:
+            return None, None
+        judged, gained = self._fit.choice.judged, self._gained(self._fitting())[0]
+        if not len(q):
+            return np.zeros(0), self._budget_with(gained).after
+        X = judged.rows(q, np.ones((len(q), 1), dtype=bool)).reshape(len(q), -1, judged.basis.shape[1])
+        information = np.swapaxes(X, 1, 2) @ X
+        single = np.array([self._budget_with(gained + one).after for one in information])
+        return single, self._budget_with(gained + information.sum(axis=0)).after
+
     # Rows that are not what was expected.
 
     def surprise(self, row: Row) -> float | None:
         """How far a row is from where it is expected, metres, if prediction and noise allow far less; else None."""
-        if not self._located(row) or self._fit is None:
+        if not self.located(row) or self._fit is None:
             return None
-        campaign = self._campaign([row])
-        residual = residuals_on(self._fit.calibration, campaign)[0, 0]
-        covariance = covariance_on(self._fit.calibration, campaign, campaign.covariances())[0, 0]
-        far = residual @ np.linalg.solve(covariance, residual) > SURPRISE_SIGMAS**2
-        return float(np.linalg.norm(residual)) if far else None
+        off, expected = self.distances([row])
+        return None if expected[0] else float(off[0])
+
+    def distances(self, rows: Sequence[Row]) -> tuple[Float[np.ndarray, " k"], Bool[np.ndarray, " k"]]:
+        """How far rows of a station that is located are from where they are expected, metres, and whether that may be."""
+        assert self._fit is not None
+        campaign = self._campaign(rows)
+        residual = residuals_on(self._fit.calibration, campaign)[:, 0]
+        covariance = covariance_on(self._fit.calibration, campaign, campaign.covariances())[:, 0]
+        squares = np.einsum("ni,ni->n", residual, np.linalg.solve(covariance, residual[..., None])[..., 0])
+        return np.linalg.norm(residual, axis=1), squares <= SURPRISE_SIGMAS**2
 
     def drift(self, row: Row) -> float | None:
-        """How far the reference pose has moved, metres, where that is beyond noise; None where it is not, or not known."""
-        same = [one for one in self.journal.rows if one.station == row.station and one.purpose == "reference"]
-        same = [one for one in self.journal.rows[:1] if one.station == row.station] + same
-        if not same or not self._located(row) or self._fit is None:
+        """How far a pose that was measured before has moved, metres, where that is beyond noise; else None."""
+        here = [one for one in self.journal.rows if one.station == row.station]
+        same = [one for one in here if (np.abs(one.joints - row.joints) <= SAME_POSE).all()]
+        if not same or not self.located(row) or self._fit is None:
             return None
         residual = residuals_on(self._fit.calibration, self._campaign([same[0], row]))[:, 0]
         off = float(np.linalg.norm(residual[1] - residual[0]))
@@ -503,7 +535,7 @@ class Steering:
             )
         if self._fit is None or len(self._fit.rows) < len(fitting):
             self._fit = self._fitted(fitting)
-        kept_out = np.array([k for k in kept_out if self._located(self.journal.rows[k])], dtype=np.int64)
+        kept_out = np.array([k for k in kept_out if self.located(self.journal.rows[k])], dtype=np.int64)
         if not len(kept_out):
             return self._fit.calibration
         campaign = read_campaign(self.journal.path, self.aim.model.robot).take(np.union1d(fitting, kept_out))

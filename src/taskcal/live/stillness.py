@@ -43,6 +43,9 @@ class Rules:
     """For a shot that is valid, before the person is asked."""
     read_s: float = 5.0
     """Limit of each read of a stream."""
+    left: float = 2e-3
+    """From where it stood, beyond which the robot has left, radians or metres: twenty times what a robot that stands may move in
+    `settle_s`, and a hundredth of what lies between two poses. A convention."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -94,11 +97,14 @@ class Taker:
     stopped: Callable[[], bool] = lambda: False
     """Asked between readings, until the robot stands: a row that has begun is finished."""
 
-    def take(self, pose: Float[np.ndarray, " joints"] | None) -> Taken:
+    def take(
+        self, pose: Float[np.ndarray, " joints"] | None, *, after: Float[np.ndarray, " joints"] | None = None
+    ) -> Taken:
         """Wait until the robot stands at a pose, then measure.
 
         Args:
             pose: radians; None for wherever it is.
+            after: where it stood before, and has to leave first, radians.
 
         Raises:
             MissedError: it does not arrive, the beam stays lost, or the shots scatter.
@@ -106,7 +112,7 @@ class Taker:
             DeviceError: a connection is lost.
         """
         for _ in range(self.rules.tries):
-            readings = self._standstill(pose)
+            readings = self._standstill(pose, after)
             shots = self._shots(readings)
             if shots is None:
                 continue
@@ -121,12 +127,59 @@ class Taker:
                     scatter=scatter,
                     shots=len(points),
                 )
+        times = f"{self.rules.tries} times " if self.rules.tries > 1 else ""
         raise MissedError(
-            f"{self.rules.tries} times the robot moved, or {self.rules.shots} shots scattered by more than "
+            f"{times}the robot moved, or {self.rules.shots} shots scattered by more than "
             f"{self.rules.max_scatter_m * 1e3:g} mm; see that robot, target and tracker stand firmly"
         )
 
-    def _standstill(self, pose: Float[np.ndarray, " joints"] | None) -> list[JointReading]:
+    def take_point(self, after: Float[np.ndarray, " 3"] | None) -> Taken:
+        """Wait until the target stands, where no joints are read; the row has none.
+
+        Args:
+            after: where it stood before, and has to leave first, where the instrument streams; metres.
+
+        Raises:
+            MissedError: the shots scatter, or there are too few of them.
+            StoppedError: the person asked to stop.
+            DeviceError: the connection is lost.
+        """
+        rules, shots = self.rules, list[Shot]()
+        while True:
+            shot = self.instrument.read(0.2 * rules.settle_s)
+            if self.stopped() and not shots:
+                raise StoppedError
+            if shot is None:
+                continue
+            if not shot.valid:
+                shots = []
+                continue
+            if self.instrument.streams:
+                if after is not None and np.linalg.norm(shot.point - after) <= rules.left:
+                    continue
+                after = None
+                shots = [*(old for old in shots if old.time_s >= shot.time_s - 1.5 * rules.settle_s), shot]
+                if not stands([JointReading(time_s=one.time_s, joints=one.point) for one in shots], rules):
+                    continue
+            elif shots and np.linalg.norm(shot.point - shots[-1].point) > rules.left:
+                few, shots = len(shots), [shot]
+                if rules.shots > 1:
+                    raise MissedError(
+                        f"{few} of {rules.shots} shots before the target moved on; measure it again there"
+                    )
+            else:
+                shots.append(shot)
+            if self.instrument.streams or len(shots) == rules.shots:
+                points = np.stack([one.point for one in shots])
+                if (scatter := scatter_of(points)) > rules.max_scatter_m:
+                    raise MissedError(f"{len(shots)} shots scattered by {scatter * 1e3:.3f} mm; measure them again")
+                return Taken(
+                    time_s=shot.time_s, joints=np.zeros(0), point=points.mean(axis=0), scatter=scatter, shots=len(shots)
+                )
+
+    def _standstill(
+        self, pose: Float[np.ndarray, " joints"] | None, after: Float[np.ndarray, " joints"] | None
+    ) -> list[JointReading]:
         """Readings of the standstill, which goes on."""
         if not self.controller.streams:
             while not self.instrument.streams and self.instrument.read(0.0) is not None:
@@ -139,13 +192,20 @@ class Taker:
             begun = one.time_s if begun is None else begun
             oldest = one.time_s - 1.5 * self.rules.settle_s
             readings = [*(old for old in readings if old.time_s >= oldest), one]
+            if after is not None:
+                if (np.abs(one.joints - after) <= self.rules.left).all():
+                    readings = []
+                else:
+                    after = None
             if stands(readings, self.rules) and (pose is None or self._arrived(one, pose)):
                 begin = one.time_s - self.rules.settle_s
                 return [old for old in readings if old.time_s >= begin - 1e-9]
             if self.stopped():
                 raise StoppedError
             if one.time_s - begun > self.rules.wait_s:
-                off = 0.0 if pose is None else float(np.degrees(np.abs(one.joints - pose).max()))
+                if pose is None:
+                    raise MissedError(f"the robot has not stood anywhere else for {self.rules.wait_s:g} s")
+                off = float(np.degrees(np.abs(one.joints - pose).max()))
                 raise MissedError(
                     f"the robot does not stand at the pose after {self.rules.wait_s:g} s ({off:.1f}° off)"
                 )

@@ -37,6 +37,9 @@ JOG_ERROR = 2e-3
 HIDDEN_RAD, HIDDEN_WAVES = 1.5e-5, 3
 """Amplitude and number of the waves over all joints together, in each joint: nothing that any model has."""
 
+DWELL_S = 6.0
+"""For which a simulated program waits in each pose."""
+
 MIN_LOST_S = 1.0
 """For which a beam that was lost is away."""
 
@@ -63,6 +66,8 @@ class VirtualCell:
     begun: float = 0.0
     arrives: float = 0.0
     lost_until: float = 0.0
+    visits: list[Float[np.ndarray, " joints"]] = field(default_factory=list)
+    """Poses that a program has not come to yet."""
 
     @classmethod
     def drawn(cls, robot: Robot, seed: int) -> "VirtualCell":
@@ -146,6 +151,8 @@ class VirtualController(Controller):
         """The joints, a moment later."""
         cell = self.cell
         cell.now += JOINT_PERIOD_S
+        if cell.visits and cell.now > cell.arrives + DWELL_S:
+            cell.go(cell.visits.pop(0), 1.0)
         q = cell.joints(cell.now)
         return JointReading(
             time_s=cell.now, joints=q + JOINT_NOISE * cell.rng.normal(size=len(q)), moving=cell.now < cell.arrives
@@ -156,6 +163,10 @@ class VirtualController(Controller):
         near = joints + JOG_ERROR * self.cell.rng.normal(size=len(joints))
         inside = self.cell.robot.inside_limits(near[None])[0]
         self.cell.go(near if inside else joints, 1.0)
+
+    def visits(self, joints: Float[np.ndarray, "n joints"]) -> None:
+        """Start a program."""
+        self.cell.visits = list(joints)
 
     def move(self, joints: Float[np.ndarray, " joints"], speed_fraction: float) -> None:
         """Begin a motion."""

@@ -520,6 +520,34 @@ class PoseChoice:
         return self.options.instrument.own_poses(self.model, self.task, self.measurable, tried, seed, needed)
 
 
+def draw_task_poses(
+    model: ErrorModel, task: Task, count: int, *, seed: int = 0, station: Station | None = None
+) -> Float[np.ndarray, "count joints"]:
+    """Poses of a task that chance chooses among those that can be measured, to judge a calibration by.
+
+    Args:
+        model: of the robot.
+        task: the task.
+        count: how many.
+        seed: of the choice.
+        station: tracker and keep-out boxes; None for a tracker that sees the reflector everywhere.
+
+    Returns:
+        joints, radians.
+
+    Raises:
+        ReachError: fewer can be measured.
+    """
+    own = Tracker(station=station).keep(
+        model, reach_task(model, task, max(POOL_FACTOR * count, MIN_POOL_POSES), seed + POOL_SEED)
+    )
+    if len(own.q) < count:
+        raise ReachError(
+            f"{len(own.q)} poses of the task can be measured, and {count} are to be kept out; ask for fewer"
+        )
+    return own.q[np.random.default_rng(seed).permutation(len(own.q))[:count]]
+
+
 RANDOM_PLANS = 20
 """Random plans whose expected errors are compared with that of a plan: they scatter by 6 % (30 poses of a machining robot),
 and their mean by less than 2 %."""

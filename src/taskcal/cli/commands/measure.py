@@ -20,7 +20,8 @@ from taskcal.cli.output import check_outputs, files_of_task, info, plain, say, s
 
 if TYPE_CHECKING:
     from taskcal.live.devices import Controller, Device
-    from taskcal.live.runner import Answer, Event, Outcome, Question
+    from taskcal.live.program import Program
+    from taskcal.live.runner import Answer, Event, Left, Outcome, Question, Runner
     from taskcal.live.steering import Aim, State, Steering
 
 
@@ -42,6 +43,12 @@ class DeviceOptions:
         "Columns of the instrument's lines, such as 'x_mm y_mm z_mm', where no header states them; - skips one.",
     )
     timeout_s: float = option(5.0, "S", "Limit of each answer of a device.", min=0.1, max=600.0)
+    program: Path | None = option(
+        None,
+        "PLAN.csv",
+        "Poses that a program on the controller visits, as taskcal plan wrote them with it: rows are taken where the robot stands.",
+        callback=look_at,
+    )
     drive: bool = option(
         False, help="Move the robot, the first time at a tenth of the speed; without it the controller is only read."
     )
@@ -61,6 +68,10 @@ class DeviceOptions:
         controller, instrument = controller_of(self.controller), instrument_of(self.instrument)
         if self.drive and not controller.can_move:
             raise typer.BadParameter(f"'{self.controller}' does not move a robot; leave it out", param_hint="--drive")
+        if self.drive and self.program is not None:
+            raise typer.BadParameter(
+                "the robot is moved by the program or by Taskcal; leave one out", param_hint="--drive"
+            )
         with ExitStack() as stack:
             first = stack.enter_context(controller.open(self.controller_address, robot, self.timeout_s))
             yield (
@@ -105,16 +116,19 @@ def command(
 
     Every row is on the disk before the next pose is shown. Ctrl-C finishes the row in hand, and --resume goes on.
 
-    A person or a program moves the robot, unless --drive is given. With --json, each event is a line.
+    A person moves the robot, or with --program a program on the controller, or with --drive Taskcal. With --json, each event and
+    each question is a line; answers are read from standard input.
     """
     beside = {".calibration.json": "calibration", ".report.html": "report"}
     files = {name: output.with_suffix(suffix) for suffix, name in beside.items()}
-    check_outputs("measure", [("--output", output)], [robot, station, *files_of_task(task)], updated=["--output"])
+    inputs = [robot, station, devices.program, *files_of_task(task)]
+    check_outputs("measure", [("--output", output)], inputs, updated=["--output"])
     from taskcal.live.journal import Journal
-    from taskcal.live.runner import Drive, Runner
+    from taskcal.live.program import Program
     from taskcal.live.steering import Steering
 
     aim = _aim(robot, task, station, accuracy_mm, rows, seed)
+    program = Program.read(devices.program, aim.model.robot) if devices.program is not None else None
     target = "tool" if aim.station is None else aim.station.reflectors[0].name
     journal = Journal(output, aim.model.robot, target)
     with devices.opened(aim.model.robot) as (controller, instrument):
@@ -125,15 +139,27 @@ def command(
             journal.begin({**aim.settings, "begun": time.time()})
         with _finishing_the_row(controller) as stopped:
             steering = Steering(aim, journal)
-            terminal = _Terminal(controller=controller, aim=aim, as_json=as_json)
+            terminal = _Terminal(aim=aim, as_json=as_json)
+            controller.asks(terminal.joints)
             taker = rows_taker(rows, controller, instrument, stopped)
-            drive = (
-                Drive(controller=controller, aim=aim, speed=devices.speed_percent / 100.0) if devices.drive else None
-            )
-            runner = Runner(steering=steering, taker=taker, tell=terminal.tell, ask=terminal.ask, drive=drive)
-            outcome = runner.run()
+            outcome = _runner(
+                devices, program, steering=steering, taker=taker, tell=terminal.tell, ask=terminal.ask
+            ).run()
     result = _finish(steering, outcome, files)
     _give(result, outcome, aim, output, as_json=as_json)
+
+
+def _runner(devices: DeviceOptions, program: "Program | None", **session: Any) -> "Runner":
+    """A session, by who moves the robot."""
+    from taskcal.live.program import ProgramRunner
+    from taskcal.live.runner import Drive, Runner
+
+    if program is not None:
+        return ProgramRunner(program=program, **session)
+    drive = Drive(
+        controller=session["taker"].controller, aim=session["steering"].aim, speed=devices.speed_percent / 100.0
+    )
+    return Runner(drive=drive if devices.drive else None, **session)
 
 
 def rows_taker(rows: RowOptions, controller: "Controller", instrument: Any, stopped: Callable[[], bool]) -> Any:
@@ -202,9 +228,8 @@ def _finishing_the_row(controller: "Device") -> Generator[Callable[[], bool]]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Terminal:
-    """Shows events, and asks."""
+    """Shows events, and asks: people in words, programs by lines of JSON."""
 
-    controller: "Controller"
     aim: "Aim"
     as_json: bool
 
@@ -219,6 +244,8 @@ class _Terminal:
             step = event.step
             after = "" if event.next_error is None else f", after it {event.next_error * 1e3:.4f} mm are expected"
             info(f"pose {step.number}, {step.purpose}{after}: {_in_degrees(self.aim.model.robot, step.q)}")
+        elif event.left is not None:
+            info(_left_in_words(event.left))
         elif event.kind == "row" and event.taken is not None:
             taken = event.taken
             info(f"  measured, {taken.shots} shots, scatter {taken.scatter * 1e3:.3f} mm")
@@ -227,21 +254,58 @@ class _Terminal:
                 say(line)
 
     def ask(self, question: "Question") -> "Answer":
-        """Ask on the terminal; without one it is to stop."""
+        """The answer to a question; where nobody is there to give one, it is to stop."""
         from taskcal.live.runner import MEANINGS
 
-        info(question.text)
-        if not sys.stdin.isatty():
-            info("nobody is there to answer: stopped; --resume goes on")
-            return "stop"
-        for answer in question.answers:
-            info(f"  {answer[0]}  {answer}: {MEANINGS[answer]}")
-        while True:
-            print("> ", end="", file=sys.stderr, flush=True)
-            text = sys.stdin.readline().strip().casefold()
-            for answer in question.answers:
-                if text and answer.startswith(text):
-                    return answer
+        answers = question.answers
+        listed = "".join(f"  {answer}: {MEANINGS[answer]}\n" for answer in answers)
+        asked = f"{question.text}\n{listed}> "
+        while (line := self._line(asked, {"question": question.text, "answers": list(answers)})) is not None:
+            text = line.strip().casefold()
+            meant: list[Answer] = [answer for answer in answers if text and answer.startswith(text)]
+            if len(meant) == 1:
+                return meant[0]
+            asked = "> "
+        info("nobody is there to answer: stopped; --resume goes on")
+        return "stop"
+
+    def joints(self, text: str) -> str:
+        """The line that a person types for joints.
+
+        Raises:
+            DeviceError: the input has ended.
+        """
+        from taskcal.live.devices import DeviceError
+
+        line = self._line(text, {"question": text, "answers": None})
+        if line is None:
+            raise DeviceError("the input has ended, and no more joints can be typed; resume (--resume)")
+        return line
+
+    def _line(self, text: str, event: Mapping[str, Any]) -> str | None:
+        """Ask, and read a line; None where the input has ended."""
+        if self.as_json:
+            print(json.dumps(event), flush=True)
+        else:
+            print(text, end="", file=sys.stderr, flush=True)
+        line = sys.stdin.readline()
+        if self.as_json and line:
+            print(json.dumps({"answered": line.strip()}), flush=True)
+        return line or None
+
+
+MAX_NAMED = 5
+"""Poses of a program that are left and are named. A convention."""
+
+
+def _left_in_words(left: "Left") -> str:
+    """What a program still has to visit."""
+    named = ", ".join(left.ids[:MAX_NAMED]) + (" …" if len(left.ids) > MAX_NAMED else "")
+    text = f"left of the program: {len(left.ids)} poses, {named}"
+    if left.next_error is not None and left.all is not None:
+        text = f"left of the program: {len(left.ids)} poses, those first that bring most: {named}; "
+        text += f"{left.next_error * 1e3:.4f} mm expected after the best, {left.all * 1e3:.4f} mm after all"
+    return text
 
 
 def _in_degrees(robot: "taskcal.Robot", q: Any) -> str:
@@ -295,6 +359,10 @@ def _line(aim: "Aim", event: "Event") -> dict[str, Any] | None:
             "purpose": step.purpose,
             "error_after_mm": after,
         }
+    if event.left is not None:
+        errors = {"error_after_mm": event.left.next_error, "error_after_all_mm": event.left.all}
+        millimetres = {name: None if error is None else error * 1e3 for name, error in errors.items()}
+        return {"left": list(event.left.ids), **millimetres}
     if event.kind == "row" and step is not None and taken is not None:
         return {"measured": step.number, "shots": taken.shots, "scatter_mm": taken.scatter * 1e3}
     if state is None or not state.rows:
@@ -348,6 +416,7 @@ def _finish(steering: "Steering", outcome: "Outcome", files: Mapping[str, Path])
 _ENDS = {
     "proven": "proven: all of the 95 % interval keeps the tolerance, and the poses kept out confirm it",
     "most": "not proven: as many rows as --most allows; --resume with more goes on",
+    "visited": "not proven: every pose of the program is measured; plan more, and go on with --resume and their --program",
     "stopped": "stopped; --resume goes on",
 }
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from robot_programs.core.program import Motion
     from robot_programs.core.source import Source
+    from taskcal.live.program import Program
     from taskcal.observations import Instrument
     from taskcal.report.page import Page
 
@@ -63,6 +64,12 @@ class MeasuringOptions:
         "Write a robot program that stops in every pose: RAPID .mod, KRL .src, TP .ls, URScript .script or .csv; repeatable.",
     )
     wait_s: float = option(3.0, "S", "Waiting time in each pose.", min=0.0, max=600.0)
+    wait_input: str = option(
+        "",
+        "INPUT",
+        "Wait in each pose for a digital input in place of a time, until it has gone off and on: its name in RAPID, its number in "
+        "KRL, TP and URScript.",
+    )
     speed_mm_s: float = option(250.0, "MM/S", "TCP speed, in RAPID.", min=0.1, max=10_000.0)
     speed_percent: float = option(10.0, "P", "Joint speed override, in KRL, TP and URScript.", min=0.1, max=100.0)
 
@@ -71,7 +78,9 @@ class MeasuringOptions:
         """Files to write."""
         return tuple(self.program or ())
 
-    def compose(self, model: "taskcal.ErrorModel", plan: "taskcal.Plan") -> "tuple[Source, ...]":
+    def compose(
+        self, model: "taskcal.ErrorModel", plan: "taskcal.Plan", visits: "Program | None" = None
+    ) -> "tuple[Source, ...]":
         """Programs that visit the poses of a plan: a file for each setup of fixtures, where there are several.
 
         Each motion has a comment that names the pose of the plan. A socket is entered slowly along its axis; the program waits
@@ -82,6 +91,9 @@ class MeasuringOptions:
         """
         import numpy as np
 
+        if visits is not None:
+            stops = [Stop(q, f"pose {name}", waits=True) for name, q in zip(visits.ids, visits.q, strict=True)]
+            return tuple(self._halting(path, model, stops) for path in self.paths)
         stage = np.zeros(len(plan.q), dtype=int) if plan.of is None else plan.instrument.stages[plan.of]
         return tuple(
             self._visiting(path, model, plan, np.flatnonzero(stage == number))
@@ -100,8 +112,6 @@ class MeasuringOptions:
         """The program of some of the poses."""
         import numpy as np
 
-        from robot_programs.reading import motions_to_joints
-
         visits = plan.q[:, None]
         if plan.of is not None:
             inward = plan.instrument.visits(model.nominal, plan.q, plan.of)
@@ -119,6 +129,14 @@ class MeasuringOptions:
                 name = plan.names[row] if plan.names else ""
                 note = " ".join(part for part in (f"pose {row}", name, remark) if part)
                 stops.append(Stop(q, note, halts=k in (0, seat, 2 * seat), waits=k == seat, speed=slow if k else None))
+        return self._halting(path, model, stops)
+
+    def _halting(self, path: Path, model: "taskcal.ErrorModel", stops: "list[Stop]") -> "Source":
+        """The program of some stops."""
+        import numpy as np
+
+        from robot_programs.reading import motions_to_joints
+
         motions = motions_to_joints(
             model.robot,
             np.stack([stop.q for stop in stops]),
@@ -138,6 +156,7 @@ class MeasuringOptions:
             motions,
             notes=notes,
             wait_s=self.wait_s,
+            wait_input=self.wait_input,
             speed=self.speed_mm_s * 1e-3,
             joint_speed_percent=self.speed_percent,
         )
@@ -178,6 +197,13 @@ class PlanOptions:
     )
     candidates: int = option(10_000, "N", "Candidate poses.", min=1)
     stations: int = option(1, "N", "Places that the tracker is moved to, as many poses at each.", min=1)
+    kept_out: int = option(
+        0,
+        "N",
+        "Poses of the task that chance chooses, beside the others, to judge by; and every tenth is the first one again. For "
+        "taskcal measure --program, which needs 6 or more to prove a tolerance.",
+        min=0,
+    )
     model_error_mm: ModelErrorOption = None
     target_within_mm: TargetWithinOption = TARGET_WITHIN_MM
 
@@ -237,8 +263,9 @@ def command(
     steps = 5 + page.asked  # candidates, choice, exchange, two rounds of refinement, page
     with bar_over(["candidates"], steps) as begin:
         chosen = _plan(setting, choice, measured.campaign or of.calibration, begin)
-        contents: dict[Path, str | bytes] = {output: _text(chosen, setting)}
-        for source in programs.compose(setting.model, chosen):
+        visits = _visits(chosen, setting, choice)
+        contents: dict[Path, str | bytes] = {output: _text(chosen, setting, visits)}
+        for source in programs.compose(setting.model, chosen, visits):
             contents[source.path] = source.encode()
 
         def make() -> "Page":
@@ -256,23 +283,38 @@ def command(
     result["measured_before"] = setting.measured
     if of.calibration is not None:
         result["calibration"] = of.calibration
+    if choice.kept_out:
+        result["kept_out"] = choice.kept_out
     if paths:
         result["programs"] = [str(path) for path in paths]
     if chosen.of is not None and chosen.instrument.label:
         result["standing"] = describe_fixtures(chosen.instrument.fixtures)
 
     def show_plan() -> None:
-        _show(result, chosen, setting, page.in_words(made))
+        _show(result, chosen, setting, page.in_words(made), visited=len(chosen.q if visits is None else visits.q))
         if chosen.of is not None:
             tell_how_to_measure(chosen, robot, stated=observing.stated is not None)
 
     page.give(result, show_plan)
 
 
-def _text(chosen: "taskcal.Plan", setting: Setting) -> str:
+def _visits(chosen: "taskcal.Plan", setting: Setting, choice: PlanOptions) -> "Program | None":
+    """The poses to visit where some are kept out, these in among the others."""
+    from taskcal.live.program import Program
+    from taskcal.planning.plan import draw_task_poses
+
+    if not choice.kept_out:
+        return None
+    out = draw_task_poses(setting.model, setting.task, choice.kept_out, seed=choice.seed, station=setting.station)
+    return Program.of(chosen.q, out)
+
+
+def _text(chosen: "taskcal.Plan", setting: Setting, visits: "Program | None") -> str:
     """The table of joints, and without a tracker of what is to be filled in."""
     from taskcal.reading.writer import joints_text
 
+    if visits is not None:
+        return joints_text(visits.q, setting.model.robot, {"id": visits.ids})
     columns = {} if chosen.of is None else chosen.instrument.columns(chosen.of)
     if chosen.stations > 1:
         columns = {"station": [f"{k + 1}" for k in chosen.station]}
@@ -294,6 +336,11 @@ def _check_sources(
         )
     if measured.campaign is None:
         observing.check(measured)
+    if choice.kept_out and (observing.fixed or choice.stations > 1):
+        raise typer.BadParameter(
+            "poses are kept out of a campaign with a tracker at one place; leave out --observe and --stations",
+            param_hint="--kept-out",
+        )
     if choice.stations > 1 and (observing.fixed or measured.campaign or of.calibration):
         raise typer.BadParameter(
             "stations are those of a tracker and of a plan that begins anew; leave out --observe, --campaign and --calibration",
@@ -402,7 +449,7 @@ def _views_in_words(chosen: "taskcal.Plan") -> str:
     return ", ".join(out)
 
 
-def _show(result: Mapping[str, Any], chosen: "taskcal.Plan", setting: Setting, pages: str) -> None:
+def _show(result: Mapping[str, Any], chosen: "taskcal.Plan", setting: Setting, pages: str, *, visited: int) -> None:
     import numpy as np
 
     from taskcal.planning.plan import describe_accuracy, describe_lost
@@ -427,7 +474,7 @@ def _show(result: Mapping[str, Any], chosen: "taskcal.Plan", setting: Setting, p
         facts.insert(4, ("reflectors", f"{number} visible at each pose"))
     if "clearance_mm" in result:
         facts.insert(-2, ("clearance", _in_words(result["clearance_mm"], setting.model)))
-    counts = [result["count"]] if chosen.of is None else np.bincount(chosen.instrument.stages[chosen.of])
+    counts = [visited] if chosen.of is None else np.bincount(chosen.instrument.stages[chosen.of])
     programs = result.get("programs", [])
     facts += [("program", f"wrote {path}, {counts[k % len(counts)]} poses") for k, path in enumerate(programs)]
     if pages:
