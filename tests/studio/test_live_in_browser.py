@@ -5,15 +5,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from taskcal.live.program import Program
+from taskcal.live.virtual import VirtualCell
 from taskcal.reading.reader import read_campaign
+from taskcal.reading.writer import joints_text
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.studio.pages.live_page import Measured, arguments_of, draw_curve, facts_of, readable
+from taskcal.studio.pages.live_page import Measured, arguments_of, draw_curve, facts_of
 from taskcal.studio.project import Project
 from taskcal.studio.texts import Texts
 from taskcal.task.default_task import default_task, task_text
+from taskcal.task.task import load_task, reach_task
 from tests.studio.conftest import open_tab, served, server_of
 from tests.studio.test_robot_in_browser import serious
 
@@ -55,12 +60,29 @@ def test_a_page_reads_lines_as_the_command_writes_them() -> None:
 
 
 def test_only_what_is_stated_is_an_option_and_nothing_drives(project: Project) -> None:
-    project.choose(live={"controller": "virtual", "shots": "5", "columns": ""}, live_campaign="campaigns/a.csv")
+    project.choose(
+        live={"controller": "virtual", "shots": "5", "columns": "", "speed-percent": "7"},
+        live_campaign="campaigns/a.csv",
+    )
     arguments = arguments_of(project.choices, resume=True)
     assert {"--controller=virtual", "--shots=5", "--output=campaigns/a.csv", "--resume"} <= set(arguments)
-    assert not [one for one in arguments if one.startswith(("--columns", "--drive", "--station"))]
-    assert "virtual" in readable()
-    assert "hand" not in readable()
+    assert not [one for one in arguments if one.startswith(("--columns", "--drive", "--speed", "--station"))]
+    confirmed = arguments_of(project.choices, resume=True, drive=True)
+    assert set(confirmed) - set(arguments) == {"--drive", "--speed-percent=7"}
+
+
+def test_a_question_waits_until_it_is_answered() -> None:
+    question = '{"question": "moved?", "answers": ["again", "stop"]}'
+    asked = Measured.of([question]).question
+    assert asked is not None
+    assert asked["answers"] == ["again", "stop"]
+    assert Measured.of([question, '{"answered": "again"}']).question is None
+    left = Measured.of(['{"left": ["3", "5-kept-out"], "error_after_mm": 0.1, "error_after_all_mm": 0.05}'])
+    told = dict(facts_of(left, json.loads(state(13, 0.2)), Texts("en")))
+    assert (told["Expected after the best pose left"], told["Expected after all poses left"]) == (
+        "0.1000 mm",
+        "0.0500 mm",
+    )
 
 
 @pytest.mark.browser
@@ -109,4 +131,55 @@ def test_measuring_live_from_an_empty_table_to_the_proof(chromium: Any, project:
         page.get_by_role("link", name="See the verdict").click()
         page.wait_for_url("**/result")
         tab.ready().get_by_text("box").first.wait_for()
+        assert tab.complaints == []
+
+
+@pytest.mark.browser
+@pytest.mark.long
+def test_questions_and_joints_are_answered_on_the_page(chromium: Any, project: Project) -> None:
+    """By hand: first by a program, whose poses are asked for, then with joints that are typed; a wrong line is asked for again."""
+    folder, q = (
+        project.folder,
+        reach_task(ErrorModel(ROBOT), load_task(project.folder / "tasks/box.toml"), 12, seed=1).q,
+    )
+    plan, points = Program.of(q, q[:0]), VirtualCell.drawn(ROBOT, 1).points(q) * 1e3
+    (folder / "plans").mkdir()
+    (folder / "plans" / "visit.csv").write_text(joints_text(plan.q, ROBOT, {"id": plan.ids}))
+    (folder / "points.txt").write_text("x_mm y_mm z_mm\n")
+    devices = {"controller": "hand", "instrument": "folder", "instrument-address": "points.txt"}
+    project.choose(live={**devices, "program": "plans/visit.csv"})
+
+    def measure(row: int) -> None:
+        with (folder / "points.txt").open("a") as file:
+            file.write(" ".join(f"{value:.4f}" for value in points[row]) + "\n")
+
+    with served(folder) as address, open_tab(chromium, address) as tab:
+        page = tab.open("live")
+        page.get_by_role("button", name="Start a new campaign").click()
+        page.get_by_text("12 poses of the program are left").wait_for()
+        measure(1)
+        page.get_by_text("is the robot at pose 1?").wait_for()
+        assert serious(page) == []
+        tab.picture("live-question")
+        page.get_by_role("button", name="No, at another").click()
+        page.get_by_text("is the robot at pose 2?").wait_for()
+        page.get_by_role("button", name="Yes, at this pose").click()
+        page.get_by_text("Left of the program: 11 poses").wait_for()
+        page.get_by_role("button", name="Stop after this row").click()
+        page.get_by_text("Stopped; every row is in the file.").wait_for()
+        project.choose(live=devices)
+        page = tab.open("live")
+        page.get_by_role("button", name="Go on with").click()
+        field = page.get_by_label("The joints as they are")
+        for typed in ("10 20", " ".join(f"J{k + 1}_deg={value:.4f}" for k, value in enumerate(np.degrees(q[2])))):
+            field.fill(typed)
+            page.get_by_role("button", name="The robot stands there").click()
+            if typed == "10 20":
+                page.get_by_text("2 values; 6 are needed, in this order.").wait_for()
+        measure(2)
+        page.locator("dd", has_text="2; of the last one 1 shots").wait_for()
+        page.get_by_role("button", name="Stop after this row").click()
+        page.get_by_text("Stopped; every row is in the file.").wait_for()
+        campaign = read_campaign(folder / "campaigns" / "live-box.csv", ROBOT)
+        np.testing.assert_allclose(campaign.q, q[1:3], atol=1e-5)
         assert tab.complaints == []

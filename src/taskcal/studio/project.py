@@ -130,7 +130,7 @@ RobotName = Annotated[str, AfterValidator(_robot)]
 
 LiveOption = Literal[
     "controller", "controller-address", "instrument", "instrument-address", "columns", "settle-s", "shots", "most",
-    "accuracy-mm",
+    "accuracy-mm", "program", "speed-percent",
 ]  # fmt: skip
 """Of ``taskcal measure``."""
 

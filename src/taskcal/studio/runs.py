@@ -27,6 +27,9 @@ MAX_MESSAGES = 200
 """Of one command that are kept; a page shows them all."""
 
 
+ASKS = "measure"
+"""Kind of run that asks questions, whose answers it reads line by line."""
+
 EXAMINES = "doctor"
 """Kind of run that is begun without being asked for, and again where it was interrupted."""
 
@@ -95,7 +98,7 @@ class CommandRun:
             *(sys.executable, "-m", "taskcal", *self.arguments),
             cwd=self._folder,
             env=environment,
-            stdin=asyncio.subprocess.DEVNULL,
+            stdin=asyncio.subprocess.PIPE if self.kind == ASKS else asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
             limit=MAX_LINE_BYTES,
@@ -137,6 +140,11 @@ class CommandRun:
             return
         with suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGINT)
+
+    def answer(self, line: str) -> None:
+        """Answer what it asks, in a line."""
+        if self._process is not None and self._process.returncode is None and self._process.stdin is not None:
+            self._process.stdin.write(f"{' '.join(line.split())}\n".encode())
 
     def _signal(self, *, kill: bool) -> None:
         assert self._process is not None

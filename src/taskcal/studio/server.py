@@ -42,7 +42,7 @@ from taskcal.studio.pages import (
 from taskcal.studio.pages.robot_page import warm_up
 from taskcal.studio.project import Change
 from taskcal.studio.results import State, Step, examined, next_step, steps_of
-from taskcal.studio.runs import CommandRun, Status, Studio
+from taskcal.studio.runs import ASKS, CommandRun, Status, Studio
 from taskcal.studio.steps import is_running, link, show_error
 from taskcal.studio.texts import LANGUAGES, LIBRARY_LANGUAGE, Texts, preferred
 
@@ -491,7 +491,7 @@ ROAD = (
     Page("task", task_page.build, again=task_page.begin_task, at_once=True),
     Page("weight", weight_page.build),
     Page("plan", plan_page.build, "plan", plan_page.begin_plan),
-    Page("live", live_page.build, live_page.KIND, live_page.go_on),
+    Page("live", live_page.build, ASKS, live_page.go_on),
     Page("identify", identify_page.build, "identify", identify_page.begin_fit, at_once=True),
     Page("result", result_page.build),
     Page("program", program_page.build, "correct", program_page.begin_correction, at_once=True, early=True),

@@ -12,25 +12,34 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from nicegui import ui
+from nicegui.element import Element
 
 from taskcal.errors import TaskcalError
 from taskcal.live.devices import Device, controllers, instruments
 from taskcal.report.chart import Axis, Figure, Level, Panel, Series
 from taskcal.report.content import Table
 from taskcal.robot.robot import Robot
-from taskcal.studio.controls import button, choice, command_line, facts, line_of_text, message, number, tabulated, text
+from taskcal.studio.controls import (
+    button,
+    choice,
+    command_line,
+    facts,
+    line_of_text,
+    message,
+    number,
+    tabulated,
+    text,
+    tick,
+)
 from taskcal.studio.pages.task_page import posture
 from taskcal.studio.project import LAYOUT, Choices, Project, free_name, plain_name
 from taskcal.studio.results import MAX_STEM, robot_of
 from taskcal.studio.robot_meshes import meshes_if_sound
-from taskcal.studio.runs import CommandRun, Studio
+from taskcal.studio.runs import ASKS, CommandRun, Studio
 from taskcal.studio.steps import POLL_S, begin, download, is_running, link, show_run
 from taskcal.studio.texts import Texts
 from taskcal.studio.views import CellView, add_views, figure
 from taskcal.task.task import Task, load_task
-
-KIND = "measure"
-"""Of run."""
 
 REPORT = ".report.html"
 """Ending of the report on a campaign that was measured live."""
@@ -44,8 +53,12 @@ class Measured:
     """What is known after each row, by the number of rows."""
     go_to: Mapping[str, Any] | None = None
     """Pose that is shown; None before the first."""
+    left: Mapping[str, Any] | None = None
+    """Poses of a program that are left; None where no program moves the robot."""
     taken: Mapping[str, Any] | None = None
     """Shots of the last row."""
+    question: Mapping[str, Any] | None = None
+    """That waits for an answer."""
 
     @classmethod
     def of(cls, lines: Sequence[str]) -> "Measured":
@@ -54,13 +67,18 @@ class Measured:
         return cls(
             known={one["rows"]: one for one in said if "expected_error_mm" in one},
             go_to=next((one for one in reversed(said) if "go_to" in one), None),
+            left=next((one for one in reversed(said) if "left" in one), None),
             taken=next((one for one in reversed(said) if "measured" in one), None),
+            question=next((one if "question" in one else None for one in reversed(said) if _ASKED & one.keys()), None),
         )
 
     @property
     def last(self) -> Mapping[str, Any] | None:
         """What is known now; None before the first row."""
         return self.known[max(self.known)] if self.known else None
+
+
+_ASKED = {"question", "answered"}
 
 
 def _parsed(line: str) -> dict[str, Any]:
@@ -73,7 +91,7 @@ def _parsed(line: str) -> dict[str, Any]:
 
 async def build(studio: Studio, texts: Texts) -> None:
     """Fill the page."""
-    project, run = studio.project, studio.run_of(KIND)
+    project, run = studio.project, studio.run_of(ASKS)
     robot = await asyncio.to_thread(robot_of, project)
     task = await asyncio.to_thread(load_task, project.path(project.choices.task))
     if run is not None and is_running(run):
@@ -82,49 +100,59 @@ async def build(studio: Studio, texts: Texts) -> None:
         _Shown(run, robot, texts).follow(partial(CellView, robot, meshes=meshes))
         return
     if run is not None:
-        show_run(studio, KIND, texts)
+        show_run(studio, ASKS, texts)
         _show_end(run, project, texts)
     _choose(project, task, texts)
-    _begin_buttons(studio, run, texts)
+    drives = _drives(project, texts)
+    _begin_buttons(studio, run, drives, texts)
     if run is not None:
         _Shown(run, robot, texts).show()
 
 
-def arguments_of(choices: Choices, *, resume: bool) -> list[str]:
-    """Arguments of ``taskcal`` for measuring the campaign that is chosen for it."""
+def arguments_of(choices: Choices, *, resume: bool, drive: bool = False) -> list[str]:
+    """Arguments of ``taskcal`` for measuring the campaign that is chosen for it; driving is no choice that is kept."""
     options = [f"--robot={choices.robot}", f"--task={choices.task}", f"--output={choices.live_campaign}"]
     options += [f"--station={choices.station}"] if choices.station else []
-    options += [f"--{name}={value}" for name, value in choices.live.items() if value]
+    options += [f"--{name}={value}" for name, value in choices.live.items() if value and name != SPEED]
+    options += ["--drive", f"--{SPEED}={speed_of(choices):g}"] if drive else []
     return ["measure", *options, f"--seed={choices.seed}", *(["--resume"] if resume else []), "--json"]
 
 
-def go_on(studio: Studio) -> None:
+SPEED = "speed-percent"
+
+
+def speed_of(choices: Choices) -> float:
+    """Limit of the speed with which Taskcal drives, percent of the joints' largest ones."""
+    return float(choices.live.get(SPEED) or 10.0)
+
+
+def go_on(studio: Studio, *, drive: bool = False) -> None:
     """Go on with the campaign that was measured last; what its rows said before is shown with them."""
-    before, project = studio.run_of(KIND), studio.project
+    before, project = studio.run_of(ASKS), studio.project
     campaign = project.choices.live_campaign
     stem = Path(campaign).stem
     calibration = f"{LAYOUT.calibrations}/{stem}.json"
     beside = campaign.removesuffix(".csv")
     begin(
         studio,
-        KIND,
-        arguments_of(project.choices, resume=project.path(campaign).is_file()),
+        ASKS,
+        arguments_of(project.choices, resume=project.path(campaign).is_file(), drive=drive),
         chosen={"campaign": campaign, "calibration": calibration},
         moves={calibration: f"{beside}.calibration.json", f"{LAYOUT.reports}/{stem}{REPORT}": f"{beside}{REPORT}"},
         page="live",
     )
-    run = studio.run_of(KIND)
+    run = studio.run_of(ASKS)
     if before is not None and run is not None and run is not before and f"--output={campaign}" in before.arguments:
         run.lines[:0] = [line for line in before.lines if '"expected_error_mm"' in line]
 
 
-def _begin_anew(studio: Studio) -> None:
+def _begin_anew(studio: Studio, *, drive: bool) -> None:
     """Measure a campaign whose name no other and no calibration has."""
     project = studio.project
     others = (*project.files(LAYOUT.campaigns), *project.calibrations())
     wanted = plain_name(f"live-{Path(project.choices.task).stem[:MAX_STEM]}.csv", [".csv"])
     project.choose(live_campaign=f"{LAYOUT.campaigns}/{free_name(wanted, [f'{Path(one).stem}.csv' for one in others])}")
-    go_on(studio)
+    go_on(studio, drive=drive)
 
 
 def _choose(project: Project, task: Task, texts: Texts) -> None:
@@ -147,7 +175,7 @@ def _choose(project: Project, task: Task, texts: Texts) -> None:
         return chosen
 
     with ui.element("div").classes("fields"):
-        device("controller", readable())
+        device("controller", controllers())
         instrument = device("instrument", instruments())
         if instrument is not None and instrument.reached:
             line_of_text(texts("live.columns"), live.get("columns", ""), partial(keep, "columns"))
@@ -163,21 +191,48 @@ def _choose(project: Project, task: Task, texts: Texts) -> None:
             form = "d" if step == "1" else ".10g"
             handle = _kept_as(partial(keep, name), form)
             number(texts(f"live.{name.replace('-', '_')}"), value, handle, low, high, step=step)
-    text("p", texts("live.limits")).classes("quiet")
+    plans = {path: Path(path).name for path in project.files(LAYOUT.plans, (".csv",))}
+
+    def visit(path: str) -> None:
+        keep("program", "" if path == "-" else path)
+        ui.navigate.reload()
+
+    nobody = {"-": texts("live.no_program")}
+    choice(texts("live.program"), nobody | plans, live.get("program") or "-", visit)
+    text("p", texts("live.by_program" if live.get("program") else "live.limits")).classes("quiet")
+
+
+def _drives(project: Project, texts: Texts) -> Callable[[], bool]:
+    """Whether it was confirmed, for the next start alone, that Taskcal drives the robot, where the controller can."""
+    choices = project.choices
+    kind = controllers().get(choices.live.get("controller", ""))
+    if kind is None or not kind.can_move or choices.live.get("program"):
+        return lambda: False
+    confirmed = False
+
+    def limit(percent: float) -> None:
+        project.choose(live={**choices.live, SPEED: f"{percent:g}"})
+        ui.navigate.reload()  # what was confirmed was another speed
+
+    def confirm(value: bool) -> None:
+        nonlocal confirmed
+        confirmed = value
+
+    with ui.element("details"):
+        text("summary", texts("live.drive"))
+        number(texts("live.speed"), speed_of(choices), limit, 0.1, 100.0)
+        message(texts("live.drive_how", percent=texts.number(speed_of(choices), "g")))
+        tick(texts("live.drive_confirm", percent=texts.number(speed_of(choices), "g")), False, confirm)
+    return lambda: confirmed
 
 
 def _kept_as(keep: Callable[[str], None], form: str) -> Callable[[float], None]:
     return lambda value: keep(format(int(value) if form == "d" else value, form))
 
 
-def readable() -> Mapping[str, type[Device]]:
-    """Controllers that state the joints by themselves: a page answers none that asks."""
-    return {name: kind for name, kind in controllers().items() if kind.streams}
-
-
-def _begin_buttons(studio: Studio, run: CommandRun | None, texts: Texts) -> None:
+def _begin_buttons(studio: Studio, run: CommandRun | None, drives: Callable[[], bool], texts: Texts) -> None:
     choices = studio.project.choices
-    if choices.live.get("controller") not in readable() or choices.live.get("instrument") not in instruments():
+    if choices.live.get("controller") not in controllers() or choices.live.get("instrument") not in instruments():
         text("p", texts("live.first"))
         return
     proven = run is not None and run.result is not None and run.result.get("proven") is True
@@ -185,14 +240,14 @@ def _begin_buttons(studio: Studio, run: CommandRun | None, texts: Texts) -> None
     with ui.element("div").classes("row"):
         if begun:
             name = Path(choices.live_campaign).name
-            button(texts("live.go_on", name=name), lambda: go_on(studio))
-        button(texts("live.start"), lambda: _begin_anew(studio), plain=begun)
+            button(texts("live.go_on", name=name), lambda: go_on(studio, drive=drives()))
+        button(texts("live.start"), lambda: _begin_anew(studio, drive=drives()), plain=begun)
 
 
 MAX_NOTES = 3
 """Last ones that are shown while it is measured."""
 
-ENDS = {"proven": "live.proven", "most": "live.ended_most", "stopped": "live.stopped"}
+ENDS = {"proven": "live.proven", "most": "live.ended_most", "visited": "live.ended_visited", "stopped": "live.stopped"}
 """Texts, by how ``taskcal measure`` says that it ended."""
 
 
@@ -201,7 +256,7 @@ def _show_end(run: CommandRun, project: Project, texts: Texts) -> None:
     result = run.result or {}
     if result.get("ended") not in ENDS:
         return
-    message(texts(ENDS[result["ended"]]), fine=result["ended"] != "most")
+    message(texts(ENDS[result["ended"]]), fine=result["ended"] not in ("most", "visited"))
     if result.get("calibration"):
         with ui.element("div").classes("row"):
             link(texts("live.verdict"), "/result").classes("act")
@@ -215,6 +270,7 @@ class _Shown:
         self._run, self._robot, self._texts = run, robot, texts
         self._units = np.where(robot.prismatic, 1e-3, np.pi / 180.0)
         self._read = (-1, -1)
+        self._asked = ""
 
     def follow(self, view_of: Callable[[Float[np.ndarray, "n joints"]], CellView]) -> None:
         """Show it as it goes on; the page is shown anew as it ends."""
@@ -223,15 +279,19 @@ class _Shown:
             said = text("span", texts("live.waiting")).props("role=status")
 
             async def stop() -> None:
-                if not any('"go_to"' in line for line in run.lines):  # it may not hear yet, and has no row in hand
+                measured = Measured.of(run.lines)
+                if measured.go_to is None and measured.left is None:  # it may not hear yet, and has no row in hand
                     await run.cancel()
+                    return
+                if measured.question is not None and measured.question["answers"]:
+                    run.answer("stop")
                     return
                 run.interrupt()
                 said.set_text(texts("live.stopping"))
                 halt.set_text(texts("live.stop_at_once"))
 
             halt = button(texts("live.stop"), stop)
-        notes = ui.element("div")
+        asked, notes = ui.element("div"), ui.element("div")
         with ui.element("div").classes("side-by-side"):
             drawn = ui.element("div")
             where = ui.element("div").classes("go-to")
@@ -253,11 +313,17 @@ class _Shown:
                         view = view_of(self._postures(measured))
                         with ui.element("div").classes("row"):
                             add_views(view, texts("live.drawing"), texts)
+                self._ask(measured, asked)
                 with where:
                     self._pose(measured, view)
                 with place:
                     self._known(measured)
-                if measured.go_to is not None and halt.text == texts("live.stop"):
+                    self._left(measured)
+                if measured.question is not None:
+                    said.set_text(texts("live.asked"))
+                elif measured.left is not None and halt.text == texts("live.stop"):
+                    said.set_text(texts("live.here_program", count=len(measured.left["left"])))
+                elif measured.go_to is not None and halt.text == texts("live.stop"):
                     done = (measured.taken or {}).get("measured") == measured.go_to["number"]
                     said.set_text(texts("live.taken" if done else "live.here", number=measured.go_to["number"]))
             if not is_running(run):
@@ -274,6 +340,45 @@ class _Shown:
         """What the first view shows as a whole: the pose to go to, those measured, and the robot stretched out."""
         poses = [(measured.go_to or {})["go_to"], *(one["pose"] for one in measured.known.values())]
         return np.array([*(np.array(list(pose.values())) * self._units for pose in poses), posture(self._robot)])
+
+    def _ask(self, measured: Measured, place: Element) -> None:
+        """Show the question that waits, with its answers; once, so that what is being typed stays."""
+        texts, run, question = self._texts, self._run, measured.question
+        now = "" if question is None else json.dumps([question, sum('"question"' in line for line in run.lines)])
+        if now == self._asked:
+            return
+        self._asked = now
+        place.clear()
+        if question is None:
+            return
+        with place:
+            if question["answers"]:
+                message(question["question"])
+                with ui.element("div").classes("row"):
+                    for number, answer in enumerate(question["answers"]):
+                        button(texts.named("live", f"answer_{answer}"), partial(run.answer, answer), plain=number > 0)
+                return
+            if wrong := "\n".join(question["question"].splitlines()[:-2]):  # what it asks for is said below
+                message(wrong)
+            names = " ".join(str(name) for name in (measured.go_to or {"go_to": ()})["go_to"])
+            typed = ""
+
+            def take(line: str) -> None:
+                nonlocal typed
+                typed = line
+
+            line_of_text(texts("live.joints", names=names), "", take)
+            button(texts("live.take_joints"), lambda: run.answer(typed))
+
+    def _left(self, measured: Measured) -> None:
+        """Poses of the program that are left, those first that bring most."""
+        if measured.left is None:
+            return
+        texts, left = self._texts, measured.left["left"]
+        shown = [(one.partition("-")[0], texts.named("live", f"purpose_{_purpose(one)}")) for one in left[:MAX_LEFT]]
+        title = texts("live.left_of_program", count=len(left))
+        header = (texts("live.pose"), texts("live.serves"))
+        tabulated(Table.of_rows(title, header, shown, text_columns=(0, 1)))
 
     def _pose(self, measured: Measured, view: CellView | None) -> None:
         """The pose to go to, in numbers and drawn."""
@@ -302,6 +407,15 @@ class _Shown:
             figure(texts("live.curve"), draw_curve(measured.known, texts), texts, texts("live.curve_note"))
 
 
+MAX_LEFT = 8
+"""Poses of a program that are left and are shown. A convention."""
+
+
+def _purpose(name: str) -> str:
+    """What a pose of a program is for, by its id."""
+    return name.partition("-")[2] or "chosen"
+
+
 def facts_of(measured: Measured, last: Mapping[str, Any], texts: Texts) -> list[tuple[str, str]]:
     """Facts after a row."""
 
@@ -325,9 +439,10 @@ def facts_of(measured: Measured, last: Mapping[str, Any], texts: Texts) -> list[
             texts("live.bound", **values, bound=mm(last["bound_mm"])) if known else texts("live.kept_out_rms", **values)
         )
         told.append((texts("live.kept_out"), said))
-    after = (measured.go_to or {}).get("error_after_mm")
-    if after is not None and not last["proven"]:
-        told.append((texts("live.one_more"), f"{mm(after)} mm"))
+    next_ = measured.left or measured.go_to or {}
+    for name, key in (("one_more", "error_after_mm"), ("all_more", "error_after_all_mm")):
+        if (after := next_.get(key)) is not None and not last["proven"]:
+            told.append((texts(f"live.{name if measured.left is None else f'{name}_program'}"), f"{mm(after)} mm"))
     if last["poses_left"] and not last["proven"]:
         left, pace = str(last["poses_left"]), last["seconds_a_pose"]
         if pace is not None:
