@@ -7,6 +7,7 @@ import pytest
 
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
+from taskcal.identification.identify import identify
 from taskcal.reading.pictures import read_corners
 from taskcal.reading.reader import ReadOptions, read_campaign
 from taskcal.robot.catalogue import load_robot
@@ -84,6 +85,9 @@ def test_poses_of_the_wrist_stand_for_joints(folder):
     options = ReadOptions(board=folder / "board.toml", images=folder / "seen.corners.csv")
     found = read_campaign(file, load_robot("wrist"), options=options)
     np.testing.assert_allclose(ErrorModel(load_robot("wrist")).poses(found.q), T, atol=1e-9)
+    hand_eye = identify(ErrorModel(load_robot("wrist")), found)
+    assert hand_eye.kept == ()  # a pose that is given has no parameters
+    np.testing.assert_allclose(hand_eye.T_tool_target[0, :3, 3], SEEN.moving[:3, 3], atol=5e-3)
     with pytest.raises(TaskcalError, match="with poses of the wrist alone take --robot wrist"):
         read_campaign(file, ROBOT, options=options)
 

@@ -59,7 +59,7 @@ def find_narrowness(case: Case, error: float) -> list[Finding]:
     T = case.usable()[1]
     if len(T) < 2:
         return []
-    p, R, reach = T[:, :3, 3], T[:, :3, :3].mean(axis=0), case.model.robot.reach
+    p, R, reach = T[:, :3, 3], T[:, :3, :3].mean(axis=0), case.reach
     spread = float(np.linalg.svd(p - p.mean(axis=0), compute_uv=False)[0] / np.sqrt(len(p)) / reach)
     turn = float(np.linalg.eigvalsh(np.eye(3) - R.T @ R)[0])
     out: list[tuple[float, Finding]] = []
@@ -187,7 +187,7 @@ def _error_at(case: Case, rng: np.random.Generator | None) -> float:
     orders = [np.arange(len(rows))] if rng is None else [rng.permutation(len(rows)) for _ in range(15)]
     points: Float[np.ndarray, "h n t 3"] = np.stack([campaign.points[order] for order in orders])
     poses = np.broadcast_to(T, (len(orders), *T.shape))
-    return float(np.median(misfits(poses, points, None, LEVER_SHARE * case.model.robot.reach)))
+    return float(np.median(misfits(poses, points, None, LEVER_SHARE * case.reach)))
 
 
 # Mistakes of joints and robot in what was observed without a tracker: sockets, wires, landmarks, boards.
@@ -292,7 +292,7 @@ def _error(case: Case, *, as_given: bool) -> tuple[float, float]:
     tried = tried_rows(case.campaign)
     rows, T = case.usable(tried)
     if len(rows) < MIN_CLOSED_SHARE * len(tried):
-        return case.model.robot.reach, case.model.robot.reach
+        return case.reach, case.reach
     moved = float(np.sqrt(((T[:, :3, 3] - T[:, :3, 3].mean(axis=0)) ** 2).sum(axis=1).mean()))
     try:
         off = register_observations(T, case.campaign.take(rows), case.model)[1]
@@ -398,7 +398,7 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -
         found = explain_in_pairs(case, progress)
         given = next(e for e in found if not e.mistakes)
     best, local = _chosen(found, given)
-    if not best.error <= PLAUSIBLE_SHARE * best.case.model.robot.reach and local is None:
+    if not best.error <= PLAUSIBLE_SHARE * best.case.reach and local is None:
         reordered = find_other_order(case, before)
         if reordered is not None:
             return Diagnosis(findings=tuple(reordered[0]), robot=robot, campaign=reordered[1], unmended=())
@@ -475,7 +475,7 @@ def _diagnose_pictured(case: Case, progress: Progress) -> Diagnosis:
     """Diagnose poses of the board in images as those of a target in a tracker's frame; of several boards that most images show."""
     seen = SeenPoses.of(case)
     found = diagnose(seen.campaign, case.robot, progress=progress)
-    sizes = seen.find_size() if _left(found) > SOUND_SHARE * case.model.robot.reach else None
+    sizes = seen.find_size() if _left(found) > SOUND_SHARE * case.reach else None
     if sizes is not None:
         again = diagnose(sizes[1], case.robot, progress=progress)
         if _left(again) < 0.5 * _left(found):
@@ -555,7 +555,7 @@ def _diagnose_observed(case: Case, scope: str, progress: Progress) -> Diagnosis:
     """Diagnose by the mistakes of joints, and of the robot if that is quick."""
     found = explain_observed(case, progress)
     best, given = found[0], next(e for e in found if not e.mistakes)
-    reach = best.case.model.robot.reach
+    reach = best.case.reach
     if best.error <= PLAUSIBLE_SHARE * reach:
         findings = (*_written(found, best, given, given.error), *_alternatives(found, best, given, given.error))
         return Diagnosis(
@@ -578,7 +578,7 @@ def _chosen(found: list[Explanation], given: Explanation) -> tuple[Explanation, 
     best = found[0]
     if best is given:
         return given, find_drift_or_slip(given)
-    if given.error < MAX_COURSE_SHARE * given.case.model.robot.reach:
+    if given.error < MAX_COURSE_SHARE * given.case.reach:
         local = find_drift_or_slip(given)
         if local is not None and _rank_without(*local, given.case) < best.rank:
             return given, local
@@ -592,7 +592,7 @@ def _rank_without(finding: Finding, mended: Campaign, case: Case) -> float:
     """
     rows, kept = len(case.campaign), len(mended) / len(case.campaign)
     level = typical(held_out_distances(replace(case, campaign=mended)))
-    unexplained = np.log(UNEXPLAINED_SHARE * case.model.robot.reach)
+    unexplained = np.log(UNEXPLAINED_SHARE * case.reach)
     # a distance in space has three numbers, each of whose likelihood falls as it grows
     pairing = len(finding.subject) * np.log(rows) / (3.0 * rows) if finding.id == "rows-shuffled" else 0.0
     return float(kept * np.log(level) + (1.0 - kept) * unexplained + pairing) + MISTAKE_CHARGE

@@ -363,7 +363,7 @@ def find_drift_or_slip(explanation: Explanation) -> Local | None:
     step = max(1, int(np.ceil(len(case.campaign) / MAX_FITTED_ROWS)))
     rows = np.arange(0, len(case.campaign), step)
     fit = fit_linearly(case, rows)
-    if fit is None or fit.median > MAX_MEDIAN_SHARE * case.model.robot.reach:
+    if fit is None or fit.median > MAX_MEDIAN_SHARE * case.reach:
         return None
     fault = find_row_fault(case, fit)
     weight = np.ones(len(fit.rows))

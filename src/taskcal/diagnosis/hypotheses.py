@@ -20,6 +20,10 @@ def open_limits(robot: Robot) -> Robot:
     return replace(robot, joints=joints, coupled_limits=())
 
 
+USUAL_REACH_M = 1.0
+"""A convention, where a robot has no lengths of its own."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Case:
     """A robot and a campaign that are to fit each other."""
@@ -34,6 +38,11 @@ class Case:
     def of(cls, robot: Robot, campaign: Campaign) -> "Case":
         """A case of any robot."""
         return cls(robot=robot, model=ErrorModel(open_limits(robot)), campaign=campaign)
+
+    @property
+    def reach(self) -> float:
+        """Of the robot; of one that is slides alone, whose limits are open, that of usual robots, metres."""
+        return self.model.robot.reach or USUAL_REACH_M
 
     def poses(self, rows: Int[np.ndarray, " k"]) -> Float[np.ndarray, "k 4 4"]:
         """Nominal poses at some rows; NaN where a closed loop does not close."""

@@ -164,8 +164,8 @@ def scale_mistakes(case: Case) -> Iterator[Hypothesis]:
     names = case.campaign.targets
     spread = float(np.nanstd(case.campaign.points, axis=0).max())
     scales = (
-        (1e3, "_m instead of _mm: they hold metres", spread < MIN_SCATTER_SHARE * case.model.robot.reach),
-        (1e-3, "_mm instead of _m: they hold millimetres", spread > MAX_SCATTER_SHARE * case.model.robot.reach),
+        (1e3, "_m instead of _mm: they hold metres", spread < MIN_SCATTER_SHARE * case.reach),
+        (1e-3, "_mm instead of _m: they hold millimetres", spread > MAX_SCATTER_SHARE * case.reach),
     )
     metric = [
         Hypothesis(
@@ -227,7 +227,7 @@ def _expected_scatter(case: Case) -> float | None:
     for hypothesis in unit_mistakes(case):
         case = hypothesis.undo(case)
     scatter = _scatter(case.poses(np.arange(len(case.campaign)))[:, :3, 3])
-    return scatter if scatter > MIN_SCATTER_SHARE * case.model.robot.reach else None
+    return scatter if scatter > MIN_SCATTER_SHARE * case.reach else None
 
 
 def _scatter(points: Float[np.ndarray, "n 3"]) -> float:

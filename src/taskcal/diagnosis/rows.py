@@ -69,10 +69,10 @@ def pair_rows(case: Case) -> Pairing | None:
         return None
     best: Pairing | None = None
     for Z in _starts(T, campaign):
-        found = _descend(Z, T, campaign, LEVER_SHARE * case.model.robot.reach)
+        found = _descend(Z, T, campaign, LEVER_SHARE * case.reach)
         if found is not None and (best is None or found.error < best.error):
             best = found
-            if best.clear and best.error < SOUND_SHARE * case.model.robot.reach:
+            if best.clear and best.error < SOUND_SHARE * case.reach:
                 break
     return best if best is not None and best.clear else None
 

@@ -125,7 +125,7 @@ def has_no_unit(case: Case) -> bool:
 
 def is_sound(explanation: Explanation) -> bool:
     """Whether so little is left that no further mistake needs to be looked for."""
-    return explanation.error <= SOUND_SHARE * explanation.case.model.robot.reach
+    return explanation.error <= SOUND_SHARE * explanation.case.reach
 
 
 def explain_in_pairs(case: Case, progress: Progress = silent) -> list[Explanation]:
@@ -215,7 +215,7 @@ def _quick_errors(
     if campaign.rotations is not None:
         rotations = np.broadcast_to(campaign.rotations, (h, *campaign.rotations.shape))
     points = np.broadcast_to(campaign.points, (h, *campaign.points.shape))
-    return misfits(T, points, rotations, LEVER_SHARE * case.model.robot.reach, rounds)
+    return misfits(T, points, rotations, LEVER_SHARE * case.reach, rounds)
 
 
 def _composed(combination: Combination, joints: int) -> JointMap:
@@ -291,10 +291,10 @@ def _trimmed_distances(
     case: Case, rows: np.ndarray, T: np.ndarray, fitted: np.ndarray, tested: np.ndarray
 ) -> Float[np.ndarray, " k"] | None:
     campaign, chosen = case.campaign.take(rows), fitted
-    lever = LEVER_SHARE * case.model.robot.reach
+    lever = LEVER_SHARE * case.reach
     out = None
     for _ in range(3):
-        registration = _registered(campaign, T, chosen, case.model.robot.reach)
+        registration = _registered(campaign, T, chosen, case.reach)
         if registration is None:
             return out
         ends = target_poses(registration, T)

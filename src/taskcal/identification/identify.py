@@ -450,6 +450,7 @@ def attempt(model: ErrorModel, campaign: Campaign, options: FitOptions) -> Attem
         CampaignError: as `identify`.
         FitError: a fit without prior, or that of tracker frame and targets alone, did not converge.
     """
+    options = options.without_exact(model)
     try:
         return Attempt(calibration=_identify(model, campaign, options))
     except FitError as refusal:

@@ -5,6 +5,8 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, TypedDict, Unpack
 
+import numpy as np
+
 from taskcal.arguments import checked, options_of
 from taskcal.campaigns.campaign import Campaign
 from taskcal.estimation.prior import GaussianPrior, Loss, Squared
@@ -17,6 +19,10 @@ from taskcal.robot.error_model import ErrorModel
 Estimate = Literal["estimate"]
 Prior = GaussianPrior | Literal["tolerances"] | None
 Frames = Literal["fit", "fixed"]
+
+EXACT = 2e-9
+"""Tolerance, metres or radians, up to which a parameter is taken for exact: those of a wrist whose pose is given have 1 nm."""
+
 GrossErrors = Literal["leave out", "keep"]
 
 LARGEST_MODEL_ERROR = 1.0
@@ -123,6 +129,15 @@ class FitOptions:
     def keeping(self, names: Iterable[str]) -> "FitOptions":
         """The options, with these parameters estimated too where not all are."""
         return self if self.keep is None else replace(self, keep=(*self.keep, *names))
+
+    def without_exact(self, model: ErrorModel) -> "FitOptions":
+        """The options without the parameters whose tolerance says that they are exact, unless parameters are named."""
+        free = model.tolerances > EXACT
+        return (
+            self
+            if self.keep is not None or free.all()
+            else replace(self, keep=tuple(np.array(model.names)[free].tolist()))
+        )
 
     def described(self, model: ErrorModel, campaign: Campaign) -> dict[str, Any]:
         """Describe the options for a model and a campaign, as a file can hold them."""

@@ -282,17 +282,27 @@ def show_report(
         parameters: whether to print the parameters, too.
         again: options that name the images again, for a report that shows them.
     """
+    from taskcal.identification.options import EXACT
     from taskcal.report import calibration as tables
 
     held_out = result["held_out"]
-    summaries = {tables.NOMINAL: result["nominal"], "fitted": result["fitted"]}
+    exact = (calibration.model.tolerances <= EXACT).all()  # no robot, but poses that are given
+    summaries = {} if exact else {tables.NOMINAL: result["nominal"]}
+    summaries["fitted"] = result["fitted"]
     summaries |= {} if held_out is None else {"held out": held_out}
     after, before = (held_out or result["fitted"])["mean_mm"], result["nominal"]["mean_mm"]
     observed, now = calibration.layout.observed, held_out or result["fitted"]
     in_space = all(kind.width - kind.angles in (0, 3) for kind in observed)
     alone = any(kind.width == kind.angles for kind in observed)
     angles = (result["nominal"]["mean_mrad"], now["mean_mrad"]) if alone else None
-    say(tables.verdict(result["robot"], before, after, held_out and held_out["n"], in_space=in_space, angles=angles))
+    seen = held_out and held_out["n"]
+    if exact:
+        where = "fitted rows, optimistic: none were held out" if seen is None else f"{seen} held-out points"
+        say(
+            f"{result['robot']}: the mean 3D error is {after:.3f} mm ({where}), of poses that are taken as they are given."
+        )
+    else:
+        say(tables.verdict(result["robot"], before, after, seen, in_space=in_space, angles=angles))
     tell()
     show(tables.tabulate_errors(summaries))
     steps = next_steps(calibration, result, tracker_mm, again)
@@ -364,7 +374,8 @@ def next_steps(
         steps.append(
             f"fit non-geometric effects (--effects auto): {kind} error {left:.3f} mm, tracker noise {tracker_mm:.3f} mm"
         )
-    steps.append(f"full report: {program} report {cal}{again}; correct a program: {program} correct -c {cal} PROGRAM")
+    correcting = f"; correct a program: {program} correct -c {cal} PROGRAM" if result["parameters"] else ""
+    steps.append(f"full report: {program} report {cal}{again}{correcting}")
     return steps
 
 
@@ -414,10 +425,15 @@ def _facts(result: Mapping[str, Any], *, parameters: bool) -> list[tuple[str, st
     rotation = f" and {result['model_error_mrad']:.3g} mrad" if "model_error_mrad" in result else ""
     held = f", {result['prior_scale_origin']}" if result["prior_scale_origin"] else ""
     unseen = sum(p["seen"] is False for p in result["parameters"])
+    fitted = bool(result["parameters"])
     facts = [("prior", f"{unseen} parameters prior-dominated (posterior 1σ ≥ 0.95 prior 1σ)")] if unseen else []
     facts += [
         ("model error", f"{result['model_error_mm']:.3g} mm{rotation} per axis (1σ), {result['model_error_origin']}"),
-        ("prior scale", "no prior" if scale is None else f"{scale:.3g} times the tolerances{held}"),
+        *(
+            [("prior scale", "no prior" if scale is None else f"{scale:.3g} times the tolerances{held}")]
+            if fitted
+            else []
+        ),
         *([("largest correlations", "; ".join(pairs))] if parameters else []),
         ("tracker frame", _measuring_frame(result)),
     ]
@@ -428,7 +444,7 @@ def _facts(result: Mapping[str, Any], *, parameters: bool) -> list[tuple[str, st
     if parameters:
         ended = f"{result['reason']}; {result['iterations']} iterations in the last of {result['rounds']} rounds"
         facts.append(("convergence", ended))
-    else:
+    elif fitted:
         effective = describe_effective(result["effective_parameters"], result["parameter_groups"])
         facts.append(("parameters", f"{len(result['parameters'])} identified{effective}; --parameters lists them"))
     corners = f", and the corners to {result['corners']}, which --images takes as well" if "corners" in result else ""
