@@ -29,6 +29,7 @@ ONE_IMPORTER = {
         "taskcal.identification.chunked_fit",
         "taskcal.identification.group_search",
         "taskcal.live.abb",
+        "taskcal.observations.flatness",
         "taskcal.planning.experiment",
         "taskcal.reading.inference",
         "taskcal.studio.cell_editor",

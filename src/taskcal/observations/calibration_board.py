@@ -100,11 +100,21 @@ class Board:
     """Length of the print over that of the drawing, as measured."""
     u_scale: float = UNMEASURED_SCALE
     """Relative standard uncertainty of it."""
+    bend_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Heights of a simulated board at `bend_terms`, metres; of a real one images tell them."""
 
     def corners(self) -> Float[np.ndarray, "m 3"]:
         """Corners, or centres of dots, in the board's frame, of the size that was measured, metres."""
-        plane = self.drawn_corners() * self.scale
-        return np.column_stack([plane, np.zeros(len(plane))])
+        return self.raised(self.drawn_corners())
+
+    def raised(self, drawn: Float[np.ndarray, "k 2"]) -> Float[np.ndarray, "k 3"]:
+        """Places of the drawing in the board's frame, metres."""
+        height = (
+            bend_terms(drawn, self.drawn_corners()) @ np.array(self.bend_m)
+            if any(self.bend_m)
+            else np.zeros(len(drawn))
+        )
+        return np.column_stack([self.scale * drawn, height])
 
     def drawn_corners(self) -> Float[np.ndarray, "m 2"]:
         """X and y of the corners in the drawing, metres."""
@@ -141,6 +151,18 @@ class Board:
     def same_after_half_turn(self) -> bool:
         """Whether nothing on it tells which way up it is."""
         return KINDS[self.kind].same_after_half_turn(self)
+
+
+def bend_terms(plane: Float[np.ndarray, "m 2"], whole: Float[np.ndarray, "k 2"]) -> Float[np.ndarray, "m 3"]:
+    """X², x·y and y² of places on a board, from −1 to 1 over the larger side of its corners.
+
+    Args:
+        plane: the places, metres.
+        whole: all corners of the board.
+    """
+    low, high = whole.min(axis=0), whole.max(axis=0)
+    x, y = ((plane - 0.5 * (low + high)) / (0.5 * float((high - low).max()))).T
+    return np.column_stack([x * x, x * y, y * y])
 
 
 def _grid(columns: int, rows: int) -> Int[np.ndarray, "m 2"]:

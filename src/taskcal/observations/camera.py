@@ -235,17 +235,17 @@ def calibrate_camera(
     for focal in [*_focal_lengths(lens, homographies), *FOCAL_GUESSES]:
         start = lens.start(focal)
         posed = replace(blank, camera=start, T_camera_board=_poses(start, homographies), _last=[])
-        trial, cost = _refine(posed, rounds=10)
+        trial, cost = refine_camera(posed, rounds=10)
         if cost < least:
             best, least = trial, cost
     if not np.isfinite(least):
         raise CampaignError("no camera fits these pictures; check that the corners belong to the board")
     for _ in range(3):
-        best = _weigh(_refine(best)[0])
+        best = weigh_corners(refine_camera(best)[0])
     return best
 
 
-def _refine(pictures: Pictures, rounds: int = ROUNDS) -> tuple[Pictures, float]:
+def refine_camera(pictures: Pictures, rounds: int = ROUNDS) -> tuple[Pictures, float]:
     """The camera that fits best next to a start, by Levenberg and Marquardt, and the cost."""
     mean, precision = pictures.camera, pictures.lens.deviations**-2.0
     mean = np.concatenate([mean[:2], pictures.lens.start(1.0)[2:]])
@@ -274,7 +274,7 @@ def _refine(pictures: Pictures, rounds: int = ROUNDS) -> tuple[Pictures, float]:
     return replace(pictures, camera=camera, T_camera_board=at.T_camera_board, _last=[]), cost
 
 
-def _weigh(pictures: Pictures) -> Pictures:
+def weigh_corners(pictures: Pictures) -> Pictures:
     """Pictures with the corners weighed by their noise, which is found from the residuals; those far off count less (Huber 1964).
 
     The variance is that of the estimator: E[ψ²]/E[ψ′]² over the mean weight, since the information has the weights in it.

@@ -15,6 +15,7 @@ from taskcal.geometry.euler import to_angles
 from taskcal.observations import ObservedColumns, Pixels
 from taskcal.observations.calibration_board import MAX_SCALE_ERROR, Board
 from taskcal.observations.camera import FEWEST_CORNERS, Lens, Pictures, calibrate_camera, homography
+from taskcal.observations.flatness import find_bend
 from taskcal.observations.pixels import FEWEST, Apart
 from taskcal.reading.readings import Readings
 from taskcal.robot.error_model import ErrorModel
@@ -278,6 +279,12 @@ def with_pictures(
     if pictures.noise > MAX_NOISE_PX:
         _refuse_swapped_counts(pictures, corners, boards)
     notes = list(corners.notes)
+    pictures, bent = find_bend(pictures)
+    notes += [
+        f"board '{boards[one.board].name}' is bent by {one.height * 1e3:.2f} ± {one.error * 1e3:.2f} mm, as left-out images prove; "
+        "its corners are taken as they lie; mount it on a flat plate"
+        for one in bent
+    ]
     if few:
         notes.append(f"no board is seen in {in_words(few)}")
     if twice:

@@ -24,6 +24,9 @@ TEXELS = 2.0
 MAX_TEXELS = 40e6
 """A board of 6000 × 6000 texels is 300 MB."""
 
+STEP_M = 1e-4
+"""To either side, by which the slope of a board is found: exact of what is quadratic."""
+
 ROUNDS, SETTLED_PX = 8, 1e-6
 """Of Newton's method for a pixel's place on the board, and how well it is met."""
 
@@ -108,7 +111,7 @@ def render_board(
     """
     look, drawing, margin = exposure or Exposure(), draw_board(board), MARGIN * board.square_m
     numbers = camera * np.concatenate([np.full(4, KILO), np.ones(len(camera) - 4)])
-    plane = _Plane(LENSES[lens.model], numbers, T_camera_board, board.scale)
+    plane = _Plane(LENSES[lens.model], numbers, T_camera_board, board)
     low, high = drawing.outline[:2] - margin, drawing.outline[2:] + margin
     edge = np.stack(np.meshgrid(*np.linspace(low, high, 15).T), axis=-1).reshape(-1, 2)
     seen, jacobian = plane.see(edge)
@@ -152,21 +155,23 @@ def _mixed(between: tuple[np.ndarray, np.ndarray], nodes: Float[np.ndarray, "n m
 
 @dataclass(frozen=True, eq=False)
 class _Plane:
-    """A board's plane before a camera."""
+    """A board's plane, or what it bends to, before a camera."""
 
     lens: int
     camera: Float[np.ndarray, " k"]
     """Pixels."""
     T: Float[np.ndarray, "4 4"]
-    scale: float
-    """Of the print."""
+    board: Board
 
     def see(self, place: Float[np.ndarray, "n 2"]) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2 2"]]:
         """Pixels of places in the drawing, and their derivatives; NaN behind the camera."""
-        n, corners = len(place), np.column_stack([self.scale * place, np.zeros(len(place))])
+        n, corners, step = len(place), self.board.raised(place), STEP_M * np.eye(2)
+        by_place = np.stack([self.board.raised(place + h) - self.board.raised(place - h) for h in step], axis=2) / (
+            2 * STEP_M
+        )
         R, t = np.broadcast_to(self.T[:3, :3], (n, 3, 3)), np.broadcast_to(self.T[:3, 3], (n, 3))
         pixel, jacobian = project(self.lens, self.camera, R, t, corners)
-        return pixel, self.scale * jacobian[:, :, :3] @ self.T[:3, :2]
+        return pixel, jacobian[:, :, :3] @ self.T[:3, :3] @ by_place
 
     def find(
         self, pixel: Float[np.ndarray, "n 2"], known: Float[np.ndarray, "m 2"], seen: Float[np.ndarray, "m 2"]
