@@ -4,16 +4,15 @@ A variable of which nothing is known here has the value of its data list, if no 
 controller keeps data lists from one run to the next.
 """
 
-import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol, runtime_checkable
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
 from robot_programs.core import se3
 from robot_programs.core.program import Frame, Unresolved
-from robot_programs.core.values import COMPARISONS, FUNCTIONS, Lost, applied
+from robot_programs.core.values import FUNCTIONS, Lost, OperandReader, Operators, applied, operated
 from robot_programs.krl.data import AXES, EXTERNAL, POSE, Data, Routine, has_pose, pose, pose_values
 from robot_programs.krl.syntax import (
     Aggregate,
@@ -37,19 +36,11 @@ class Real(float):
 Value = float | bool | str | Aggregate
 """A number, a truth value, an enumeration constant in capitals, or a structure."""
 
-MAX_PARENTHESES = 12
-"""Parentheses in each other in one line."""
-
 NUMBERS = frozenset({*POSE, *AXES, *EXTERNAL, "S", "T"})
 """Components of positions."""
 
-_COMPARE = {"==": operator.eq, **COMPARISONS}
 _FUNCTIONS = {"ABS", "SQRT", "SIN", "COS", "TAN", "ACOS", "ATAN2"}
 """Functions of numbers that KRL has, angles in degrees (KUKA System Software, standard functions)."""
-
-_LEVELS = (("OR",), ("EXOR",), ("AND",), tuple(_COMPARE), ("+", "-"), ("*", "/"), (":",))
-"""Operators from the loosest to the tightest (KUKA System Software, priority of operators)."""
-_PRIORITY = {sign: level for level, signs in enumerate(_LEVELS) for sign in signs}
 
 
 @runtime_checkable
@@ -72,7 +63,7 @@ def evaluated(words: Sequence[Word], lookup: Lookup) -> Value:
         Unresolved: the text does not give it.
     """
     reader = _Reader(words, lookup)
-    value = reader.level(0)
+    value = reader.expression()
     if not reader.done:
         raise Unresolved(f"'{reader.take().text}' is not evaluated")
     return value
@@ -182,12 +173,18 @@ def is_whole(aggregate: Aggregate) -> bool:
     return True
 
 
-class _Reader(Cursor):
-    """The words of an expression, from left to right."""
+class _Reader(Cursor, OperandReader[Value]):
+    """The words of an expression, from left to right, each operator applied as it is read."""
+
+    # KUKA System Software, priority of operators
+    BINDING: ClassVar = {
+        "OR": 1, "EXOR": 2, "AND": 3, "==": 4, "<>": 4, "<": 4, "<=": 4, ">": 4, ">=": 4, "+": 5, "-": 5, "*": 6, "/": 6, ":": 7,
+    }  # fmt: skip
+    PREFIXES: ClassVar = {"NOT": 8, "-": 8, "+": 8}
 
     def __init__(self, words: Sequence[Word], lookup: Lookup):
         super().__init__(words)
-        self.lookup, self.depth = lookup, 0
+        self.lookup = lookup
 
     def take(self) -> Word:
         if self.done:
@@ -198,22 +195,33 @@ class _Reader(Cursor):
         if not self.accept(text):
             raise Unresolved(f"'{text}' is missing in an expression")
 
-    def level(self, lowest: int) -> Value:
-        """Operators of a priority and of higher ones, of one priority the left ones first."""
-        value = self._single()
-        while (priority := _PRIORITY.get(self.next, -1)) >= lowest:
-            value = _applied(self.take().upper, value, self.level(priority + 1))
-        return value
+    @property
+    def place(self) -> int:
+        return 0
 
-    def _single(self) -> Value:
-        self.depth += 1
-        if self.depth > MAX_PARENTHESES:
-            raise Unresolved("an expression is nested too deeply")
-        value = self._unnested()
-        self.depth -= 1
-        return value
+    @property
+    def sign(self) -> str:
+        return self.next
 
-    def _unnested(self) -> Value:
+    def problem(self, what: str) -> Unresolved:
+        return Unresolved("an expression is nested too deeply")
+
+    def grow(self, height: int) -> None:
+        """Nothing is kept of what an expression contains."""
+
+    def operation(self, start: int, sign: str, *operands: Value) -> Value:
+        if sign == ":":
+            left, right = operands
+            if isinstance(left, Aggregate) and isinstance(right, Aggregate):
+                return product(left, right)
+            raise Unresolved("both operands of ':' must be FRAME or POS")
+        value = operated(sign.lower(), operands, _OPERATORS)
+        if isinstance(value, bool):
+            return value
+        real = isinstance(value, Real) or any(isinstance(one, Real) for one in operands)
+        return Real(_in_range(value)) if real else _in_range(value)
+
+    def single(self) -> Value:
         word = self.take()
         match word.kind, word.upper:
             case "number", text:
@@ -223,17 +231,12 @@ class _Reader(Cursor):
                 return text
             case "string", _ if (bits := bit_string(word.upper)) is not None:
                 return bits
-            case "symbol", "-" | "+":
-                value = _number(self._single())
-                return value if word.text == "+" else Real(-value) if isinstance(value, Real) else -value
             case "symbol", "(":
-                value = self.level(0)
+                value = self.expression()
                 self.expect(")")
                 return value
             case "symbol", "{":
                 return self._structure()
-            case "name", "NOT":
-                return not _truth(self._single())
             case "name", "TRUE" | "FALSE":
                 return word.upper == "TRUE"
             case "name", name:
@@ -245,9 +248,9 @@ class _Reader(Cursor):
         if self.accept("("):
             return self._function(name)
         if self.accept("["):
-            indices = [_index(self.level(0))]
+            indices = [_index(self.expression())]
             while self.accept(","):
-                indices.append(_index(self.level(0)))
+                indices.append(_index(self.expression()))
             self.expect("]")
             name = f"{name}[{','.join(indices)}]"
         value = self.lookup.value(name)
@@ -258,15 +261,15 @@ class _Reader(Cursor):
     def _function(self, name: str) -> Value:
         """One of KRL's own functions; those of the program are asked elsewhere."""
         if name == "INV_POS":
-            frame = self.level(0)
+            frame = self.expression()
             self.expect(")")
             return inverse(frame)
         if name not in _FUNCTIONS:
             raise Unresolved(f"what {name}() gives is known only at run time")
-        given = [_number(self.level(0))]
+        given = [_number(self.expression())]
         while len(given) < FUNCTIONS[name][0]:
             self.expect(",")
-            given.append(_number(self.level(0)))
+            given.append(_number(self.expression()))
         self.expect(")")
         return Real(_in_range(applied(name, given)))
 
@@ -280,7 +283,7 @@ class _Reader(Cursor):
             component = self.take().upper
             if self.next in ("[", "{") or component in values:
                 raise Unresolved(f"the component {component} is not evaluated")
-            value = self.level(0)
+            value = self.expression()
             if isinstance(value, Aggregate):
                 raise Unresolved(f"the component {component} is a structure")
             values[component] = str(value).upper() if isinstance(value, bool) else value
@@ -289,27 +292,19 @@ class _Reader(Cursor):
         return structure(type_, values)
 
 
-def _applied(sign: str, left: Value, right: Value) -> Value:
-    if sign == ":":
-        if isinstance(left, Aggregate) and isinstance(right, Aggregate):
-            return product(left, right)
-        raise Unresolved("both operands of ':' must be FRAME or POS")
-    if sign in ("AND", "OR", "EXOR"):
-        a, b = _truth(left), _truth(right)
-        return (a and b) if sign == "AND" else (a or b) if sign == "OR" else a != b
-    if sign in ("==", "<>") and type(left) is type(right) and isinstance(left, bool | str):
-        return (left == right) == (sign == "==")
-    a, b = _number(left), _number(right)
-    if sign in _COMPARE:
-        return _COMPARE[sign](a, b)
+def _quotient(a: float, b: float) -> float:
+    """Quotient of two numbers: of whole ones, which may be INT or REAL, it is cut off or not.
+
+    Raises:
+        Unresolved: the text does not tell which they are.
+    """
     real = isinstance(a, Real) or isinstance(b, Real)
-    if sign == "/":
-        # two whole numbers may be INT, whose quotient is cut off, or REAL; the text of a value does not always tell which
-        if b == 0.0 or (not real and a / b != int(a / b) and a == int(a) and b == int(b)):
-            raise Unresolved("a quotient of whole numbers depends on their type")
-        return Real(_in_range(a / b)) if real else a / b
-    value = _in_range({"+": a + b, "-": a - b, "*": a * b}[sign])
-    return Real(value) if real else value
+    if b == 0.0 or (not real and a / b != int(a / b) and a == int(a) and b == int(b)):
+        raise Unresolved("a quotient of whole numbers depends on their type")
+    return a / b
+
+
+_OPERATORS: Operators = {("/", 2): _quotient}
 
 
 def _in_range(value: float) -> float:
@@ -321,12 +316,6 @@ def _in_range(value: float) -> float:
 def _number(value: Value) -> float:
     if isinstance(value, bool) or not isinstance(value, float):
         raise Unresolved("a number is expected where there is none")
-    return value
-
-
-def _truth(value: Value) -> bool:
-    if not isinstance(value, bool):
-        raise Unresolved("a truth value is expected where there is none")
     return value
 
 

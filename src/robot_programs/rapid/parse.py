@@ -4,8 +4,10 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
 from robot_programs.core.flow import Arm, Block, Branches, Leave, Loop, Node, Step, Unknown
+from robot_programs.core.values import MAX_DEPTH, OperandReader
 from robot_programs.rapid.syntax import (
     Aggregate,
     Argument,
@@ -41,9 +43,6 @@ from robot_programs.rapid.syntax import (
 
 # The parser's lower half: words to expressions and arguments.
 
-MAX_DEPTH = 60
-"""Brackets and blocks nested deeper than this are no program."""
-
 MAX_ARGUMENTS = 1000
 """Of one instruction; those of the controller have twenty at most."""
 
@@ -56,12 +55,6 @@ _RESERVED = """
 RESERVED = frozenset(_RESERVED.split())
 """Words that are not names."""
 
-_BINDING = {
-    "or": 1, "xor": 1, "and": 2, "=": 3, "<>": 3, "<": 3, ">": 3, "<=": 3, ">=": 3, "+": 4, "-": 4,
-    "*": 5, "/": 5, "div": 5, "mod": 5,
-}  # fmt: skip
-"""Operators between two values; those with higher numbers bind tighter."""
-
 
 class NotUnderstood(Exception):
     """The words at a place cannot be read."""
@@ -71,15 +64,14 @@ class NotUnderstood(Exception):
         super().__init__(text)
 
 
-class ExpressionParser(Words):
+class ExpressionParser(Words, OperandReader[Expression]):
     """Reads expressions from words, one after the other."""
 
-    def __init__(self, text: str):
-        super().__init__(text)
-        self.depth = 0
-        """Brackets and blocks that are open."""
-        self.height = 0
-        """Values inside values of the expression read last."""
+    BINDING: ClassVar = {
+        "or": 1, "xor": 1, "and": 2, "=": 3, "<>": 3, "<": 3, ">": 3, "<=": 3, ">=": 3, "+": 4, "-": 4,
+        "*": 5, "/": 5, "div": 5, "mod": 5,
+    }  # fmt: skip
+    PREFIXES: ClassVar = {"-": 6, "+": 6, "not": 6}
 
     def skip(self, *keys: str) -> bool:
         """Read a word if it is one of these."""
@@ -106,55 +98,30 @@ class ExpressionParser(Words):
         shown = "the end of the file" if token.kind == "end" else f"'{token.text[:32]}'"
         return NotUnderstood(token.start, f"{what} {shown}")
 
-    def enter(self) -> None:
-        """Count a bracket or block that opens."""
-        self.depth += 1
-        if self.depth > MAX_DEPTH:
-            raise self.problem(f"brackets or blocks are nested deeper than {MAX_DEPTH} at")
+    @property
+    def place(self) -> int:
+        """First character of the next word."""
+        return self.next.start
 
-    def grow(self, height: int) -> None:
-        """Note that the expression read last contains others of some height."""
-        self.height = height + 1
-        if self.height > MAX_DEPTH:
-            raise self.problem(f"an expression is nested deeper than {MAX_DEPTH} at")
+    @property
+    def sign(self) -> str:
+        """The next word as an operator."""
+        return self.next.key if self.next.kind in ("name", "symbol") else ""
 
-    def expression(self) -> Expression:
+    def expression(self, weakest: int = 0) -> Expression:
         """Read an expression."""
         self.count_values()
-        self.enter()
-        try:
-            return self._operation(0)
-        finally:
-            self.depth -= 1
+        return super().expression(weakest)
 
-    def _operation(self, weakest: int) -> Expression:
-        """Operands joined by operators that bind tighter than the weakest (precedence climbing)."""
-        left = self._unary()
-        height = self.height
-        while self.next.kind in ("name", "symbol") and _BINDING.get(self.next.key, 0) > weakest:
-            operator = self.take().key
-            right = self._operation(_BINDING[operator])
-            left = Operation(start=left.start, end=right.end, operator=operator, operands=(left, right))
-            self.grow(max(height, self.height))
-            height = self.height
-        return left
+    def operation(self, start: int, sign: str, *operands: Expression) -> Expression:
+        """An operator with its operands; a number has its sign."""
+        number, *others = operands
+        if isinstance(number, Number) and not others and sign in "+-":
+            return Number(start=start, end=number.end, value=-number.value if sign == "-" else number.value)
+        return Operation(start=start, end=operands[-1].end, operator=sign, operands=operands)
 
-    def _unary(self) -> Expression:
-        token = self.next
-        if not self.skip("-", "+", "not"):
-            return self._primary()
-        self.enter()
-        try:
-            operand = self._unary()
-        finally:
-            self.depth -= 1
-        if isinstance(operand, Number) and token.key in "+-":
-            value = -operand.value if token.key == "-" else operand.value
-            return Number(start=token.start, end=operand.end, value=value)
-        self.grow(self.height)
-        return Operation(start=token.start, end=operand.end, operator=token.key, operands=(operand,))
-
-    def _primary(self) -> Expression:
+    def single(self) -> Expression:
+        """Read a value, a list or a name with what belongs to it."""
         token = self.next
         self.height = 0
         match token.kind:
@@ -172,22 +139,25 @@ class ExpressionParser(Words):
             case "name":
                 return self._named()
             case _:
-                if token.key == "[" and (end := self._numbers(token.start)):
-                    self.take()
-                    self.jump(end)
-                    literal = Aggregate(start=token.start, end=end, content=self.text)
-                    self.grow(0 if literal.is_plain else 1)
-                    return literal
-                if self.skip("["):
-                    items = self._list("]")
-                    self.grow(self.height)
-                    return Aggregate(start=token.start, end=self.end, content=items)
-                if self.skip("("):
-                    inner = self.expression()
-                    self.expect(")")
-                    self.grow(self.height)
-                    return Operation(start=token.start, end=self.end, operator="()", operands=(inner,))
-                raise self.problem("a value is missing before")
+                return self._bracketed(token)
+
+    def _bracketed(self, token: Token) -> Expression:
+        if token.key == "[" and (end := self._numbers(token.start)):
+            self.take()
+            self.jump(end)
+            literal = Aggregate(start=token.start, end=end, content=self.text)
+            self.grow(0 if literal.is_plain else 1)
+            return literal
+        if self.skip("["):
+            items = self._list("]")
+            self.grow(self.height)
+            return Aggregate(start=token.start, end=self.end, content=items)
+        if self.skip("("):
+            inner = self.expression()
+            self.expect(")")
+            self.grow(self.height)
+            return Operation(start=token.start, end=self.end, operator="()", operands=(inner,))
+        raise self.problem("a value is missing before")
 
     def _numbers(self, start: int) -> int:
         """End of a list of nothing but numbers; 0 where there is none, or where its signs are nested too deeply."""

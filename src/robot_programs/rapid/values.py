@@ -1,18 +1,17 @@
 """Values of data that the text gives: constants, variables that nothing assigns to, and what the flow of the program tells."""
 
 import math
-import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, Self, cast
+from typing import Self, cast
 
 import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core import flow, se3
 from robot_programs.core.program import Frame, Unresolved, rotation
-from robot_programs.core.values import COMPARISONS, FUNCTIONS, Lost, applied
+from robot_programs.core.values import FUNCTIONS, Lost, Operators, applied, operated, whole
 from robot_programs.rapid.names import File, Scope, Symbol, Value
 from robot_programs.rapid.syntax import (
     Aggregate,
@@ -51,32 +50,11 @@ def _whole_quotient(a: float, b: float) -> float:
     return float(int(a / b))
 
 
-_OF_TRUTHS: Mapping[tuple[str, int], Callable[..., bool]] = {
-    ("not", 1): operator.not_, ("and", 2): operator.and_, ("or", 2): operator.or_,
-    ("xor", 2): operator.ne, ("<>", 2): operator.ne, ("=", 2): operator.eq,
-}  # fmt: skip
-_OF_NUMBERS: Mapping[tuple[str, int], Callable[..., Any]] = {
-    ("-", 1): operator.neg, ("+", 1): operator.pos,
-    ("+", 2): operator.add, ("-", 2): operator.sub, ("*", 2): operator.mul, ("/", 2): operator.truediv,
+OPERATORS: Operators = {
     # the remainder has the sign of the dividend
     ("div", 2): _whole_quotient, ("mod", 2): lambda a, b: a - _whole_quotient(a, b) * b,
-    **{(sign, 2): compare for sign, compare in COMPARISONS.items()},
 }  # fmt: skip
-"""Operators, with how many operands they have."""
-
-
-def whole(value: Value) -> Value:
-    """A value of which everything is known.
-
-    Raises:
-        Unresolved: it, or a component of it, is not.
-    """
-    if isinstance(value, Lost):
-        raise Unresolved(value.reason)
-    if isinstance(value, tuple):
-        for part in value:
-            whole(part)
-    return value
+"""Those of RAPID alone."""
 
 
 def replaced(value: Value, path: Sequence[tuple[int, str]], by: Value, types: Types) -> Value:
@@ -99,30 +77,6 @@ def replaced(value: Value, path: Sequence[tuple[int, str]], by: Value, types: Ty
     if not isinstance(value, tuple) or at >= len(value):
         raise Unresolved("there is no such component")
     return (*value[:at], replaced(value[at], inner, by, types), *value[at + 1 :])
-
-
-def operated(sign: str, values: Sequence[Value]) -> Value:
-    """Value of an operator applied to its operands.
-
-    Raises:
-        Unresolved: they are not of the types it needs, or it is not evaluated.
-    """
-    key, values = (sign, len(values)), [whole(value) for value in values]
-    if all(isinstance(v, bool) for v in values):
-        if key not in _OF_TRUTHS:
-            raise Unresolved("a number is expected where there is none")
-        return _OF_TRUTHS[key](*values)
-    if sign in ("=", "<>"):
-        a, b = values
-        if type(a) is not type(b):
-            raise Unresolved(f"the operator {sign} compares things of different types")
-        return (a == b) == (sign == "=")
-    if not all(isinstance(v, float) for v in values):
-        raise Unresolved("a number is expected where there is none")
-    try:
-        return _OF_NUMBERS[key](*values)
-    except (KeyError, ValueError, ArithmeticError):
-        raise Unresolved(f"the operator {sign.upper()} is not evaluated") from None
 
 
 def shifted(name: str, T: Float[np.ndarray, "4 4"], by: Sequence[Value], options: Mapping[str, Value]) -> np.ndarray:
@@ -649,7 +603,7 @@ class Values:
                 return self.of(expression.operands[0], scope, depth + 1)
             case Operation():
                 values = [self.of(operand, scope, depth + 1) for operand in expression.operands]
-                return operated(expression.operator, values)
+                return operated(expression.operator, values, OPERATORS)
             case Call():
                 return self._of_call(expression, scope, depth)
 

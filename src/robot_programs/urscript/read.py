@@ -23,6 +23,7 @@ from robot_programs.core.program import (
 )
 from robot_programs.core.robot import JOINTS, Robot
 from robot_programs.core.source import Source, uncollected
+from robot_programs.core.values import Lost
 from robot_programs.urscript.rewrite import Point, Site, UrscriptProgram, slot_of
 from robot_programs.urscript.syntax import (
     Expression,
@@ -40,7 +41,6 @@ from robot_programs.urscript.values import (
     Array,
     Evaluator,
     Inverse,
-    Lost,
     Pose,
     Six,
     Value,

@@ -1,20 +1,18 @@
 """The text of a URScript program: its statements, the expressions in them, and its functions as the nodes of `core.flow`.
 
-Universal Robots, *Script manual, e-Series*: "The URScript programming language". Expressions are written as Python's are, which
-reads them; what Python has beyond URScript is not understood.
+Universal Robots, *Script manual, e-Series*: "The URScript programming language".
 """
 
-import ast
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import accumulate, pairwise
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 from robot_programs.core.errors import FileError, shown
 from robot_programs.core.flow import Arm, Block, Body, Branches, Label, Leave, Loop, Node, Step, Unknown, lines_in
 from robot_programs.core.source import Source
+from robot_programs.core.values import OperandReader
 
 # Expressions.
 
@@ -49,143 +47,8 @@ def inside(expression: Expression) -> Iterator[Expression]:
         waiting += reversed(one.parts)
 
 
-MAX_DEPTH = 80
-"""Operators and brackets in each other."""
-
-_OPERATORS: Mapping[type[ast.AST], str] = {
-    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Mod: "%", ast.Eq: "==", ast.NotEq: "!=", ast.Lt: "<",
-    ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.USub: "-", ast.UAdd: "+", ast.Not: "not",
-}  # fmt: skip
-
-_MASKED = re.compile(
-    r"""[#$][^\n]*|"[^"\n]*"|'[^'\n]*'|\bxor\b|[\r\f\\]|[^\x00-\x7f]|(?<![\w.])0+(?=\d)
-    |\b(?:None|as|assert|async|await|break|class|continue|def|del|elif|else|except|finally|for|from|global|if|import|in|is|lambda
-    |nonlocal|pass|raise|return|try|while|with|yield)\b""",
-    re.VERBOSE,
-)
 _NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*")
 _NUMBER = r"0[xX][0-9a-fA-F]+|(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_GLUED = re.compile(rf"(?<![\w.])(?>{_NUMBER})[^\W\d]")
-"""A number that goes on in a word, which Python takes with a warning where that is one of its own."""
-
-
-def _masked(match: re.Match[str]) -> str:
-    """What Python would read otherwise, in as many characters; ``xor`` binds as ``or`` does."""
-    text = match[0]
-    match text[0]:
-        case "#" | "$" | "\r" | "\f":
-            return " " * len(text)
-        case '"' | "'" as mark:
-            return mark + "_" * (len(text) - 2) + mark
-        case "0":
-            return "1" * len(text)
-        case _ if text == "xor":
-            return "or "
-        case first if first.isascii() and first.isalpha():
-            return text.swapcase()
-        case first:
-            return "_" if first.isalnum() else "?"
-
-
-class _NotUnderstood(Exception):
-    """Text that is no statement."""
-
-
-class _Reader:
-    """Reading the expression that a piece of a text is."""
-
-    def __init__(self, text: str, start: int, end: int):
-        self.text = text
-        piece = _MASKED.sub(_masked, text[start:end])
-        if _GLUED.search(piece):
-            raise _NotUnderstood
-        lines = piece.split("\n")
-        self.starts = list(accumulate((len(line) + 1 for line in lines), initial=start))
-        try:
-            self.tree = ast.parse(piece, mode="eval").body
-        except (SyntaxError, ValueError, RecursionError, MemoryError):
-            raise _NotUnderstood from None
-
-    def of(self, node: ast.expr | None, depth: int = 0) -> Expression:
-        if node is None or depth > MAX_DEPTH:
-            raise _NotUnderstood
-        start = self.starts[node.lineno - 1] + node.col_offset
-        end = self.starts[(node.end_lineno or 1) - 1] + (node.end_col_offset or 0)
-        text = self.text[start:end]
-        if isinstance(node, ast.Constant):
-            return Expression("value", start, end, "", _constant(node.value, text))
-
-        def each(*nodes: ast.expr) -> tuple[Expression, ...]:
-            return tuple(self.of(one, depth + 1) for one in nodes)
-
-        match node:
-            case ast.Name() | ast.Attribute() if _NAME.fullmatch(text) and text not in _WORDS:
-                return Expression("name", start, end, text)
-            case ast.List():
-                return Expression("list", start, end, parts=each(*node.elts))
-            case ast.Subscript(value=ast.Name(id="p"), slice=place) if self.text.startswith("p[", start):
-                return Expression(
-                    "pose", start, end, parts=each(*(place.elts if isinstance(place, ast.Tuple) else [place]))
-                )
-            case ast.Subscript():
-                return Expression("index", start, end, parts=each(node.value, node.slice))
-            case ast.Call(func=ast.Name() | ast.Attribute() as called):
-                keys = (*("" for _ in node.args), *(key.arg or "" for key in node.keywords))
-                parts = each(*node.args, *(key.value for key in node.keywords))
-                return Expression("call", start, end, self.of(called).name, parts=parts, keys=keys)
-            case ast.BoolOp():
-                return self.folded(node, each(*node.values))
-            case _:
-                sign, operands = _operation(node)
-                return Expression("operation", start, end, sign, parts=each(*operands))
-
-    def folded(self, node: ast.BoolOp, values: Sequence[Expression]) -> Expression:
-        """Conditions one after another: ``or`` and ``xor`` bind alike."""
-        whole = values[0]
-        for before, value in pairwise(values):
-            between = re.sub(r"#[^\n]*", "", self.text[before.end : value.start])
-            sign = "and" if isinstance(node.op, ast.And) else "xor" if re.search(r"\bxor\b", between) else "or"
-            whole = Expression("operation", whole.start, value.end, sign, parts=(whole, value))
-        return whole
-
-
-def _operation(node: ast.expr) -> tuple[str, list[ast.expr]]:
-    match node:
-        case ast.Compare(ops=[sign], comparators=[right]):
-            operands = [node.left, right]
-        case ast.BinOp(op=sign):
-            operands = [node.left, node.right]
-        case ast.UnaryOp(op=sign):
-            operands = [node.operand]
-        case _:
-            raise _NotUnderstood
-    if type(sign) not in _OPERATORS:
-        raise _NotUnderstood
-    return _OPERATORS[type(sign)], operands
-
-
-def _constant(value: object, text: str) -> int | float | bool | str:
-    """What a constant of Python's is; its text has what was put in its place."""
-    match value:
-        case bool():
-            return value
-        case float() if "_" not in text:
-            return float(text)
-        case int() if text.isdecimal():
-            return int(text) if len(text) < 16 else float(text)
-        case int() if text[:2] in ("0x", "0X") and "_" not in text:
-            return int(text, 16)
-        case str() if text[0] in "\"'" and not set("\"'") & set(text[1:-1]):
-            return text[1:-1]
-        case _:
-            raise _NotUnderstood
-
-
-# Statements.
-
-MAX_BLOCKS = 40
-"""In each other; no program has as many."""
-
 _TOKEN = re.compile(
     rf"""(?P<space>[ \t\r\f]+|\#[^\n]*|\$[^\n]*)
     |(?P<newline>\n)
@@ -196,10 +59,6 @@ _TOKEN = re.compile(
     re.VERBOSE,
 )
 """Behind ``$`` stands the label of a line for PolyScope."""
-
-
-REST_OF_LINE = re.compile(r"[ \t]*(?:[#$][^\n]*)?(?:\n|$)")
-"""Behind a statement: nothing but a comment."""
 
 
 class Token(NamedTuple):
@@ -215,11 +74,146 @@ class Token(NamedTuple):
         return self.start + len(self.text)
 
 
+class _NotUnderstood(Exception):
+    """Text that is no statement."""
+
+
+class _Reader(OperandReader[Expression]):
+    """The tokens of an expression, from left to right."""
+
+    BINDING: ClassVar = {
+        "or": 1, "xor": 1, "and": 2, "==": 4, "!=": 4, "<": 4, "<=": 4, ">": 4, ">=": 4, "+": 5, "-": 5, "*": 6, "/": 6, "%": 6,
+    }  # fmt: skip
+    PREFIXES: ClassVar = {"not": 3, "-": 7, "+": 7}
+
+    def __init__(self, text: str, tokens: Sequence[Token]):
+        self.text, self.end = text, 0
+        self._coming = iter(tokens)
+        self.next = next(self._coming, _NO_TOKEN)
+
+    def whole(self) -> Expression:
+        """The expression that all tokens are."""
+        expression = self.expression()
+        if self.next.kind:
+            raise _NotUnderstood
+        return expression
+
+    def take(self) -> Token:
+        token, self.next = self.next, next(self._coming, _NO_TOKEN)
+        self.end = token.end
+        return token
+
+    def skip(self, mark: str) -> bool:
+        """Take a mark, if it comes next."""
+        return self.next.text == mark and bool(self.take())
+
+    def expect(self, mark: str) -> None:
+        if not self.skip(mark):
+            raise _NotUnderstood
+
+    def problem(self, what: str) -> _NotUnderstood:
+        return _NotUnderstood(what)
+
+    @property
+    def place(self) -> int:
+        return self.next.start
+
+    @property
+    def sign(self) -> str:
+        return self.next.text
+
+    def operation(self, start: int, sign: str, *operands: Expression) -> Expression:
+        left, compares = operands[0], self.BINDING["=="]
+        chained = self.BINDING.get(sign) == compares == self.BINDING.get(left.name) and left.kind == "operation"
+        if chained and ")" not in self.text[left.end : operands[-1].start]:
+            raise _NotUnderstood  # the manual does not tell what a < b < c is
+        return Expression("operation", start, self.end, sign, parts=operands)
+
+    def single(self) -> Expression:
+        start, self.height = self.place, 0
+        value = self._single()
+        while self.skip("["):
+            height, index = self.height, self.expression()
+            self.grow(max(height, self.height))
+            self.expect("]")
+            value = Expression("index", start, self.end, parts=(value, index))
+        return value
+
+    def _single(self) -> Expression:
+        token = self.take()
+        match token.kind, token.text:
+            case "number" | "text", _:
+                return Expression("value", token.start, token.end, "", _constant(token))
+            case "name", "True" | "False":
+                return Expression("value", token.start, token.end, "", token.text == "True")
+            case "name", name if name not in _WORDS:
+                if name == "p" and self.place == token.end and self.skip("["):
+                    parts, _ = self._items("]")
+                    if not parts:
+                        raise _NotUnderstood
+                    return Expression("pose", token.start, self.end, parts=parts)
+                if self.skip("("):
+                    parts, keys = self._items(")")
+                    return Expression("call", token.start, self.end, name, parts=parts, keys=keys)
+                return Expression("name", token.start, token.end, name)
+            case "mark", "[":
+                parts, _ = self._items("]")
+                return Expression("list", token.start, self.end, parts=parts)
+            case "mark", "(":
+                value = self.expression()
+                self.expect(")")
+                return value
+            case _:
+                raise _NotUnderstood
+
+    def _items(self, closing: str) -> tuple[tuple[Expression, ...], tuple[str, ...]]:
+        """Values up to a closing bracket, and the names by which those of a call are given."""
+        items: list[Expression] = []
+        keys: list[str] = []
+        height = 0
+        while not self.skip(closing):
+            item, key = self.expression(), ""
+            if closing == ")" and item.kind == "name" and "." not in item.name and self.skip("="):
+                item, key = self.expression(), item.name
+            elif any(keys):
+                raise _NotUnderstood
+            items.append(item)
+            keys.append(key)
+            height = max(height, self.height)
+            if self.next.text != closing:
+                self.expect(",")
+        self.height = height
+        self.grow(height)
+        return tuple(items), tuple(keys)
+
+
+_NO_TOKEN = Token("", "", 0)
+
+
+def _constant(token: Token) -> int | float | str:
+    """What a number or a text is."""
+    text = token.text
+    if token.kind == "text":
+        return text[1:-1]
+    if text[:2] in ("0x", "0X"):
+        return int(text, 16)
+    return int(text) if text.isdecimal() and len(text) < 16 else float(text)
+
+
+# Statements.
+
+MAX_BLOCKS = 40
+"""In each other; no program has as many."""
+
+REST_OF_LINE = re.compile(r"[ \t]*(?:[#$][^\n]*)?(?:\n|$)")
+"""Behind a statement: nothing but a comment."""
+
+
 _HEADS = {"def", "thread", "sec", "if", "while", "elif", "else"}
 _ALONE = {"end", "break", "continue", "halt"}
 _BLOCKS = _HEADS | _ALONE
-_WORDS = {*_BLOCKS, "return", "global", "local", "run", "pass"}
-"""With which a statement begins."""
+_WORDS = {*_BLOCKS, "return", "global", "local", "run", "pass", *_Reader.BINDING, *_Reader.PREFIXES}
+"""With which a statement begins, and operators: no names."""
 
 
 def _lines(text: str) -> Iterator[list[Token]]:
@@ -292,11 +286,7 @@ def _statement(text: str, tokens: Sequence[Token]) -> Statement:
 
 def _understood(text: str, tokens: Sequence[Token], start: int, end: int) -> Statement:
     def expression(first: int, behind: int | None = None) -> Expression:
-        piece = tokens[first:behind]
-        if not piece:
-            raise _NotUnderstood
-        reader = _Reader(text, piece[0].start, piece[-1].end)
-        return reader.of(reader.tree)
+        return _Reader(text, tokens[first:behind]).whole()
 
     def statement(kind: Kind, **other: object) -> Statement:
         return Statement(kind=kind, start=start, end=end, **other)  # pyright: ignore[reportArgumentType]

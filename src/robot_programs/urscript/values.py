@@ -4,17 +4,16 @@ Universal Robots, *Script manual, e-Series*: modules internals and urmath.
 """
 
 import math
-import operator
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core import se3
-from robot_programs.core.program import Motion, MotionKind, angled_pose
-from robot_programs.core.values import COMPARISONS
+from robot_programs.core.program import Motion, MotionKind, Unresolved, angled_pose
+from robot_programs.core.values import Lost, Operators, operated
 from robot_programs.urscript.syntax import Expression, plain_name
 
 T = TypeVar("T")
@@ -29,13 +28,6 @@ class Literal(NamedTuple):
     file: int
     start: int
     items: tuple[tuple[int, int], ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Lost:
-    """A value that the text does not tell."""
-
-    reason: str = field(compare=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,70 +241,48 @@ def _finite(value: Value) -> Value:
 
 # Operators.
 
-_ARITHMETIC: Mapping[str, Callable[[float, float], float]] = {
-    "+": operator.add, "-": operator.sub, "*": operator.mul,
-}  # fmt: skip
-
 MAX_WHOLE = 2**31
 """Whole numbers have 32 bits."""
 
 
-def _binary(sign: str, a: Value, b: Value) -> Value:
-    for value in (a, b):
-        if isinstance(value, Lost):
-            return value
-    if sign in ("==", "!="):
-        if isinstance(a, int | float | str) and isinstance(b, int | float | str):
-            return (a == b) == (sign == "==")
-        return Lost(reason="what it compares is not known as numbers or words")
-    if isinstance(a, bool) or isinstance(b, bool):
-        return Lost(reason=f"'{sign}' is given what is not a number")
-    if isinstance(a, int | float) and isinstance(b, int | float):
-        return COMPARISONS[sign](a, b) if sign in COMPARISONS else _number(sign, a, b)
-    return _elements(sign, a, b)
-
-
-def _number(sign: str, a: float, b: float) -> Value:
+def _quotient(a: float, b: float) -> float:
     whole = isinstance(a, int) and isinstance(b, int)
-    if sign in _ARITHMETIC:
-        value = _ARITHMETIC[sign](a, b)
-    elif not b or (sign == "%" and (not whole or a < 0 or b < 0)):
-        return Lost(reason=f"what {a:g} {sign} {b:g} is, the manual does not tell")
-    elif sign == "%":
-        value = a % b
-    elif whole and a % b:
-        return Lost(reason=f"{a} / {b} divides whole numbers, and the manual does not tell whether it is cut off")
-    else:
-        value = a // b if whole else a / b
+    if not b or (whole and a % b):
+        raise Unresolved(f"what {a:g} / {b:g} is, whose whole quotient may be cut off, the manual does not tell")
+    return a // b if whole else a / b
+
+
+def _remainder(a: float, b: float) -> float:
+    if not (isinstance(a, int) and isinstance(b, int) and a >= 0 and b > 0):
+        raise Unresolved(f"what {a:g} % {b:g} is, the manual does not tell")
+    return a % b
+
+
+OPERATORS: Operators = {("/", 2): _quotient, ("%", 2): _remainder}
+
+
+def _operated(sign: str, values: Sequence[Value]) -> Value:
+    """Value of an operator; lists are added element by element, and multiplied by a number."""
+    match sign, values:
+        case "-", [Array() as a]:
+            return _operated("*", [-1, a])
+        case ("and", [False, _] | [_, False]) | ("or", [True, _] | [_, True]):
+            return sign == "or"
+        case "+" | "-", [Array() as a, Array() as b] if len(a.items) == len(b.items):
+            return Array.of([_operated(sign, pair) for pair in zip(a.items, b.items, strict=True)])
+        case "*", [Array() as a, int() | float() as b] | [int() | float() as b, Array() as a]:
+            return Array.of([_operated(sign, [b, item]) for item in a.items])
+        case _ if any(isinstance(value, Pose | Array | Inverse) for value in values):
+            return Lost(reason=f"what '{sign}' makes of these values is not known")
+        case _:
+            pass
+    try:
+        value = operated(sign, values, OPERATORS)
+    except Unresolved as why:
+        return Lost(reason=str(why))
     if isinstance(value, int) and abs(value) >= MAX_WHOLE:
         return Lost(reason="a whole number is out of range")
     return _finite(value)
-
-
-def _elements(sign: str, a: Value, b: Value) -> Value:
-    """Lists are added element by element, and multiplied by a number."""
-    match a, b:
-        case Array(), Array() if sign in ("+", "-") and len(a.items) == len(b.items):
-            items = [_binary(sign, x, y) for x, y in zip(a.items, b.items, strict=True)]
-        case Array(), int() | float() if sign == "*":
-            items = [_binary(sign, x, b) for x in a.items]
-        case int() | float(), Array() if sign == "*":
-            items = [_binary(sign, a, y) for y in b.items]
-        case _:
-            return Lost(reason=f"what '{sign}' makes of these values is not known")
-    return Array.of(items)
-
-
-def _logic(sign: str, a: Value, b: Value) -> Value:
-    match sign, a, b:
-        case ("and", False, _) | ("and", _, False):
-            return False
-        case ("or", True, _) | ("or", _, True):
-            return True
-        case _, bool(), bool():
-            return a != b if sign == "xor" else b if sign == "and" else a or b
-        case _:
-            return Lost(reason="a condition is known only at run time")
 
 
 # Expressions.
@@ -351,7 +321,7 @@ class Evaluator:
             case "call":
                 return self._call(expression)
             case "operation":
-                return self._operation(expression.name, [self(part) for part in expression.parts])
+                return _operated(expression.name, [self(part) for part in expression.parts])
 
     def _listed(self, listed: Expression) -> Value:
         items = tuple(self(item) for item in listed.parts)
@@ -411,19 +381,6 @@ class Evaluator:
         if not isinstance(value, Pose) or (near is not None and q is None and not isinstance(near, Lost)):
             return Lost(reason="get_inverse_kin is not given a pose, and six joint positions to be near to")
         return Inverse(pose=value, near=q)
-
-    def _operation(self, sign: str, values: Sequence[Value]) -> Value:
-        match sign, values:
-            case "+", [value]:
-                return value
-            case "-", [value]:
-                return _binary("-", 0, value) if isinstance(value, int | float) else _binary("*", -1, value)
-            case "not", [value]:
-                return not value if isinstance(value, bool) else Lost(reason="a condition is known only at run time")
-            case "and" | "or" | "xor", [a, b]:
-                return _logic(sign, a, b)
-            case _:
-                return _binary(sign, *values)
 
 
 def _asks_for_here(expression: Expression) -> bool:

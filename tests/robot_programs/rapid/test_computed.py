@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from robot_programs.core.program import Unresolved
-from robot_programs.rapid.values import COMPUTED, operated, shifted
+from robot_programs.core.values import operated
+from robot_programs.rapid.values import COMPUTED, OPERATORS, shifted
 
 
 @pytest.mark.parametrize(
@@ -35,7 +36,7 @@ from robot_programs.rapid.values import COMPUTED, operated, shifted
     ],
 )
 def test_operators(operator, values, result):
-    made = operated(operator, values)
+    made = operated(operator, values, OPERATORS)
     assert made == result
     assert type(made) is type(result)
 
@@ -46,7 +47,7 @@ def test_operators(operator, values, result):
 )
 def test_operands_that_do_not_fit(operator, values):
     with pytest.raises(Unresolved):
-        operated(operator, values)
+        operated(operator, values, OPERATORS)
 
 
 def test_dim_counts_elements():
