@@ -56,6 +56,46 @@ def with_called(
         total = wider
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Effects(Generic[R, Thing]):
+    """What the routines of a program change, and what of it changes unseen; the rule of all languages.
+
+    A call changes what its routine changes, and what those change that this calls. What runs beside the lines of others, such as
+    interrupts, traps, threads and handlers of errors, may change its data between any two of these lines: they are never known.
+    """
+
+    own: Mapping[R, frozenset[Thing]]
+    """What each changes by itself."""
+    calls: Mapping[R, frozenset[R]]
+    """Which each calls; those that change nothing by themselves, and are no keys of `own`, count for nothing."""
+    beside: Collection[R] = ()
+    """Those that run beside the lines of others."""
+
+    @cached_property
+    def within(self) -> Mapping[R, frozenset[Thing]]:
+        """What each changes, by itself or by those that it calls."""
+        return with_called({routine: (changed, self.calls[routine]) for routine, changed in self.own.items()})
+
+    @cached_property
+    def unseen(self) -> frozenset[Thing]:
+        """What may change at any time."""
+        return frozenset[Thing]().union(*(self.within[routine] for routine in self.beside))
+
+    @cached_property
+    def callers(self) -> Mapping[R, frozenset[R]]:
+        """Which call each."""
+        found: dict[R, set[R]] = {routine: set() for routine in self.own}
+        for routine, called in self.calls.items():
+            for other in called & found.keys():
+                found[other].add(routine)
+        return {routine: frozenset(others) for routine, others in found.items()}
+
+    @cached_property
+    def around(self) -> Mapping[R, frozenset[Thing]]:
+        """What changes on the ways through each: what it changes, or any that leads to it."""
+        return with_called({routine: (self.within[routine], self.callers[routine]) for routine in self.own})
+
+
 # The form to which a language lowers its text. `line` is a statement of the language, for the language alone.
 
 

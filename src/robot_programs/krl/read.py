@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from robot_programs.core import flow, se3
 from robot_programs.core.errors import FileError, InputError
-from robot_programs.core.flow import MIN_LINES, Body, Counts, Group, Loop, Node, lines_in
+from robot_programs.core.flow import MIN_LINES, Body, Counts, Effects, Group, Loop, Node, lines_in
 from robot_programs.core.program import Diagnostic, Frame, Motion, MotionKind, Target, Unresolved
 from robot_programs.core.source import Source, uncollected
 from robot_programs.core.values import Lost
@@ -43,15 +43,14 @@ from robot_programs.krl.routines import (
     callers_of,
     calls_of,
     changed_by,
-    changing,
     concerned,
+    effects_of,
     matters,
     only_computes,
     read_names,
     resuming,
     roots_of,
     routines_of,
-    unasked,
 )
 from robot_programs.krl.syntax import (
     LOOPS,
@@ -994,9 +993,9 @@ class _Reading:
         routines = routines_of(self.files)
         callers = callers_of(routines)
         data = Data(files=self.files, given=self.given, roots=roots_of(callers), elements=self.elements)
-        flow = self._flow(routines, data)
-        beside = unasked(self.files, routines)
-        roots = [name for name in routines if not callers[name] - {name} or name in beside]
+        effects = effects_of(self.files, routines, data)
+        flow = self._flow(routines, data, effects)
+        roots = [name for name in routines if not callers[name] - {name} or name in effects.beside]
         everywhere = [routine for same in routines.values() for routine in same]
         begin = {routine for routine in everywhere if routine.name in roots}
         flow.follow(everywhere, begin)
@@ -1010,9 +1009,8 @@ class _Reading:
         bodies = {routine: flow.body(routine).nodes for routine in everywhere}
         return replace(self._ordered(data), bodies=bodies, turns=flow.turns)
 
-    def _flow(self, routines: Mapping[str, list[Routine]], data: Data) -> Flow:
-        changes = changing(routines, data)
-        volatile = frozenset[str]().union(*(changes[name] for name in unasked(self.files, routines)))
+    def _flow(self, routines: Mapping[str, list[Routine]], data: Data, effects: Effects[str, str]) -> Flow:
+        changes, volatile = effects.within, effects.unseen
         made: dict[tuple[str, bytes], Frame] = {}
         frames: dict[Routine, Frames] = {}
 

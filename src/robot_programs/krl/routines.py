@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
-from robot_programs.core.flow import Thing, with_called
+from robot_programs.core.flow import Effects, Thing, with_called
 from robot_programs.core.values import Lost
 from robot_programs.krl.data import BUILT_IN, Data, File, Routine, Text, plain_value
 from robot_programs.krl.frames import EVERYTHING, FrameVariable, State
@@ -119,15 +119,26 @@ def only_computes(routine: Routine, routines: Container[str]) -> bool:
     return True
 
 
-def changing(routines: Routines, data: Data) -> dict[str, frozenset[str]]:
-    """What the routines of each name change, by themselves or by those that they call; see `changed_by`."""
+def effects_of(files: Iterable[File], routines: Routines, data: Data) -> Effects[str, str]:
+    """What the routines of each name change; see `changed_by`.
 
-    def own(routine: Routine) -> Iterator[str]:
+    Those run beside the lines of others that are not called from the line before: by interrupts, beside a motion, or in the
+    submit interpreter.
+    """
+    submitted = (line.name for file in files if file.submits for line in file.heads)
+    acting = (name for _, line in declared_in(routines).values() for name in _called_by_action(line))
+
+    def changed(routine: Routine) -> Iterator[frozenset[str]]:
         names = Names.of(routine, data)
-        for line in routine.lines:
-            yield from changed_by(line, names, data.by_value, {})
+        return (changed_by(line, names, data.by_value, {}) for line in routine.lines)
 
-    return _through_calls(routines, own)
+    return Effects(
+        own={
+            name: frozenset[str]().union(*(one for r in same for one in changed(r))) for name, same in routines.items()
+        },
+        calls={name: _called(same, routines) for name, same in routines.items()},
+        beside=frozenset(routines).intersection((*submitted, *acting)),
+    )
 
 
 def concerned(routines: Routines, data: Data, changes: Mapping[str, frozenset[str]]) -> dict[str, frozenset[str]]:
@@ -162,23 +173,18 @@ def _called(same: Sequence[Routine], routines: Mapping[str, object]) -> frozense
     return frozenset(name for r in same for line in r.lines for name in calls_of(line) if name in routines)
 
 
-def callers_of(routines: dict[str, list[Routine]]) -> dict[str, set[str]]:
+def callers_of(routines: Routines) -> Mapping[str, frozenset[str]]:
     """By name of routines: names of those that call them, or declare what runs beside them and does."""
-    out: dict[str, set[str]] = {name: set() for name in routines}
-    for name, same in routines.items():
-        for called in _called(same, routines):
-            out[called].add(name)
+    calls = {name: _called(same, routines) for name, same in routines.items()}
     for routine, line in declared_in(routines).values():
-        for called in _called_by_action(line):
-            if called in out:
-                out[called].add(routine.name)
-    return out
+        calls[routine.name] |= frozenset(_called_by_action(line))
+    return Effects(own=dict.fromkeys(routines, frozenset[str]()), calls=calls).callers
 
 
-def roots_of(callers: Mapping[str, set[str]]) -> dict[str, frozenset[str]]:
+def roots_of(callers: Mapping[str, frozenset[str]]) -> dict[str, frozenset[str]]:
     """By name of routines: those that nothing calls, from which they are reached; themselves where nothing calls them."""
     own = {name: frozenset() if others else frozenset({name}) for name, others in callers.items()}
-    return with_called({name: (own[name], frozenset(others)) for name, others in callers.items()})
+    return with_called({name: (own[name], others) for name, others in callers.items()})
 
 
 _BY_BAS = frozenset({"LDAT_ACT", "PDAT_ACT", "TOOL_DATA", "BASE_DATA", *_VARIABLES})
@@ -220,13 +226,6 @@ def resuming(routines: Routines) -> frozenset[str]:
 
 def _resumes(line: Statement) -> bool:
     return isinstance(line, Control) and line.keyword == "RESUME"
-
-
-def unasked(files: Iterable[File], routines: Routines) -> frozenset[str]:
-    """Routines that are not called from the line before: by interrupts, beside a motion, or in the submit interpreter."""
-    submitted = (line.name for file in files if file.submits for line in file.heads)
-    beside = (name for _, line in declared_in(routines).values() for name in _called_by_action(line))
-    return frozenset(routines).intersection((*submitted, *beside))
 
 
 # Actions that run beside the lines of a KRL program: interrupts, TRIGGER, and analog signals that are followed.

@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from robot_programs.core.flow import Node, bodies_of, lines_in, with_called
+from robot_programs.core import flow
+from robot_programs.core.flow import Node, bodies_of, lines_in
 from robot_programs.core.program import Unresolved
 from robot_programs.rapid.names import (
     CHANGING,
@@ -545,14 +546,10 @@ def _option(routine: Routine, name: str) -> Parameter | None:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Effects:
+class Effects(flow.Effects[Routine, Symbol]):
     """Data that statements and routines may change."""
 
     changes: Changes
-    of_routine: Mapping[Routine, frozenset[Symbol]]
-    """Data that a routine may change, by itself or by those that it calls."""
-    volatile: frozenset[Symbol]
-    """Data that may change at any time: in a trap, or where an error is handled."""
     _of_line: dict[Line, frozenset[Symbol]] = field(default_factory=dict[Line, frozenset[Symbol]])
     _sets: dict[frozenset[Symbol], frozenset[Symbol]] = field(
         default_factory=dict[frozenset[Symbol], frozenset[Symbol]]
@@ -565,7 +562,7 @@ class Effects:
             return frozenset[Symbol]()
         if node.line not in self._of_line:
             own = changed_by([node], scope, file, self.changes)
-            others = (self.of_routine.get(r, frozenset[Symbol]()) for r in may_call(lines_in([node]), scope))
+            others = (self.within.get(r, frozenset[Symbol]()) for r in may_call(lines_in([node]), scope))
             changed = own.union(*others)
             self._of_line[node.line] = self._sets.setdefault(changed, changed)
         return self._of_line[node.line]
@@ -573,27 +570,20 @@ class Effects:
 
 def effects_of(everywhere: Iterable[Context], changes: Changes) -> Effects:
     """Data that the routines of a program may change."""
-    own: dict[Routine, tuple[frozenset[Symbol], frozenset[Routine]]] = {}
-    handled: dict[Routine, tuple[frozenset[Symbol], frozenset[Routine]]] = {}
+    own: dict[Routine, frozenset[Symbol]] = {}
+    calls: dict[Routine, frozenset[Routine]] = {}
+    beside: list[Routine] = []
     for context in everywhere:
-        routine = context.routine
-        if routine is None:
+        if (routine := context.routine) is None:
             continue
-        handled[routine] = _own([node for handler in routine.handlers for node in handler], context, changes)
-        own[routine] = _own(routine.nodes, context, changes)
-    own[ANY_ROUTINE] = frozenset[Symbol](), frozenset(own)
-    of_routine = with_called(own)
-    volatile = set[Symbol]()
-    for routine, (changed, calls) in handled.items():
-        volatile |= changed.union(*(of_routine[other] for other in calls))
-        if routine.kind == "trap":
-            volatile |= of_routine[routine]
-    return Effects(changes=changes, of_routine=of_routine, volatile=frozenset(volatile))
-
-
-def _own(nodes: Sequence[Node], context: Context, changes: Changes) -> tuple[frozenset[Symbol], frozenset[Routine]]:
-    changed = changed_by(nodes, context.scope, context.file, changes)
-    return changed, may_call(lines_in(nodes), context.scope)
+        handling = replace(routine, body=tuple(n for handler in routine.handlers for n in handler), handlers=())
+        beside += [handling, *([routine] if routine.kind == "trap" else [])]
+        for one in (routine, handling):
+            own[one] = changed_by(one.nodes, context.scope, context.file, changes)
+            calls[one] = may_call(one.lines, context.scope)
+    if any(ANY_ROUTINE in called for called in calls.values()):
+        own[ANY_ROUTINE], calls[ANY_ROUTINE] = frozenset[Symbol](), frozenset(own)
+    return Effects(own=own, calls=calls, beside=beside, changes=changes)
 
 
 def changed_in(expression: Expression, context: Context, scope: Scope, changes: Changes) -> frozenset[Symbol]:

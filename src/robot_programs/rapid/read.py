@@ -7,12 +7,11 @@ from functools import partial
 
 from robot_programs.core import flow as form
 from robot_programs.core.errors import FileError
-from robot_programs.core.flow import MIN_LINES, with_called
+from robot_programs.core.flow import MIN_LINES
 from robot_programs.core.program import Diagnostic, Frame, Unresolved
 from robot_programs.core.source import Source, uncollected
 from robot_programs.core.values import Lost
 from robot_programs.rapid.changes import (
-    ANY_ROUTINE,
     SOFT,
     Effects,
     called,
@@ -25,7 +24,6 @@ from robot_programs.rapid.changes import (
     is_motion,
     is_read,
     is_strange,
-    may_call,
     moves,
     returns_values,
     uses,
@@ -277,7 +275,7 @@ class Flow(form.Flow[State, Routine]):
     def entered(self, routine: Routine, state: State) -> State:
         """State at the start of a routine: variables of its own get their declared values there."""
         context = self.contexts[routine]
-        own = initial_values(context, self.effects.volatile, self.declared)
+        own = initial_values(context, self.effects.unseen, self.declared)
         return state.forgotten(own_symbols(context)).holding(own)
 
     def only_computes(self, routine: Routine) -> bool:
@@ -351,7 +349,7 @@ class _Walk(form.Walk[State, Routine]):
         return replace(state, last=None, reached=True) if self.resumes else state
 
     def at_error(self, entry: State) -> State:
-        return replace(entry, last=None).forgotten(self.flow.effects.of_routine[self.routine])
+        return replace(entry, last=None).forgotten(self.flow.effects.within[self.routine])
 
     def unknown(self, line: Line, state: State) -> State:
         """State after a label, or text that was not understood."""
@@ -496,7 +494,7 @@ class _Walk(form.Walk[State, Routine]):
         symbol, values = self.scope.known(assignment.target.name.text), self._values(state)
         if symbol is None:
             return state
-        volatile = symbol in self.flow.effects.volatile
+        volatile = symbol in self.flow.effects.unseen
         known = None if volatile else _assigned(assignment, symbol, self.scope, values)
         state = state.forgotten([symbol])
         return state if known is None else state.holding({symbol: known})
@@ -522,7 +520,7 @@ class _Walk(form.Walk[State, Routine]):
         moved = key == ONLY_EXTERNAL or is_motion(instruction, scope) or moves([instruction], scope)
         self.flow.anywhere.update(called([instruction], scope))
         state = state.forgotten(self._changed_by(node))
-        if key in (SOFTENING, STIFFENING) and SOFT not in effects.volatile:
+        if key in (SOFTENING, STIFFENING) and SOFT not in effects.unseen:
             state = state.holding({SOFT: AbstractValue(value=key == SOFTENING)})
         return replace(state, last=None) if moved else state
 
@@ -571,7 +569,7 @@ class _Walk(form.Walk[State, Routine]):
         followed = self.follow(routines, entry) if follow and not hidden else None
         if followed is None:
             program.anywhere.update(routines)
-            lost = changed.union(*(program.effects.of_routine[routine] for routine in routines))
+            lost = changed.union(*(program.effects.within[routine] for routine in routines))
             return replace(state.forgotten(lost), last=None), None
         behind, value = followed
         return behind.forgotten(changed | own_symbols(context)), value
@@ -710,17 +708,18 @@ def follow_program(
     size = sum(1 for routine in contexts for _ in routine.lines)
     flow = Flow(
         everywhere=everywhere, contexts=contexts, effects=effects, declared=values, values=values, findings=findings,
-        lent=_lent(contexts, effects), left=MAX_PASSES * size + MIN_LINES,
+        lent=_lent(effects), left=MAX_PASSES * size + MIN_LINES,
     )  # fmt: skip
     routines = tuple(contexts)
-    roots = _roots(contexts)
+    called_by = {r: {by for by in effects.callers[r] if by in contexts and by is not r} for r in contexts}
+    roots = [r for r, others in called_by.items() if not others or r.kind == "trap" or r.name.key == MAIN]
     flow.follow(routines, roots)
     findings.close()
     flow.follow_rest(routines, roots)
     return flow.turns
 
 
-def _lent(contexts: Mapping[Routine, Context], effects: Effects) -> dict[Routine, dict[Symbol, str]]:
+def _lent(effects: Effects) -> dict[Routine, dict[Symbol, str]]:
     """Tools and work objects that are given to routines that are not in the files, on any way that leads through a routine.
 
     They may be changed there, and stay so when the way is gone again. A routine that nothing in the files calls is a program of
@@ -729,27 +728,8 @@ def _lent(contexts: Mapping[Routine, Context], effects: Effects) -> dict[Routine
     own = effects.changes.lent
     if not own:
         return {}
-    calls = {routine: may_call(routine.lines, context.scope) for routine, context in contexts.items()}
-    if any(ANY_ROUTINE in others for others in calls.values()):
-        calls[ANY_ROUTINE] = frozenset(contexts)
-    within = with_called({r: (frozenset(own.get(r, {}).items()), others) for r, others in calls.items()})
-    callers: dict[Routine, set[Routine]] = {routine: set() for routine in calls}
-    for routine, others in calls.items():
-        for other in others:
-            callers[other].add(routine)
-    given = with_called({routine: (within[routine], frozenset(ways)) for routine, ways in callers.items()})
-    return {routine: dict(sorted(lent, key=lambda one: one[1])) for routine, lent in given.items()}
-
-
-def _roots(contexts: Mapping[Routine, Context]) -> frozenset[Routine]:
-    """Routines that nothing calls, and those that are called from elsewhere as well: traps."""
-    own = frozenset(
-        other
-        for routine, context in contexts.items()
-        for other in called(routine.lines, context.scope)
-        if other is not routine
-    )
-    return frozenset(r for r in contexts if r not in own or r.kind == "trap" or r.name.key == MAIN)
+    lent = form.Effects(own={r: frozenset(own.get(r, {}).items()) for r in effects.own}, calls=effects.calls)
+    return {routine: dict(sorted(given, key=lambda one: one[1])) for routine, given in lent.around.items()}
 
 
 def _start(flow: Flow, context: Context) -> State:
@@ -760,7 +740,7 @@ def _start(flow: Flow, context: Context) -> State:
     """
     routine, effects = context.routine, flow.effects
     assert routine is not None
-    softened = any(SOFT in changed for changed in effects.of_routine.values()) and SOFT not in effects.volatile
+    softened = any(SOFT in changed for changed in effects.within.values()) and SOFT not in effects.unseen
     stiff = {SOFT: AbstractValue(value=False)} if softened else {}
     if routine.name.key != MAIN:
         return State(variables=stiff)
@@ -768,7 +748,7 @@ def _start(flow: Flow, context: Context) -> State:
         symbol: value
         for context in flow.everywhere
         if context.routine is None
-        for symbol, value in initial_values(context, effects.volatile, flow.declared).items()
+        for symbol, value in initial_values(context, effects.unseen, flow.declared).items()
     } | stiff
     start = State(variables=fresh)
     quiet = replace(flow, findings=None, anywhere=set[Routine]())

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from robot_programs.core import se3
 from robot_programs.core.errors import FileError, InputError
-from robot_programs.core.flow import with_called
+from robot_programs.core.flow import Effects
 from robot_programs.core.program import (
     Diagnostic,
     Frame,
@@ -206,11 +206,10 @@ class Calls:
             )
             for listing in listings
         }  # fmt: skip
-        within = with_called({name: (others.difference(called), others) for name, others in called.items()})
-        callers = {name: frozenset(other for other in called if name in called[other]) for name in called}
-        ever = with_called({name: (within[name], others) for name, others in callers.items()})
-        around = {name: frozenset[str]().union(*(ever[other] for other in callers[name])) for name in called}
-        return cls(within=within, around=around)
+        own = {name: others.difference(called) for name, others in called.items()}
+        effects = Effects(own=own, calls=called)
+        around = {name: frozenset[str]().union(*(effects.around[o] for o in effects.callers[name])) for name in called}
+        return cls(within=effects.within, around=around)
 
     def behind(self, called: str) -> str:
         """Name of a program that may have run in a call and is not in the files; empty where nothing."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from robot_programs.core import flow, se3
 from robot_programs.core.errors import FileError
-from robot_programs.core.flow import MIN_LINES, Body, Branches, Node, lines_in, with_called
+from robot_programs.core.flow import MIN_LINES, Body, Branches, Effects, Node, lines_in
 from robot_programs.core.program import (
     Diagnostic,
     Frame,
@@ -229,10 +229,8 @@ class Flow(flow.Flow[State, Routine]):
 
     findings: Findings
     names: Names
-    changes: Mapping[Routine, frozenset[str]]
-    """What each function may alter, with those that it calls."""
-    beside: frozenset[str]
-    """What threads may alter at any time."""
+    effects: Effects[Routine, str]
+    """What each function may alter."""
     robot: Robot | None
     tool: Frame | None
     part: Frame
@@ -345,7 +343,7 @@ class _Walk(flow.Walk[State, Routine]):
 
     def widened(self, state: State, nodes: Sequence[Node], why: str) -> State:
         """State after lines that may have changed all that they change."""
-        names, changes = self.flow.names, self.flow.changes
+        names, changes = self.flow.names, self.flow.effects.within
         keys = {MOTION}
         for line in lines_in(nodes):
             keys |= names.changed(line, self.routine)
@@ -365,7 +363,7 @@ class _Walk(flow.Walk[State, Routine]):
     def _evaluator(self, state: Callable[[], State], called: Callable[[Expression], Value | None]) -> Evaluator:
         def variable(name: str) -> Value:
             key = self.flow.names.key(name, self.routine)
-            if key in self.flow.beside:
+            if key in self.flow.effects.unseen:
                 return Lost(reason=f"{name} is set in a thread")
             value = state().variables.get(key)
             return Lost(reason=f"{name} is not known: {state().missing}") if value is None else value
@@ -432,14 +430,14 @@ class _Walk(flow.Walk[State, Routine]):
     def _lost_by(self, routines: Sequence[Routine], state: State) -> State:
         """State after functions that may have altered all that they alter."""
         self.flow.anywhere.update(routines)
-        keys = frozenset[str]().union(*(self.flow.changes[routine] for routine in routines))
+        keys = frozenset[str]().union(*(self.flow.effects.within[routine] for routine in routines))
         return state.forgotten(keys, f"{routines[0].name} sets it")
 
     # Statements.
 
     def between(self, state: State) -> State:
         """State before a statement, where a thread may have done something."""
-        return state.forgotten(self.flow.beside & {TOOL, MOTION}, "a thread sets it") if self.flow.beside else state
+        return state.forgotten(self.flow.effects.unseen & {TOOL, MOTION}, "a thread sets it")
 
     def step(self, line: Statement, state: State) -> State:
         """State after a statement."""
@@ -540,7 +538,7 @@ class _Walk(flow.Walk[State, Routine]):
         needed = names[: 2 if kind == "circular" else 1]
         if given is None or not given.keys() >= set(needed):
             raise Unresolved(f"its arguments are not those of {call.name}({', '.join(names)})")
-        if state.modes or MODE in self.flow.beside:
+        if state.modes or MODE in self.flow.effects.unseen:
             self.flow.findings.shifted.add((self.routine.file.number, call.start))
             what = f"{min(state.modes)} is on, which moves" if state.modes else "a thread may switch on what moves"
             raise Unresolved(f"{what} the tool away from its target")
@@ -713,28 +711,22 @@ def read_urscript(
             raise FileError(file.source.path, "is not URScript: it has no def and no motion")
     names = Names(files=files)
     routines = [routine for file in files for routine in file.routines]
-    own = {
-        routine: (
-            frozenset[str]().union(*(names.changed(line, routine) for line in routine.lines)),
-            frozenset[Routine]().union(*(names.calls(line, routine) for line in routine.lines)),
-        )
-        for routine in routines
-    }
-    changes = with_called(own)
-    threads = [routine for routine in routines if routine.kind in ("thread", "sec")]
+    effects = Effects(
+        own={r: frozenset[str]().union(*(names.changed(line, r) for line in r.lines)) for r in routines},
+        calls={r: frozenset[Routine]().union(*(names.calls(line, r) for line in r.lines)) for r in routines},
+        beside=[routine for routine in routines if routine.kind in ("thread", "sec")],
+    )
     flow = Flow(
         findings=Findings(),
         names=names,
-        changes=changes,
-        beside=frozenset[str]().union(*(changes[routine] for routine in threads)),
+        effects=effects,
         robot=robot,
         tool=tool,
         part=part or Frame(name=BASE, T=np.eye(4)),
         corrects=corrects,
         left=MIN_LINES + MAX_PASSES * sum(len(routine.lines) for routine in routines),
     )
-    called = {other for routine in routines for other in own[routine][1] if other is not routine}
-    roots = [routine for routine in routines if routine not in called and routine.kind != "thread"]
+    roots = [one for one in routines if not effects.callers[one] - {one} and one.kind != "thread"]
     flow.follow(routines, roots)
     flow.findings.close()
     flow.follow_rest(routines, roots)
