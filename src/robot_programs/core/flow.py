@@ -37,6 +37,17 @@ COUNT_TOLERANCE = 1e-9
 JUMPED = "it can be reached by a GOTO"
 
 
+def reached(starts: Iterable[Thing], behind: Callable[[Thing], Iterable[Thing]]) -> set[Thing]:
+    """All to which some lead, themselves included, given what is right behind each."""
+    waiting, seen = list(starts), set[Thing]()
+    while waiting:
+        one = waiting.pop()
+        if one not in seen:
+            seen.add(one)
+            waiting += behind(one)
+    return seen
+
+
 def with_called(
     own: Mapping[R, tuple[frozenset[Thing], frozenset[R]]],
 ) -> dict[R, frozenset[Thing]]:
@@ -244,7 +255,7 @@ def leaves_loop(nodes: Iterable[Node]) -> bool:
 
 
 @dataclass(frozen=True, kw_only=True)
-class State(ABC):
+class State:
     """State at a place of a program; languages add what they know."""
 
     last: int | None = None
@@ -252,18 +263,41 @@ class State(ABC):
     reached: bool = True
     """Whether control comes there."""
 
-    @abstractmethod
-    def joined(self, others: Sequence[Any], why: str) -> Self:
+    variables: Mapping[Any, Any] = field(default_factory=dict[Any, Any])
+    """What is known of data, by their keys."""
+
+    def forgotten(self, keys: Iterable[Any]) -> Self:
+        """State in which nothing is known of some data."""
+        lost = self.variables.keys() & set(keys)
+        return replace(self, variables={k: v for k, v in self.variables.items() if k not in lost}) if lost else self
+
+    def holding(self, values: Mapping[Any, Any]) -> Self:
+        """State in which some data hold something else."""
+        return replace(self, variables={**self.variables, **values}) if values else self
+
+    def joined(self, others: Sequence[Self], why: str) -> Self:
         """Join the states after several ways.
 
         Args:
             others: what holds behind the others; all are reached.
             why: why anything that differs is not known, for the user.
         """
+        states, variables = (self, *others), self.variables
+        if any(other.variables is not variables for other in others):
+            keys = dict.fromkeys(key for state in states for key in state.variables)
+            found = {key: self.common([state.variables.get(key) for state in states], why) for key in keys}
+            variables = {key: value for key, value in found.items() if value is not None}
+        return replace(self, last=self.last if len({s.last for s in states}) == 1 else None, variables=variables)
 
-    @abstractmethod
-    def agrees(self, other: Any) -> bool:
-        """Whether the same holds."""
+    def common(self, values: Sequence[Any], why: str) -> Any:
+        """What is known of a datum after several ways; None for nothing.
+
+        Args:
+            values: what is known of it after each; None for nothing.
+            why: as in `joined`.
+        """
+        first, *others = values
+        return first if all(type(other) is type(first) and other == first for other in others) else None
 
     def lost_in(self, joined: Any) -> Any:
         """Facts of this state that a state joined from it has lost."""
@@ -646,7 +680,7 @@ class Walk(ABC, Generic[S, R]):
         state = entry.without(flow.lost_at.get(label), JUMPED)
         for _ in range(MAX_SCOUTS):
             end, joined = self._once_from(nodes, i, label, state)
-            if joined.agrees(state):
+            if joined == state:
                 flow.lost_at[label] = entry.lost_in(state)
                 return end
             state = joined
@@ -717,7 +751,7 @@ class Walk(ABC, Generic[S, R]):
             if holds is None or not self.flow.may(loop.size):
                 break
             before, state = state, self.turn(loop, state)
-            if state.agrees(before):
+            if state == before:
                 return self.unreached
         ends = self.truth(loop.condition, self.widened(state, (loop,), "")) is not True
         behind = self._some_turns(loop, state)
@@ -746,7 +780,7 @@ class Walk(ABC, Generic[S, R]):
             if end is None or undecided or not self.flow.may(loop.size):
                 break
             before, state = state, self.turn(loop, state)
-            if not state.reached or state.agrees(before):
+            if not state.reached or state == before:
                 return self.unreached
         return self._some_turns(loop, state)
 
@@ -772,7 +806,7 @@ class Walk(ABC, Generic[S, R]):
             with self.scouting():
                 again = self.turn(loop, entry)
             joined = self.merged([entry, again], why)
-            if joined.agrees(entry):
+            if joined == entry:
                 return entry
             entry = joined
         return self.widened(entry, (loop,), why)

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core import se3
-from robot_programs.core.flow import Block, Loop, bodies_of, leaves_loop, lines_in
+from robot_programs.core.flow import Block, Loop, bodies_of, leaves_loop, lines_in, reached
 from robot_programs.core.program import Paths, Waypoint
 from robot_programs.core.source import FreshNames, Source
 
@@ -258,12 +258,4 @@ def reaching(texts: Iterable[tuple[Any, Any]], calls: Mapping[Any, Sequence[tupl
         texts: lines with their routines.
         calls: by routine, the lines that call it, with their own routines.
     """
-    found: set[Any] = set()
-    waiting, seen = list(texts), set[Any]()
-    while waiting:
-        line, routine = waiting.pop()
-        found.add(line)
-        if routine not in seen:
-            seen.add(routine)
-            waiting += calls.get(routine, ())
-    return found
+    return {line for line, _ in reached(texts, lambda one: calls.get(one[1], ()))}

@@ -23,13 +23,11 @@ from robot_programs.krl.syntax import (
     parse_operand,
 )
 from robot_programs.krl.values import (
-    AbstractValue,
     Adjustable,
     Known,
     Lookup,
     Names,
     Variables,
-    common,
     evaluated,
     name_of,
     number_of,
@@ -183,8 +181,6 @@ class State(flow.State):
     """$VEL.ORI1, degrees per second."""
     approximation: Approximation = NOT_KNOWN
     """$APO."""
-    variables: Variables = field(default_factory=dict[str, AbstractValue])
-    """What code has assigned, as far as the text tells."""
     armed: frozenset[tuple[int, int]] = frozenset()
     """Actions that may run at any time from here on, by file and first character of their line."""
 
@@ -193,7 +189,7 @@ class State(flow.State):
         """At the start of a program that nothing calls."""
         return cls(tool=_unknown("$TOOL is not set before it"), base=_unknown("$BASE is not set before it"))
 
-    def forgotten(self, reason: str, what: frozenset[str] = EVERYTHING) -> Self:
+    def lost(self, reason: str, what: frozenset[str] = EVERYTHING) -> Self:
         """State in which some of `EVERYTHING` may have become anything."""
         fields = [name for name, group in _GROUPS.items() if group in what]
         return self._with_unknown(fields, reason) if fields else self
@@ -201,16 +197,10 @@ class State(flow.State):
     def joined(self, others: Sequence[Self], why: str) -> Self:
         """Join states; see `flow.State.joined`."""
         differing = [name for name in _GROUPS if any(getattr(self, name) != getattr(other, name) for other in others)]
-        states = (self, *others)
         return replace(
-            self._with_unknown(differing, why),
-            variables=common(state.variables for state in states),
-            armed=frozenset[tuple[int, int]]().union(*(state.armed for state in states)),
+            super().joined(others, why)._with_unknown(differing, why),
+            armed=self.armed.union(*(other.armed for other in others)),
         )
-
-    def agrees(self, other: Self) -> bool:
-        """Whether the same holds."""
-        return self == other
 
     def lost_in(self, joined: Self) -> tuple[frozenset[str], frozenset[str]]:
         """Groups of `EVERYTHING` and variables of this state that a state joined from it has lost."""
@@ -223,7 +213,7 @@ class State(flow.State):
         if not what and not keys:
             return self
         variables = {key: value for key, value in self.variables.items() if key not in keys}
-        return replace(self.forgotten(why, what), variables=variables)
+        return replace(self.lost(why, what), variables=variables)
 
     def _with_unknown(self, fields: Sequence[str], reason: str) -> Self:
         unknown = _unknown(reason)
@@ -525,9 +515,7 @@ class Frames:
 
     def _initial(self, state: State) -> State:
         """The state behind BAS(#INITMOV): as the bas.src that was passed says; else tool and base are not known."""
-        reset = state.forgotten(
-            "BAS(#INITMOV) resets tool and base before it", EVERYTHING - {"motion", "approximation"}
-        )
+        reset = state.lost("BAS(#INITMOV) resets tool and base before it", EVERYTHING - {"motion", "approximation"})
         tool, base = self.data.initial_frames
         known = self.known(state)
         if tool is not None:

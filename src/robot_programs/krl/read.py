@@ -495,7 +495,7 @@ MAX_IDLE_LINES = 1000
 
 
 @dataclass(eq=False, kw_only=True)
-class Flow(flow.Flow[State, Routine]):
+class _Flow(flow.Flow[State, Routine]):
     """The routines of a program, and how far they have been followed."""
 
     findings: Findings
@@ -517,15 +517,12 @@ class Flow(flow.Flow[State, Routine]):
     """By assignment to an element by a computed index: which elements it sets; None where that is not known."""
 
     def body(self, routine: Routine) -> Body:
-        """The lines of a routine; see `flow.Flow.body`."""
         return self.trees[routine].body
 
     def name(self, routine: Routine) -> str:
-        """Name of a routine."""
         return routine.name
 
     def walk(self, routine: Routine, inside: tuple[Routine, ...]) -> "_Walk":
-        """A pass through a routine; see `flow.Flow.walk`."""
         odd = self.trees[routine].odd
         if odd is not None and not self.scouting:
             text = f"{odd.keyword} does not match the blocks of {routine.name}; what holds behind it is not known"
@@ -535,14 +532,12 @@ class Flow(flow.Flow[State, Routine]):
     def anything(self, why: str) -> State:
         """State in which anything may hold, and any action may have been started."""
         self.unclear += 1  # what a routine does not concern is not known behind it, either
-        return replace(State.unset().forgotten(why), armed=self.actions.all)
+        return replace(State.unset().lost(why), armed=self.actions.all)
 
     def start(self, routine: Routine) -> State:
-        """State where a program begins."""
         return State.unset()
 
     def found_all(self, routine: Routine) -> bool:
-        """Whether all motions of a routine were found."""
         motions = {(routine.file.number, line.start) for line in routine.lines if isinstance(line, MotionLine)}
         return motions <= self.findings.seen
 
@@ -563,7 +558,6 @@ class Flow(flow.Flow[State, Routine]):
         return routine, bool(self.scouting), variables, tuple(getattr(entry, name) for name in _SUMMARISED)
 
     def after_summary(self, routine: Routine, entry: State, end: State) -> State:
-        """State after a routine; see `flow.Flow.after_summary`."""
         if not end.reached:
             return end
         concerns = self.concerns[routine.name]
@@ -578,7 +572,6 @@ class Flow(flow.Flow[State, Routine]):
         return self.before(last)
 
     def link(self, number: int, before: int | None) -> None:
-        """Note the number of the motion before one."""
         self.findings.link(number, before)
 
     def forget(self, name: str, state: State) -> State:
@@ -592,7 +585,7 @@ class Flow(flow.Flow[State, Routine]):
         """State after a routine that may have left anything that it changes."""
         variables = forgotten(state.variables, self.changes[name])
         armed = state.armed | self.actions.by_routine.get(name, frozenset())
-        return replace(state.forgotten(f"{name} sets it", self.changes[name]), variables=variables, armed=armed)
+        return replace(state.lost(f"{name} sets it", self.changes[name]), variables=variables, armed=armed)
 
     def armed_by(self, routine: Routine, lines: Sequence[Statement]) -> frozenset[Text]:
         """Actions that some lines of a routine may start."""
@@ -607,7 +600,7 @@ class Flow(flow.Flow[State, Routine]):
 class _Walk(flow.Walk[State, Routine]):
     """One pass through a routine."""
 
-    flow: Flow  # pyright: ignore[reportIncompatibleVariableOverride]
+    flow: _Flow  # pyright: ignore[reportIncompatibleVariableOverride]
     tree: Tree
     frames: Frames
     in_spline: bool = False
@@ -661,7 +654,7 @@ class _Walk(flow.Walk[State, Routine]):
             variables={**without_places(forgotten(state.variables, keys)), **variables},
             armed=state.armed | self.flow.armed_by(self.routine, lines),
         )
-        return state.forgotten(why, changed | {"motion"})
+        return state.lost(why, changed | {"motion"})
 
     def counts(self, loop: Loop, state: State) -> Counts | None:
         """Bounds and step of a FOR; None where the text does not tell, or no counter is named."""
@@ -688,7 +681,6 @@ class _Walk(flow.Walk[State, Routine]):
         return replace(state, variables={**state.variables, self._counter(loop): count})
 
     def counted(self, loop: Loop, state: State, count: float) -> float | None:
-        """Value of the counter at the end of a turn, which may set it, too."""
         now = state.variables.get(self._counter(loop))
         return now if isinstance(now, float) else None
 
@@ -1009,7 +1001,7 @@ class _Reading:
         bodies = {routine: flow.body(routine).nodes for routine in everywhere}
         return replace(self._ordered(data), bodies=bodies, turns=flow.turns)
 
-    def _flow(self, routines: Mapping[str, list[Routine]], data: Data, effects: Effects[str, str]) -> Flow:
+    def _flow(self, routines: Mapping[str, list[Routine]], data: Data, effects: Effects[str, str]) -> _Flow:
         changes, volatile = effects.within, effects.unseen
         made: dict[tuple[str, bytes], Frame] = {}
         frames: dict[Routine, Frames] = {}
@@ -1022,7 +1014,7 @@ class _Reading:
         read = read_names(self.files)
         followed = lambda key: key not in volatile and key.rpartition(":")[2] in read  # noqa: E731
         size = sum(len(file.statements) for file in self.files)
-        return Flow(
+        return _Flow(
             findings=self.findings,
             routines=routines,
             trees={

@@ -259,7 +259,7 @@ class Action:
     def on(self, state: State) -> State:
         """The state after it may have run."""
         for what in sorted(self.what):
-            state = state.forgotten(self._reason(_FRAMES.get(what, what)), frozenset({what}))
+            state = state.lost(self._reason(_FRAMES.get(what, what)), frozenset({what}))
         if "mode" in self.what:
             state = replace(state, base=FrameVariable(frame=None, reason=self._reason("$IPO_MODE")))
         lost = {key: Lost(reason=self._reason(key.rpartition(":")[2])) for key in sorted(self.keys)}

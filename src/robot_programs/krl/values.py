@@ -604,14 +604,6 @@ def without_places(variables: Variables) -> Variables:
     return {key: value for key, value in variables.items() if not (isinstance(value, str) and value in HERE)}
 
 
-def common(states: Iterable[Variables]) -> Variables:
-    """Variables that agree after all of some ways through the program."""
-    first, *others = states
-    if all(other is first for other in others):
-        return first
-    return {k: v for k, v in first.items() if all(k in o and o[k] == v and type(o[k]) is type(v) for o in others)}
-
-
 def _without(variables: Variables, element: str) -> dict[str, AbstractValue]:
     """Without a variable with all its elements, or one element."""
     array, bracket, _ = element.partition("[")

@@ -1,7 +1,9 @@
 """Targets that only the running program knows, put through a function: which may be, and the edits that do so."""
 
+from collections import defaultdict
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 
+from robot_programs.core.flow import reached
 from robot_programs.core.program import Unresolved, Wrapped
 from robot_programs.core.source import TextEdit
 from robot_programs.rapid.changes import is_read
@@ -91,7 +93,7 @@ def _edits(
     for argument in (*targets, *frames):
         if argument.value is None:
             raise Unresolved("its target is not in the text (*)")
-        if _comes(argument.value, scope, measured):
+        if measured & _read([argument.value], scope):
             raise Unresolved(
                 f"'{text[argument.start : argument.end]}' comes from where the robot stood (CRobT, CPos, CJointT or a search), "
                 "which is true already"
@@ -108,59 +110,58 @@ def _edits(
 
 def _measured(everywhere: Sequence[Context]) -> Measured:
     own = {context.routine: context.scope for context in everywhere if context.routine is not None}
-    found: set[Symbol | str] = set(MEASURING)
-    before = 0
-    while len(found) > before:
-        before = len(found)
-        for context in everywhere:
-            for line in context.lines:
-                found.update(symbol for symbol in _set_by(line, context, own, frozenset(found)) if symbol is not None)
-    return frozenset(found)
+    made_of: dict[Symbol | str, set[Symbol | str]] = defaultdict(set)
+    for context in everywhere:
+        for line in context.lines:
+            for made, of in _made_by(line, context, own):
+                for one in of:
+                    made_of[one] |= made
+    return frozenset(reached(MEASURING, lambda one: made_of.get(one, ())))
 
 
-def _set_by(
-    line: Line, context: Context, own: Mapping[Routine, Scope], measured: Measured
-) -> Iterator[Symbol | str | None]:
-    """What a statement gives values that come from where the robot stood."""
+def _made_by(line: Line, context: Context, own: Mapping[Routine, Scope]) -> Iterator[tuple[Measured, Measured]]:
+    """What a statement gives values, and of what: data, and functions by their keys, which may return what they read."""
     scope, routine = context.scope, context.routine
     match line:
-        case Unparsed() if any(token.key in MEASURING for token in line.tokens):
-            yield from (scope.known(token.text) for token in line.tokens if token.kind == "name")
-        case Assignment() if _comes(line.value, scope, measured):
-            yield scope.known(line.target.name.text)
-        case Control() if routine is not None and any(_comes(one, scope, measured) for one in line.conditions):
-            yield routine.name.key  # it may return them
+        case Unparsed():
+            names = [token for token in line.tokens if token.kind == "name"]
+            yield _known([name.text for name in names], scope), MEASURING.intersection(name.key for name in names)
+        case Assignment():
+            yield _known([line.target.name.text], scope), _read([line.value], scope)
+        case Control() if routine is not None:
+            yield frozenset({routine.name.key}), _read(line.conditions, scope)
         case Instruction() if not line.plain:
             if line.name.key in CHANGED_BY:
-                yield from _symbols([a for a in line.arguments if not a.option][1:2], scope)
-            yield from _passed(line, scope, own, measured)
+                yield _named([a for a in line.arguments if not a.option][1:2], scope), MEASURING
+            yield from _passed(line, scope, own)
         case _:
             pass
     for part in (part for expression in expressions_of(line) for part in parts(expression)):
         if isinstance(part, Call):
-            yield from _passed(part, scope, own, measured)
+            yield from _passed(part, scope, own)
 
 
 def _passed(
-    call: Instruction | Call, scope: Scope, own: Mapping[Routine, Scope], measured: Measured
-) -> Iterator[Symbol | None]:
-    """Parameters that are given such values by a call, whichever it is, and data that the routine gives them."""
-    given = [a.value for a in call.arguments if a.value is not None]
+    call: Instruction | Call, scope: Scope, own: Mapping[Routine, Scope]
+) -> Iterator[tuple[Measured, Measured]]:
+    """The same of a call: all parameters of what it gives, and data of the parameters that it gives them to."""
+    given = _read([a.value for a in call.arguments if a.value is not None], scope)
     for routine in scope.routines.get(call.name.key, ()):
-        parameters = [(p, own[routine].own[p.name.key][0]) for p in routine.parameters]
-        if any(_comes(value, scope, measured) for value in given):
-            yield from (symbol for _, symbol in parameters)
-        if any(p.changed and symbol in measured for p, symbol in parameters):
-            yield from _symbols(call.arguments, scope)
+        symbols = {p: own[routine].own[p.name.key][0] for p in routine.parameters}
+        yield frozenset(symbols.values()), given
+        yield _named(call.arguments, scope), frozenset(symbol for p, symbol in symbols.items() if p.changed)
 
 
-def _symbols(arguments: Iterable[Argument], scope: Scope) -> Iterator[Symbol | None]:
-    return (scope.known(a.value.name.text) for a in arguments if isinstance(a.value, Reference))
+def _named(arguments: Iterable[Argument], scope: Scope) -> Measured:
+    return _known([a.value.name.text for a in arguments if isinstance(a.value, Reference)], scope)
 
 
-def _comes(node: Expression, scope: Scope, measured: Measured) -> bool:
-    return any(
-        (isinstance(part, Call) and part.name.key in measured)
-        or (isinstance(part, Reference) and scope.known(part.name.text) in measured)
-        for part in parts(node)
-    )
+def _known(names: Iterable[str], scope: Scope) -> Measured:
+    return frozenset(symbol for name in names if (symbol := scope.known(name)) is not None)
+
+
+def _read(nodes: Iterable[Expression], scope: Scope) -> Measured:
+    """Data and functions in expressions."""
+    inside = [part for node in nodes for part in parts(node)]
+    called = frozenset(part.name.key for part in inside if isinstance(part, Call))
+    return called | _known([part.name.text for part in inside if isinstance(part, Reference)], scope)

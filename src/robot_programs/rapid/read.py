@@ -213,7 +213,7 @@ MAIN = "main"
 
 
 @dataclass(eq=False, kw_only=True)
-class Flow(form.Flow[State, Routine]):
+class _Flow(form.Flow[State, Routine]):
     """The routines of a program, and how far they have been followed."""
 
     everywhere: Sequence[Context]
@@ -234,7 +234,6 @@ class Flow(form.Flow[State, Routine]):
     """What names mean in loops that declare their counters."""
 
     def body(self, routine: Routine) -> form.Body:
-        """The statements of a routine; see `form.Flow.body`."""
         if routine not in self.bodies:
             size = 1 + sum(1 for _ in form.lines_in(routine.body))
             self.bodies[routine] = form.Body(nodes=routine.body, handlers=routine.handlers, size=size)
@@ -247,17 +246,14 @@ class Flow(form.Flow[State, Routine]):
         return self.scopes.setdefault(node, scope.with_counter(node.line.counter))
 
     def name(self, routine: Routine) -> str:
-        """Name of a routine."""
         return routine.name.text
 
     def walk(self, routine: Routine, inside: tuple[Routine, ...]) -> "_Walk":
-        """A pass through a routine; see `form.Flow.walk`."""
         context = self.contexts[routine]
         resumes = any(moves(form.lines_in(handler), context.scope) for handler in routine.handlers)
         return _Walk(flow=self, routine=routine, inside=inside, context=context, scope=context.scope, resumes=resumes)
 
     def anything(self, why: str) -> State:
-        """State in which anything may hold."""
         return State()
 
     def start(self, routine: Routine) -> State:
@@ -268,7 +264,6 @@ class Flow(form.Flow[State, Routine]):
         return self.entered(routine, _start(self, self.contexts[routine]))
 
     def called_anywhere(self, routine: Routine, why: str) -> State:
-        """State where a routine begins of which it is not followed how it is called."""
         self._begin(routine)
         return self.entered(routine, State())
 
@@ -312,7 +307,6 @@ class Flow(form.Flow[State, Routine]):
         )
 
     def found_all(self, routine: Routine) -> bool:
-        """Whether all motions of a routine were found."""
         scope = self.contexts[routine].scope
         return self.findings is None or all(
             line in self.findings.seen or not (is_read(line, scope) or is_motion(line, scope))
@@ -332,7 +326,7 @@ class _Walk(form.Walk[State, Routine]):
 
     SCOUTS = 0
 
-    flow: Flow  # pyright: ignore[reportIncompatibleVariableOverride]
+    flow: _Flow  # pyright: ignore[reportIncompatibleVariableOverride]
     context: Context
     scope: Scope
     """What names mean in the innermost loop that is gone through."""
@@ -706,7 +700,7 @@ def follow_program(
     """Go through a program from each routine that nothing calls, and find its motions; gives `form.Flow.turns`."""
     contexts = {context.routine: context for context in everywhere if context.routine is not None}
     size = sum(1 for routine in contexts for _ in routine.lines)
-    flow = Flow(
+    flow = _Flow(
         everywhere=everywhere, contexts=contexts, effects=effects, declared=values, values=values, findings=findings,
         lent=_lent(effects), left=MAX_PASSES * size + MIN_LINES,
     )  # fmt: skip
@@ -732,7 +726,7 @@ def _lent(effects: Effects) -> dict[Routine, dict[Symbol, str]]:
     return {routine: dict(sorted(given, key=lambda one: one[1])) for routine, given in lent.around.items()}
 
 
-def _start(flow: Flow, context: Context) -> State:
+def _start(flow: _Flow, context: Context) -> State:
     """State where a root begins: in main the declared values of variables, if it leaves them as they were.
 
     A controller declares variables anew where the program pointer is moved to main, and keeps them where main begins again
@@ -759,7 +753,7 @@ def _start(flow: Flow, context: Context) -> State:
         again = start.joined(
             [behind], f"{MAIN} begins again behind its end, where it may hold something else"
         ).variables
-        if len(again) == len(start.variables) and all(value.agrees(again[s]) for s, value in start.variables.items()):
+        if again == start.variables:
             return start
         start = State(variables=again)
     return start

@@ -1,10 +1,10 @@
 """Values of data that the text gives: constants, variables that nothing assigns to, and what the flow of the program tells."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Self, cast
+from typing import cast
 
 import numpy as np
 from jaxtyping import Float
@@ -453,8 +453,9 @@ class AbstractValue:
     settable: bool = False
     """It comes from persistent data, which an operator may set by hand: nothing is decided by it."""
 
-    def agrees(self, other: "AbstractValue") -> bool:
-        """Whether two hold the same from the same place."""
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, AbstractValue):
+            return False
         source = None if self.passed is None else self.passed.source
         others = None if other.passed is None else other.passed.source
         mine = (self.declared, self.name, source, self.settable)
@@ -488,48 +489,21 @@ class State(flow.State):
 
     variables: Variables = field(default_factory=dict[Symbol, AbstractValue])
 
-    def forgotten(self, symbols: Iterable[Symbol]) -> Self:
-        """State in which some data may hold anything."""
-        lost = self.variables.keys() & set(symbols)
-        if not lost:
-            return self
-        return replace(self, variables={k: v for k, v in self.variables.items() if k not in lost})
-
-    def holding(self, values: Variables) -> Self:
-        """State in which some data hold something else."""
-        return replace(self, variables={**self.variables, **values}) if values else self
-
-    def joined(self, others: Sequence[Self], why: str) -> Self:
-        """Join states; see `flow.State.joined`."""
-        last = self.last if all(other.last == self.last for other in others) else None
-        if all(other.variables is self.variables for other in others):
-            return replace(self, last=last)
-        return replace(self, last=last, variables=dict(_common(self, others, why)))
-
-    def agrees(self, other: Self) -> bool:
-        """Whether the same holds."""
-        if (self.reached, self.last, self.variables.keys()) != (other.reached, other.last, other.variables.keys()):
-            return False
-        return all(value.agrees(other.variables[symbol]) for symbol, value in self.variables.items())
+    def common(self, values: Sequence[AbstractValue | None], why: str) -> AbstractValue | None:
+        """What several ways have left of a value, by component; see `flow.State.common`."""
+        known = [value for value in values if value is not None]
+        if len(known) < len(values) or all(value == known[0] for value in known):
+            return known[0] if len(known) == len(values) else None
+        own = known[0].value
+        for value in known[1:]:
+            own = common(own, value.value, why)
+        if isinstance(own, Lost) or any(value.declared for value in known):
+            return None
+        return AbstractValue(value=own, settable=any(value.settable for value in known))
 
 
 UNREACHED = State(reached=False)
 """Where control does not come."""
-
-
-def _common(first: State, others: Sequence[State], why: str) -> Iterator[tuple[Symbol, AbstractValue]]:
-    for symbol, value in first.variables.items():
-        there = [known for other in others if (known := other.variables.get(symbol)) is not None]
-        if len(there) < len(others):
-            continue
-        if all(map(value.agrees, there)):
-            yield symbol, value
-        elif not any(known.declared for known in (value, *there)):
-            own = value.value
-            for known in there:
-                own = common(own, known.value, why)
-            if not isinstance(own, Lost):
-                yield symbol, AbstractValue(value=own, settable=any(known.settable for known in (value, *there)))
 
 
 MAX_REFERENCES = 100

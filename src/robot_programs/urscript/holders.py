@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from robot_programs.core.flow import reached
 from robot_programs.urscript.syntax import Expression, File, plain_name
 from robot_programs.urscript.values import POINTS
 
@@ -51,7 +52,7 @@ class Holders:
     @cached_property
     def read_at_last(self) -> set[str]:
         """Variables whose value is read for something else, there or where it is given to."""
-        return _reached(self.read, self.given)
+        return reached(self.read, lambda name: self.given.get(name, ()))
 
     @cached_property
     def _parameters(self) -> Mapping[str, Sequence[str]]:
@@ -64,14 +65,18 @@ class Holders:
         for position, (name, value) in enumerate(call.arguments):
             yield name or (parameters[position] if position < len(parameters) else ""), value
 
+    def _made_of(self, names: Iterable[str]) -> set[str]:
+        """Variables and functions of whose values some may be made."""
+        return reached(names, lambda name: self.made.get(name, ()))
+
     def is_measured(self, expression: Expression) -> bool:
         """Whether an expression may be made of where the robot stood."""
         places = {f"{name}()" for name in (*MEASURING, "get_forward_kin")}
-        return not places.isdisjoint(_reached(_made_of(expression), self.made))
+        return not places.isdisjoint(self._made_of(_made_of(expression)))
 
     def numbers_of(self, names: Iterable[str]) -> set[tuple[int, int]]:
         """Numbers in brackets, by file and first character, of which some variables may be made."""
-        seen = _reached(names, self.made)
+        seen = self._made_of(names)
         return {literal for literal, name in self.of_literal.items() if name in seen}
 
     def _to(self, file: int, expression: Expression, target: str, *, kept: bool = True) -> None:
@@ -129,13 +134,3 @@ def _made_of(expression: Expression) -> Iterator[str]:
         yield f"{expression.name}()"
     for part in expression.parts[:1] if expression.name == "get_inverse_kin" else expression.parts:
         yield from _made_of(part)
-
-
-def _reached(names: Iterable[str], graph: Mapping[str, Iterable[str]]) -> set[str]:
-    waiting, seen = list(names), set[str]()
-    while waiting:
-        name = waiting.pop()
-        if name not in seen:
-            seen.add(name)
-            waiting += graph.get(name, ())
-    return seen

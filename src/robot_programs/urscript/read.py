@@ -98,7 +98,6 @@ class State(flow.State):
     tool: Frame | None
     """The active TCP; None where the text does not tell."""
     why_no_tool: str = field(default="", compare=False)
-    variables: Mapping[str, Value] = field(default_factory=dict[str, Value])
     missing: str = field(default="it is not set before", compare=False)
     """Why other variables are not known."""
     modes: frozenset[str] = frozenset()
@@ -107,27 +106,20 @@ class State(flow.State):
     def joined(self, others: Sequence[Self], why: str) -> Self:
         """Join states; see `flow.State.joined`."""
         states = (self, *others)
-        variables = dict(self.variables)
-        for key in {key for state in states for key in state.variables}:
-            values = [state.variables.get(key) for state in states]
-            if any(value != values[0] or type(value) is not type(values[0]) for value in values):
-                variables[key] = Lost(reason=why)
-        tools = {id(state.tool) for state in states}
         first = next((state for state in states if state.tool is None), self)
         return replace(
-            self,
-            tool=self.tool if len(tools) == 1 else None,
+            super().joined(others, why),
+            tool=self.tool if all(other.tool is self.tool for other in others) else None,
             why_no_tool=first.why_no_tool or why,
-            variables=variables,
-            modes=frozenset[str]().union(*(state.modes for state in states)),
-            last=self.last if len({state.last for state in states}) == 1 else None,
+            modes=self.modes.union(*(other.modes for other in others)),
         )
 
-    def agrees(self, other: Self) -> bool:
-        """Whether the same holds."""
-        return self == other
+    def common(self, values: Sequence[Value | None], why: str) -> Value:
+        """What several ways have left of a value, with why it is not known where they differ."""
+        known = super().common(values, why)
+        return Lost(reason=why) if known is None else known
 
-    def forgotten(self, keys: Set[str], why: str) -> Self:
+    def lost(self, keys: Set[str], why: str) -> Self:
         """State in which variables, and what else is named, may have become anything."""
         variables = {key: Lost(reason=why) for key in keys if not key.startswith("@")}
         state = replace(self, variables={**self.variables, **variables}) if variables else self
@@ -224,7 +216,7 @@ class Findings(flow.Findings[tuple[int, int], tuple[Motion, Site]]):
 
 
 @dataclass(eq=False, kw_only=True)
-class Flow(flow.Flow[State, Routine]):
+class _Flow(flow.Flow[State, Routine]):
     """The functions of a program, and how far they have been followed."""
 
     findings: Findings
@@ -241,19 +233,15 @@ class Flow(flow.Flow[State, Routine]):
     made: dict[tuple[str, Six], Frame] = field(default_factory=dict[tuple[str, Six], Frame])
 
     def body(self, routine: Routine) -> Body:
-        """Nodes of a function."""
         return routine.body
 
     def name(self, routine: Routine) -> str:
-        """Name of a function."""
         return routine.name
 
     def walk(self, routine: Routine, inside: tuple[Routine, ...]) -> "_Walk":
-        """A pass through a function."""
         return _Walk(flow=self, routine=routine, inside=inside)
 
     def anything(self, why: str) -> State:
-        """State in which anything may hold."""
         return State(tool=None, why_no_tool=why, missing=why)
 
     def start(self, routine: Routine) -> State:
@@ -267,7 +255,6 @@ class Flow(flow.Flow[State, Routine]):
         return replace(behind, last=None) if behind.reached else unset
 
     def found_all(self, routine: Routine) -> bool:
-        """Whether all motions of a function were found."""
         texts = {
             (routine.file.number, call.start) for line in routine.lines for call in line.calls if call.name in MOTIONS
         }
@@ -289,17 +276,15 @@ class Flow(flow.Flow[State, Routine]):
 class _Walk(flow.Walk[State, Routine]):
     """One pass through a function."""
 
-    flow: Flow  # pyright: ignore[reportIncompatibleVariableOverride]
+    flow: _Flow  # pyright: ignore[reportIncompatibleVariableOverride]
     value: Value | None = None
     """Last one that is returned."""
 
     @property
     def unreached(self) -> State:
-        """State of places that control does not reach."""
         return State(tool=None, reached=False)
 
     def through(self, entry: State) -> tuple[State, Any]:
-        """State after the function, and what it returns."""
         state, value = super().through(entry)
         if not self.routine.kind and not self.flow.scouting and not self.flow.all_ways:
             self.flow.ends[self.routine.file.number] = state
@@ -323,11 +308,9 @@ class _Walk(flow.Walk[State, Routine]):
         return state
 
     def returned(self, line: Statement, state: State) -> Value | None:
-        """Value returned by a line."""
         return self.value
 
     def truth(self, condition: Expression, state: State) -> bool | None:
-        """Whether a condition holds; None where the text does not tell."""
         if self.flow.all_ways:
             return None
         value = self._evaluator(lambda: state, self._unasked)(condition)
@@ -338,21 +321,18 @@ class _Walk(flow.Walk[State, Routine]):
         return Lost(reason=f"what {call.name} returns is not followed") if known else None
 
     def reads_data(self, condition: Expression) -> bool:
-        """Whether a condition names anything."""
         return any(e.kind == "call" or (e.kind == "name" and e.name not in CONSTANTS) for e in inside(condition))
 
     def widened(self, state: State, nodes: Sequence[Node], why: str) -> State:
-        """State after lines that may have changed all that they change."""
         names, changes = self.flow.names, self.flow.effects.within
         keys = {MOTION}
         for line in lines_in(nodes):
             keys |= names.changed(line, self.routine)
             for routine in names.calls(line, self.routine):
                 keys |= changes[routine]
-        return state.forgotten(keys, why)
+        return state.lost(keys, why)
 
     def unknown(self, line: Statement, state: State) -> State:
-        """State after text that was not understood."""
         moving = next((word for word in (*MOTIONS, *_STEERED) if word in line.words), None)
         if moving is not None and not self.flow.scouting:
             self._fail(line.start, f"{moving} stays as it is: its statement is not understood", None)
@@ -431,16 +411,15 @@ class _Walk(flow.Walk[State, Routine]):
         """State after functions that may have altered all that they alter."""
         self.flow.anywhere.update(routines)
         keys = frozenset[str]().union(*(self.flow.effects.within[routine] for routine in routines))
-        return state.forgotten(keys, f"{routines[0].name} sets it")
+        return state.lost(keys, f"{routines[0].name} sets it")
 
     # Statements.
 
     def between(self, state: State) -> State:
         """State before a statement, where a thread may have done something."""
-        return state.forgotten(self.flow.effects.unseen & {TOOL, MOTION}, "a thread sets it")
+        return state.lost(self.flow.effects.unseen & {TOOL, MOTION}, "a thread sets it")
 
     def step(self, line: Statement, state: State) -> State:
-        """State after a statement."""
         match line.kind:
             case "assign":
                 return self._assigned(line, state)
@@ -716,7 +695,7 @@ def read_urscript(
         calls={r: frozenset[Routine]().union(*(names.calls(line, r) for line in r.lines)) for r in routines},
         beside=[routine for routine in routines if routine.kind in ("thread", "sec")],
     )
-    flow = Flow(
+    flow = _Flow(
         findings=Findings(),
         names=names,
         effects=effects,
@@ -733,7 +712,7 @@ def read_urscript(
     return _program(files, flow, partial(read_urscript, robot=robot, tool=tool, part=part, corrects=corrects))
 
 
-def _program(files: Sequence[File], flow: Flow, read: Callable[..., UrscriptProgram]) -> UrscriptProgram:
+def _program(files: Sequence[File], flow: _Flow, read: Callable[..., UrscriptProgram]) -> UrscriptProgram:
     findings = flow.findings
     motions: list[Motion] = []
     sites: list[Site] = []

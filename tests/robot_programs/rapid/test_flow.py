@@ -211,7 +211,7 @@ def test_joined_state_holds_what_all_ways_agree_on():
     assert one.joined([one], "").last == 1
     for ways in permutations([one, one, other]):
         first, *others = ways
-        assert first.joined(others, "").agrees(both), "it matters in which order ways join, or that two are one"
+        assert first.joined(others, "") == both, "it matters in which order ways join, or that two are one"
 
 
 def test_joined_state_names_data_only_if_all_ways_do():
