@@ -23,7 +23,6 @@ from robot_programs.krl.syntax import (
     Control,
     Declaration,
     End,
-    MotionLine,
     Operand,
     Reference,
     Statement,
@@ -31,9 +30,7 @@ from robot_programs.krl.syntax import (
     given_by_value,
     lines_of_words,
     parse,
-    passed_by_reference,
-    passed_in_assignment,
-    passed_in_motion,
+    passed_in,
 )
 
 # What the data lists of a KRL program state: points, frames, parameter sets and numbers.
@@ -466,7 +463,7 @@ class Data:
             for routine, line in ((one, line) for one in file.sections for line in one.lines):
                 names = _changed_by(line, self.by_value)
                 if isinstance(line, Assignment) and (file.number, line.start) in self.elements:
-                    names = (*self.elements[file.number, line.start], *passed_in_assignment(line, self.by_value))
+                    names = (*self.elements[file.number, line.start], *passed_in(line, self.by_value))
                 for name in names:
                     if name.partition("[")[0] not in routine.own:
                         place = file.source.place(line.start)
@@ -591,19 +588,15 @@ def _changed_by(line: Statement, by_value: Mapping[str, tuple[bool, ...]]) -> tu
     """Variables and elements that a line assigns or hands to a routine."""
     match line:
         case Assignment():
-            return (*_element(line), *passed_in_assignment(line, by_value))
-        case Call() if line.name != BUILT_IN:
-            return passed_by_reference(line, by_value)
-        case MotionLine():
-            return passed_in_motion(line, by_value)
+            return (*_element(line), *passed_in(line, by_value))
         case Beside(action=action) if action is not None:
             return _changed_by(action, by_value)
         case Control(keyword="FOR") if line.words:
-            return (line.words[0].upper,)
-        case Control():
-            return line.changed
-        case _:
+            return (line.words[0].upper, *passed_in(line, by_value))
+        case Call(name="BAS"):
             return ()
+        case _:
+            return passed_in(line, by_value)
 
 
 def _as_number(text: str) -> float | None:

@@ -71,7 +71,7 @@ from robot_programs.krl.syntax import (
     closing,
     lines_of_words,
     passed_by_reference,
-    passed_in_motion,
+    passed_in,
     tree_of,
     whole_call,
 )
@@ -630,7 +630,7 @@ class _Walk(flow.Walk[State, Routine]):
     def asked(self, line: Statement, state: State, node: Node | None = None) -> State:
         for name in calls_of(line):
             state = self.flow.forget(name, state)
-        return self._forgotten(line.changed, state) if isinstance(line, Control) else state
+        return self._forgotten(passed_in(line, self.flow.by_value), state) if isinstance(line, Control) else state
 
     def truth(self, condition: Condition, state: State) -> bool | None:
         value = self._value(condition.words, state)
@@ -758,7 +758,7 @@ class _Walk(flow.Walk[State, Routine]):
         if called is None:
             returned = self._with_functions(line.words, state)
             if returned is None:
-                state = self._forgotten(line.changed, self.asked(line, state))
+                state = self._forgotten(passed_in(line, self.flow.by_value), self.asked(line, state))
         else:
             state, returned = self._followed(called, state)
             if returned is None:
@@ -796,7 +796,7 @@ class _Walk(flow.Walk[State, Routine]):
         if not self.flow.scouting:
             text = f"{line.name} is not in the files given; it is taken to leave $TOOL, $BASE and $IPO_MODE as they are"
             self.flow.findings.diagnose(self.routine.file, line.start, text)
-        return replace(self._forgotten(passed_by_reference(line, self.flow.by_value), state), last=None)
+        return replace(self._forgotten(passed_in(line, self.flow.by_value), state), last=None)
 
     def _function(self, words: Sequence[Word]) -> Call | None:
         """The function of the program whose value is all of an expression; None where it is anything else."""
@@ -915,7 +915,7 @@ class _Walk(flow.Walk[State, Routine]):
                 returned[operand.start] = computed
                 known += sum(word.upper in self.flow.routines for word in words)
         if known < sum(name in self.flow.routines for name in calls_of(line)):
-            state = self._forgotten(passed_in_motion(line, self.flow.by_value), self.asked(line, state))
+            state = self._forgotten(passed_in(line, self.flow.by_value), self.asked(line, state))
         return state, returned
 
     def _of_function(self, name: str, value: AbstractValue | None) -> AbstractValue:

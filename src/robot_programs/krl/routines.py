@@ -18,8 +18,7 @@ from robot_programs.krl.syntax import (
     MotionLine,
     Statement,
     Word,
-    passed_by_reference,
-    passed_in_motion,
+    passed_in,
 )
 from robot_programs.krl.values import Names, forgotten
 
@@ -65,22 +64,20 @@ def changed_by(
         by_value: by name of a routine, which parameters are given by value.
         routines: by name, the same of what it calls.
     """
-    facts = frozenset[str]()
+    facts, own = frozenset[str](), {*passed_in(line, by_value)}
     match line:
         case Assignment():
-            own = {line.variable, *line.changed}
+            own.add(line.variable)
             facts = frozenset({_VARIABLES[line.variable]} if line.variable in _VARIABLES else ())
         case Call(name="BAS"):
             facts = _COMMANDS.get(line.command, frozenset[str]())
             own = {variable for variable, what in _VARIABLES.items() if what in facts - {"parameters"}}
-        case Call():
-            own = {*passed_by_reference(line, by_value)}
         case MotionLine():
-            own, facts = {*passed_in_motion(line, by_value)}, frozenset({"motion"})
-        case Control():
-            own = {*line.changed, *(word.upper for word in line.words[:1] if line.keyword == "FOR")}
+            facts = frozenset({"motion"})
+        case Control(keyword="FOR"):
+            own.update(word.upper for word in line.words[:1])
         case _:
-            own = set[str]()
+            pass
     return facts.union(map(names.key, own), *(routines.get(name, frozenset()) for name in calls_of(line)))
 
 
@@ -206,7 +203,7 @@ def matters(line: Statement, read: frozenset[str], routines: Container[str]) -> 
     """
     match line:
         case Assignment():
-            asks = line.changed or any(name in routines for name in calls_of(line))
+            asks = passed_in(line, {}) or any(name in routines for name in calls_of(line))
             return bool(asks) or line.variable in read
         case MotionLine() | Call() | Control() | Beside():
             return True

@@ -1,7 +1,7 @@
 """The grammar of KRL: words, lines and blocks, as far as they matter for where the robot goes; other lines are passed over."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import isfinite
@@ -218,8 +218,6 @@ class Assignment(Statement):
     value: Operand
     text: str
     """The value as written, in capitals and without blanks."""
-    changed: tuple[str, ...]
-    """Variables passed to functions in its expressions."""
     index: tuple[Word, ...] | None
     """Of an element: what stands between the brackets."""
     component: str
@@ -288,8 +286,6 @@ class Control(Statement):
     keyword: str
     words: tuple[Word, ...] = ()
     """What stands behind it."""
-    changed: tuple[str, ...] = ()
-    """Variables passed to functions in its expressions."""
 
 
 # The words of a line of KRL, taken one after the other: operands, structures and what WITH sets.
@@ -584,9 +580,9 @@ def _statement(words: list[Word]) -> Statement:
     if keyword in POINT_MOTIONS | OTHER_MOTIONS:
         return _motion(words)
     if keyword in _STEERING:
-        return Control(**span, keyword=keyword, words=tuple(words[1:]), changed=_passed_to_calls(words[1:]))
+        return Control(**span, keyword=keyword, words=tuple(words[1:]))
     if len(words) == 2 and words[1].text == ":":
-        return Control(**span, keyword="LABEL", words=(first,), changed=())
+        return Control(**span, keyword="LABEL", words=(first,))
     if len(words) > 1 and words[1].kind == "name":
         return _declaration(words, shared)
     if len(words) > 1 and words[1].text == "(":
@@ -643,7 +639,6 @@ def _assignment(words: list[Word]) -> Statement:
         index=index,
         component=component,
         words=tuple(words[equals + 1 :]),
-        changed=_passed_to_calls(words[equals:]),
     )
 
 
@@ -717,20 +712,6 @@ def _parameters(words: list[Word]) -> tuple[tuple[str, bool], ...]:
     opening = next((i for i, word in enumerate(words) if word.text == "("), len(words))
     groups = arguments_of(words[opening:])
     return tuple((group[0].upper, group[-1].upper == "IN") for group in groups if group and group[0].kind == "name")
-
-
-def _passed_to_calls(words: Sequence[Word]) -> tuple[str, ...]:
-    """Variables in the parentheses of a call, which the routine may change."""
-    out: list[str] = []
-    inside: list[bool] = []
-    for before, word in zip([None, *words], words, strict=False):
-        if word.text == "(":
-            inside.append(before is not None and before.kind == "name" and before.upper not in _OPERATORS | _BY_VALUE)
-        elif word.text == ")" and inside:
-            inside.pop()
-        elif word.kind == "name" and any(inside):
-            out.append(word.upper)
-    return tuple(out)
 
 
 # The blocks of a KRL routine as a tree: branches, loops and splines with the lines inside.
@@ -935,11 +916,28 @@ def passed_by_reference(line: Call, by_value: Mapping[str, tuple[bool, ...]]) ->
     return tuple(out)
 
 
-def _passed_in(words: Sequence[Word], by_value: Mapping[str, tuple[bool, ...]]) -> list[str]:
-    """Variables that functions in an expression may change."""
+def passed_in(line: Statement, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
+    """Variables that the routines and functions which a line calls may change; in a motion only those of the program do."""
+    match line:
+        case Call():
+            return passed_by_reference(line, by_value)
+        case Assignment() | Control():
+            return tuple(_passed_in(line.words, by_value))
+        case MotionLine():
+            return tuple(_passed_in(line.words, by_value, by_value))
+        case _:
+            return ()
+
+
+def _passed_in(
+    words: Sequence[Word], by_value: Mapping[str, tuple[bool, ...]], functions: Container[str] | None = None
+) -> list[str]:
+    """Variables that functions in an expression may change: some, or all that do not belong to the controller."""
     out: list[str] = []
     for i, (name, behind) in enumerate(pairwise(words)):
-        if name.kind == "name" and behind.text == "(" and name.upper not in _OPERATORS | _BY_VALUE:
+        if behind.text != "(" or name.kind != "name" or name.upper in _OPERATORS | _BY_VALUE:
+            continue
+        if functions is None or name.upper in functions:
             call = Call(start=0, end=0, name=name.upper, arguments=arguments_of(words[i + 1 :]))
             out += passed_by_reference(call, by_value)
     return out
@@ -953,18 +951,3 @@ def whole_call(words: Sequence[Word]) -> Call | None:
     if any(word.text == "(" for group in given for word in group):
         return None
     return Call(start=words[0].start, end=words[-1].end, name=words[0].upper, arguments=given)
-
-
-def passed_in_assignment(line: Assignment, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
-    """Variables that the functions in an assignment may change."""
-    return tuple(_passed_in(line.words, by_value))
-
-
-def passed_in_motion(line: MotionLine, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
-    """Variables that the program's functions in a motion may change; the controller's own change nothing."""
-    out: list[str] = []
-    for i, (name, behind) in enumerate(pairwise(line.words)):
-        if name.kind == "name" and behind.text == "(" and name.upper in by_value:
-            given = arguments_of(line.words[i + 1 :])
-            out += passed_by_reference(Call(start=line.start, end=line.end, name=name.upper, arguments=given), by_value)
-    return tuple(out)
