@@ -708,10 +708,8 @@ class Walk(ABC, Generic[S, R]):
                     end = self._counted(loop, state)
                 case "while":
                     end = self._while(loop, state)
-                case "until":
-                    end = self._until(loop, state)
-                case "endless":
-                    end = self._endless(loop, state)
+                case "until" | "endless":
+                    end = self._tried(loop, state)
         return self.merged([end, *self.exits.pop()], f"it differs between the ways out of the {loop.name} before")
 
     def turn(self, loop: Loop, state: S) -> S:
@@ -757,30 +755,24 @@ class Walk(ABC, Generic[S, R]):
         behind = self._some_turns(loop, state)
         return behind if ends else self.unreached
 
-    def _until(self, loop: Loop, state: S) -> S:
-        for _ in range(MAX_TURNS):
-            holds = None
-            with self.scouting():  # whether the condition is decided shows behind the turn
-                end = self.turn(loop, state) if self.flow.may(loop.size) else None
-                if end is not None:
-                    holds = self.truth(loop.condition, end)
-            if end is None or (holds is None and end.reached) or not self.flow.may(loop.size):
-                break
-            state = self.turn(loop, state)
-            if holds or not state.reached:
-                return state
-        return self._some_turns(loop, state)
-
-    def _endless(self, loop: Loop, state: S) -> S:
-        for _ in range(MAX_TURNS if leaves_loop(loop.body) else 0):
+    def _tried(self, loop: Loop, state: S) -> S:
+        """State after a loop each of whose turns is tried first: whether it is the last one shows behind it."""
+        ends = loop.kind == "until"
+        for _ in range(MAX_TURNS if ends or leaves_loop(loop.body) else 0):
+            last: bool | None = False
             with self.scouting():
                 left = len(self.exits[-1])
                 end = self.turn(loop, state) if self.flow.may(loop.size) else None
-                undecided = end is not None and end.reached and len(self.exits[-1]) > left
-            if end is None or undecided or not self.flow.may(loop.size):
+                if end is not None and ends:
+                    last = self.truth(loop.condition, end)
+                elif len(self.exits[-1]) > left:
+                    last = None
+            if end is None or (last is None and end.reached) or not self.flow.may(loop.size):
                 break
             before, state = state, self.turn(loop, state)
-            if not state.reached or state == before:
+            if last or not state.reached:
+                return state
+            if not ends and state == before:
                 return self.unreached
         return self._some_turns(loop, state)
 
