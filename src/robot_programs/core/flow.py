@@ -275,7 +275,7 @@ class State:
         """State in which some data hold something else."""
         return replace(self, variables={**self.variables, **values}) if values else self
 
-    def joined(self, others: Sequence[Self], why: str) -> Self:
+    def joined(self, others: Sequence[Any], why: str) -> Self:
         """Join the states after several ways.
 
         Args:

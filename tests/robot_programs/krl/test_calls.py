@@ -44,6 +44,13 @@ def test_motions_are_followed_into_routines_and_out_of_them():
     assert last == 1
 
 
+def test_variable_given_by_value_in_a_condition_stays_known():
+    more = "DEFFCT BOOL NEAR(P :IN)\nDECL E6POS P\nRETURN $IN[1]\nENDFCT\n"
+    body = f"DECL E6POS P\n{FRAMES}P={POSE}\nIF NEAR(P) THEN\nHALT\nENDIF\nLIN P"
+    assert len(read(body, more=more).motions) == 1
+    assert not read(body, more=more.replace(" :IN", "")).motions
+
+
 def test_relative_point_counts_across_calls():
     """A point that counts from the motion before counts across calls."""
     program = read(f"{FRAMES}LIN {POSE}\nUP( )\nLIN {{Z 850}}", more="DEF UP( )\nLIN_REL {Z 100}\nEND\n")

@@ -149,6 +149,7 @@ def test_a_loop_over_a_list_goes_to_each_element():
         (("q = p[0.6,0,0,0,0,0]", "q[0] = 0.8", "x = q[0]"), 0.8),
         (("x = 0.2", "if get_digital_in(0):", "x = 0.2", "end"), 0.2),
         (("x = 0.1", "if True:", "x = 0.2 end"), 0.2),
+        (("x = 0.1", 'textmsg("it\'s")'), 0.1),
         (("x = 0.1", "thread t():", "y = 2", "end", "handle = run t()", "kill handle"), 0.1),
     ],
 )
