@@ -8,6 +8,7 @@ import pytest
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify
+from taskcal.kernels.projection import FISHEYE, project
 from taskcal.reading.pictures import read_corners
 from taskcal.reading.reader import ReadOptions, read_campaign
 from taskcal.robot.catalogue import load_robot
@@ -51,8 +52,8 @@ def write(path, columns):
     return path
 
 
-def read(folder, columns, images="seen.corners.csv"):
-    options = ReadOptions(board=folder / "board.toml", images=images and folder / images)
+def read(folder, columns, images="seen.corners.csv", lens="pinhole"):
+    options = ReadOptions(board=folder / "board.toml", images=images and folder / images, lens=lens)
     return read_campaign(write(folder / "joints.csv", columns), ROBOT, options=options)
 
 
@@ -149,6 +150,18 @@ def test_joints_that_do_not_follow_the_board_are_refused(folder):
     order = np.random.default_rng(0).permutation(8)
     with pytest.raises(TaskcalError, match="follow the robot neither"):
         read(folder, {"image": [f"{k}.png" for k in order], **JOINTS})
+
+
+def test_lens_of_the_other_model_is_named(folder):
+    """A fisheye taken for a pinhole, in a note that says what to give; with that lens there is none."""
+    T = (se3.inverse(SEEN.poses(SEEN.q) @ SEEN.moving) @ SEEN.standing).repeat(len(CORNERS), axis=0)
+    camera = np.array([1300.0, 1300.0, 810.0, 600.0, 0.4, -0.9, 2.0, -1.0])
+    pixel = project(FISHEYE, camera, T[:, :3, :3], T[:, :3, 3], np.tile(CORNERS, (8, 1)))[0]
+    write(folder / "seen.corners.csv", corners() | {"u_px": pixel[:, 0], "v_px": pixel[:, 1]})
+    columns = {"image": [f"{k}.png" for k in range(8)], **JOINTS}
+    (note,) = read(folder, columns).notes
+    assert "take --lens fisheye" in note
+    assert read(folder, columns, lens="fisheye").notes == ()
 
 
 def test_swapped_columns_and_rows_of_a_board_are_named(folder):

@@ -290,6 +290,16 @@ def weigh_corners(pictures: Pictures) -> Pictures:
     return replace(pictures, weight=weight / variance, noise=float(np.sqrt(variance)), _last=[])
 
 
+def noise_with(pictures: Pictures, model: str) -> float:
+    """Noise of the corners if the camera had another lens, found from where the boards are now, pixels."""
+    lens = replace(pictures.lens, model=model)
+    start = np.concatenate([pictures.camera[:4], np.zeros(len(lens.unknowns) - 4)])
+    other = replace(pictures, lens=lens, camera=start, _last=[])
+    for _ in range(2):
+        other = weigh_corners(refine_camera(other)[0])
+    return other.noise
+
+
 def homography(plane: Float[np.ndarray, "c 2"], pixel: Float[np.ndarray, "c 2"]) -> Float[np.ndarray, "3 3"]:
     """The homography from a plane to pixels, by the normalised direct linear transform (Hartley 1997)."""
 
