@@ -1,5 +1,6 @@
 """Corrected URScript programs against another library: a UR5's joints by Pinocchio, its true tool by the calibration."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,31 @@ def corrected(calibration, *lines, **given):
     assert not found.rejected
     assert len(found.corrected) == len(program.motions)
     return found, program.motions, parse_program(found.sources, robot=calibration.model.robot, **given).motions
+
+
+def test_shared_number_gets_the_value_of_least_largest_error(true_robot):
+    """A pose of three features: one value where that is good enough, else the loop written out."""
+    calibration, chain, q = true_robot
+    lines = [
+        f"set_tcp({pose(TOOL)})",
+        f"movej({joints(q)})",
+        "i = 0",
+        "while i < 3:",
+        "plane = p[0.015 * i, 0, 0, 0, 0, 0]",
+    ]
+    lines += [f"movel(pose_trans(plane, {pose(chain.pose(q) @ TOOL)}), v=0.1)", "i = i + 1", "end"]
+    source = Source.of(Path("p.script"), "\n".join(["def p():", *lines, "end", ""]).encode())
+    program = parse_program((source,), robot=calibration.model.robot)
+    found, exact = (correct(calibration, program, bounds=replace(COARSE, tolerance=t)) for t in (2e-4, 1e-7))
+    assert found.sources[0].text.count("\n") == source.text.count("\n") < exact.sources[0].text.count("\n")
+    mine, its = (
+        np.array([m.flange(m.end.T)[:3, 3] for m in one.program.reread(one.sources).motions if m.end.T is not None])
+        for one in (found, exact)
+    )
+    apart = np.linalg.norm(mine - its, axis=1)
+    assert len(found.corrected) == len(exact.corrected) == 4
+    assert 1e-6 < apart.max() < 2e-4
+    assert apart.max() < 0.55 * np.linalg.norm((mine - its)[0] - (mine - its)[2])
 
 
 @pytest.mark.long

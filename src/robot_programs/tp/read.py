@@ -22,7 +22,7 @@ from robot_programs.core.program import (
     Unresolved,
     Visit,
 )
-from robot_programs.core.robot import Robot
+from robot_programs.core.robot import NO_ROBOT, Robot
 from robot_programs.core.source import Place, Source
 from robot_programs.tp.listing import (
     ROBOT_GROUP,
@@ -459,6 +459,10 @@ class Resolver:
                 raise Unresolved("offset of a joint position is not supported; program the position in Cartesian form")
             if motion.keyword == "J":
                 return Target(name=name, T=None, q=q, posture=None, place=place)
+            if self.robot is NO_ROBOT:
+                raise Unresolved(
+                    "its position is joint positions, whose pose follows from the robot's kinematics; give the robot"
+                )
             flange = self.robot.tool_poses(q[None])[0] @ se3.inverse(self.robot.T_flange_tool)
             T = se3.inverse(frame.T) @ flange @ tool.T
             return Target(name=name, T=T, q=None, posture=NearPosture(q=q), place=place)
@@ -477,12 +481,13 @@ def read_tp(
 
     Args:
         sources: listings (``.ls``), and for user frames, tools and registers the backup's ``sysframe.va`` and ``posreg.va``.
-        robot: whose joints positions mean, and above whose base FANUC's world frame lies.
+        robot: whose joints positions mean, and above whose base FANUC's world frame lies. Without one frames count from that frame,
+            and lines to joint positions are not read.
         tool: in the flange; for tools that the backup does not state.
         part: in the world; for user frames that the backup does not state.
 
     Raises:
-        FileError: a file is no listing, none is one, or the robot is not given.
+        FileError: a file is no listing, or none is one.
         InputError: FANUC's world frame is not known of such a robot.
     """
     listings = {i: Listing(source.text) for i, source in enumerate(sources) if not is_variables(source)}
@@ -490,11 +495,7 @@ def read_tp(
         raise FileError(sources[0].path, "holds variables only; pass the .ls with the motions, too")
     for i, listing in listings.items():
         _check(sources[i], listing)
-    if robot is None:
-        raise FileError(
-            sources[0].path, "counts from FANUC's world frame, which lies at the height of axis 2; give the robot"
-        )
-    T_base_world = world_in_base(robot)
+    T_base_world = np.eye(4) if robot is None else world_in_base(robot)
     own = {i: assigned(listing) for i, listing in listings.items()}
     changed = {kind: {number for a in own.values() for number in a[kind]} for kind in ("PR", "UFRAME", "UTOOL")}
     frames = Frames(
@@ -507,9 +508,12 @@ def read_tp(
     )
     calls = Calls.of(listings.values())
     findings = Findings()
+    if robot is None:
+        text = "the robot is not given: frames count from FANUC's world frame, at the height of axis 2, in place of its base"
+        findings.diagnostics.append(Diagnostic(place=sources[min(listings)].place(0), text=text))
     for i, listing in listings.items():
         Resolver(
-            robot=robot,
+            robot=robot or NO_ROBOT,
             frames=frames,
             findings=findings,
             number=i,
@@ -523,7 +527,7 @@ def read_tp(
         sources=tuple(sources),
         motions=tuple(findings.motions),
         diagnostics=tuple(findings.diagnostics),
-        T_world_base=se3.inverse(T_base_world),
+        T_world_base=None if robot is None else se3.inverse(T_base_world),
         base_from="FANUC's world frame, on axis 1 at the height of axis 2",
         sites=tuple(findings.sites),
         unresolved=tuple(findings.unresolved),

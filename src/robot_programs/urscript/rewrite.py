@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
+from robot_programs.core import se3
 from robot_programs.core.errors import InputError
 from robot_programs.core.flow import Loop, lines_in
 from robot_programs.core.program import (
@@ -18,6 +19,7 @@ from robot_programs.core.program import (
     Frame,
     Motion,
     NearPosture,
+    Paths,
     Program,
     Target,
     Visit,
@@ -27,7 +29,15 @@ from robot_programs.core.program import (
 )
 from robot_programs.core.robot import JOINTS, Robot
 from robot_programs.core.source import FreshNames, Source, TextEdit, numeral, renumbered
-from robot_programs.core.written_out import Repeated, Turns, loops_to_write, reaching, written_out
+from robot_programs.core.written_out import (
+    Repeated,
+    Shared,
+    Turns,
+    least_worst,
+    loops_to_write,
+    reaching,
+    written_out,
+)
 from robot_programs.urscript.computed import with_function, wrap
 from robot_programs.urscript.holders import Holders
 from robot_programs.urscript.syntax import REST_OF_LINE, Expression, File, Routine, Statement, inside, plain_name
@@ -216,6 +226,26 @@ class UrscriptProgram(Program):
     ) -> dict[int, str]:
         """Motions whose text stands for several, which need different numbers; see `Program.unwritable`."""
         return reject_in_turn(waypoints, lambda paths: _Plan.of(self, paths).conflicts)
+
+    def least_worst(
+        self, robot: Robot, waypoints: Paths, numbers: Collection[int], tolerance: float
+    ) -> dict[int, tuple[Waypoint, ...]]:
+        """One value where motions share their numbers; see `Program.least_worst`."""
+        groups: dict[object, list[Shared]] = defaultdict(list)
+        others = set[object]()
+        for i, site in enumerate(self.sites):
+            for point in site.points:
+                numbers_of = site.text if point.literal is None else point.literal
+                part = np.eye(4) if point.feature else point.T  # numbers count in the feature, or in the base
+                base, target = part.__matmul__, se3.inverse(part).__matmul__
+                if point.joints or len(site.points) > 1:
+                    others.add(numbers_of)
+                groups[numbers_of].append(Shared(number=i, base=base, target=target))
+        out: dict[int, tuple[Waypoint, ...]] = {}
+        for numbers_of, group in groups.items():
+            if numbers_of not in others and any(one.number in numbers for one in group):
+                out |= least_worst(group, waypoints, tolerance)
+        return out
 
     def written_out(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
         """The program's files with shared text written out; see `Program.written_out`."""

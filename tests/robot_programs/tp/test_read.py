@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from robot_programs.core.source import Source
 from robot_programs.reading import read_program
-from robot_programs.tp.read import read_tp
+from robot_programs.tp.read import read_tp, world_in_base
 from taskcal.errors import FileError
 from tests.robot_programs.tp.samples import POSITIONS, R2000, backup, listing
 
@@ -31,9 +32,17 @@ def test_variables_alone_are_no_program():
         read_tp(backup(), robot=R2000)
 
 
-def test_the_robot_is_needed():
-    with pytest.raises(FileError, match="give the robot"):
-        read_tp([listing(["L P[2] 10mm/sec FINE"], POSITIONS)])
+def test_without_a_robot_frames_count_from_the_world_frame():
+    sources = [listing(["J P[1] 10% FINE", "L P[2] 10mm/sec FINE", "L P[1] 10mm/sec FINE"], POSITIONS), *backup()]
+    alone, given = read_tp(sources), read_tp(sources, robot=R2000)
+    said = [one.text for one in alone.diagnostics if one not in given.diagnostics]
+    assert "count from FANUC's world frame" in said[0]
+    assert any("give the robot" in text for text in said[1:])
+    assert (len(alone.motions), len(given.motions)) == (2, 3)
+    for one, other in zip(alone.motions, given.motions[:2], strict=True):
+        np.testing.assert_allclose(world_in_base(R2000) @ one.part.T, other.part.T, atol=1e-12)
+        for mine, its in ((one.end.T, other.end.T), (one.end.q, other.end.q)):
+            assert mine is its is None or np.allclose(mine, its)
 
 
 def test_files_are_known_by_their_suffix(tmp_path):
