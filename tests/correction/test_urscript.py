@@ -56,7 +56,7 @@ def test_shared_number_gets_the_value_of_least_largest_error(true_robot):
         "while i < 3:",
         "plane = p[0.015 * i, 0, 0, 0, 0, 0]",
     ]
-    lines += [f"movel(pose_trans(plane, {pose(chain.pose(q) @ TOOL)}), v=0.1)", "i = i + 1", "end"]
+    lines += [f"movej(pose_trans(plane, {pose(chain.pose(q) @ TOOL)}))", "i = i + 1", "end"]
     source = Source.of(Path("p.script"), "\n".join(["def p():", *lines, "end", ""]).encode())
     program = parse_program((source,), robot=calibration.model.robot)
     found, exact = (correct(calibration, program, bounds=replace(COARSE, tolerance=t)) for t in (2e-4, 1e-7))

@@ -86,6 +86,8 @@ class Maker:
     callable: list[Routine] = field(default_factory=list[Routine])
     inside: bool = False
     """In a routine that is given a target ``q`` and a number ``d``."""
+    jumps: bool = False
+    """Loops are written by labels, too."""
 
     def pick(self, *ways: Callable[[], Any]) -> Any:
         return self.rng.choice(ways)()
@@ -167,13 +169,18 @@ class Maker:
         if loops:
             counter = COUNTERS[loops - 1]
             ways += [lambda: Statement("for", (counter, self.rng.randint(1, 3)), (self.block(3, loops=loops - 1),))] * 2
-            ways += [lambda: Statement("while", (counter, self.rng.randint(1, 3)), (self.block(3, loops=loops - 1),))]
+            for kind in ("while", *(("repeat", "jumps") if self.jumps else ())):
+                ways += [
+                    lambda kind=kind: Statement(
+                        kind, (counter, self.rng.randint(1, 3)), (self.block(3, loops=loops - 1),)
+                    )
+                ]
         return self.pick(*ways)
 
 
-def random_program(rng: Random, *, sensors: bool) -> Program:
+def random_program(rng: Random, *, sensors: bool, jumps: bool = False) -> Program:
     """A program; its loops end, and it needs no data that are not set before."""
-    maker = Maker(rng=rng, sensors=sensors)
+    maker = Maker(rng=rng, sensors=sensors, jumps=jumps)
     routines: list[Routine] = []
     for k in range(rng.randint(0, 3)):
         inside = replace(maker, inside=True)
@@ -294,7 +301,7 @@ class Machine:
                 self.block(one.blocks[self.data[name] not in (1, 2)])
             case "call", (routine, target, number):
                 self.call(routine, target, number)
-            case "for" | "while", (name, count):
+            case "for" | "while" | "repeat" | "jumps", (name, count):
                 self.turns(name, count, one.blocks[0])
             case _:
                 raise AssertionError(one)
@@ -358,8 +365,8 @@ class Writer:
 
     def step(self, one: Statement) -> None:
         kind, given = one.kind, [self.text(node) for node in one.given]
-        if kind in ("for", "while"):
-            given.append(str(one.given[1] + 1))
+        if kind in ("for", "while", "repeat", "jumps"):
+            given += [str(one.given[1] + 1), str(len(self.lines))]
         if kind == "set element":
             return self.element(one.given[0], *given)
         self.add(kind, *given)
@@ -388,6 +395,8 @@ class Rapid(Writer):
         # the counter of a FOR is not seen outside of it
         "for": "FOR i FROM 1 TO {1} DO|{0}:=i;", "for end": "ENDFOR|{0}:={2};",
         "while": "{0}:=1;|WHILE {0}<={1} DO", "while end": "Incr {0};|ENDWHILE",
+        "repeat": "{0}:=1;|L{3}:", "repeat end": "Incr {0};|IF {0}<={1} GOTO L{3};",
+        "jumps": "{0}:=1;|L{3}:|IF {0}>{1} THEN|GOTO E{3};|ENDIF", "jumps end": "{0}:={0}+1;|GOTO L{3};|E{3}:",
         "begin side": "TRAP {0}", "end side": "ENDTRAP", "start side": "CONNECT iSide WITH side;", "strange": "Elsewhere {0};",
     }  # fmt: skip
     NODES: ClassVar = {
@@ -420,6 +429,8 @@ class Krl(Writer):
         "set part": "{0}.{1}={2}", "set point": "{0}={1}", "set frame": "W.{0}={1}|$BASE=W", "if": "IF {0} THEN", "if else": "ELSE",
         "if end": "ENDIF", "case": "SWITCH {0}|CASE 1,2", "case else": "DEFAULT", "case end": "ENDSWITCH", "call": "{0}({1},{2})",
         "for": "FOR {0}=1 TO {1}", "for end": "ENDFOR|{0}={2}", "while": "{0}=1|WHILE {0}<={1}", "while end": "{0}={0}+1|ENDWHILE",
+        "repeat": "{0}=1|L{3}:", "repeat end": "{0}={0}+1|IF {0}<={1} THEN|GOTO L{3}|ENDIF",
+        "jumps": "{0}=1|L{3}:|IF {0}>{1} THEN|GOTO E{3}|ENDIF", "jumps end": "{0}={0}+1|GOTO L{3}|E{3}:",
         "begin side": "DEF {0}()", "end side": "END", "strange": "ELSEWHERE({0})",
         "start side": "INTERRUPT DECL 5 WHEN $IN[1] DO SIDE()|INTERRUPT ON 5",
     }  # fmt: skip

@@ -242,6 +242,71 @@ def lines_in(nodes: Iterable[Node]) -> Iterator[Any]:
                 yield node.line
 
 
+MAX_BACKWARD = 24
+"""Labels of a routine to which lines after them lead back; of one with more, what holds at its labels is not followed."""
+
+
+def labels_of(nodes: Block, beside: Sequence[Block] = ()) -> tuple[frozenset[str], frozenset[str]]:
+    """Labels to which a jump behind them leads, and those to which one leads from outside the block that they are in.
+
+    Args:
+        nodes: of a routine.
+        beside: its handlers.
+    """
+    backward, entered, seen = set[str](), set[str](), set[str]()
+
+    def visit(body: Block, around: frozenset[str]) -> None:
+        own = around | {node.name for node in body if isinstance(node, Label)}
+        for node in body:
+            match node:
+                case Label():
+                    seen.add(node.name)
+                case Leave(way="jump"):
+                    backward.update({node.label} & seen)
+                    entered.update({node.label} - own)
+                case _:
+                    for inner in bodies_of(node):
+                        visit(inner, own)
+
+    visit(nodes, frozenset())
+    for handler in beside:
+        visit(handler, frozenset())
+    if len(backward) > MAX_BACKWARD:
+        return frozenset(), frozenset(entered | backward)
+    return frozenset(backward), frozenset(entered)
+
+
+def _behind_jumps(nodes: Block, label: int) -> int:
+    """Number of the node behind the last one that leads back to a label, or to one between."""
+    number, behind = label, label + 1
+    while number < behind:
+        node = nodes[number]
+        if isinstance(node, Label):
+            leads = (k for k in range(len(nodes) - 1, behind - 1, -1) if _jumps_to(nodes[k : k + 1], node.name))
+            behind = max(behind, 1 + next(leads, 0))
+        number += 1
+    return behind
+
+
+def _jumps_to(nodes: Block, label: str) -> bool:
+    return any(
+        (isinstance(node, Leave) and node.way == "jump" and node.label == label)
+        or any(_jumps_to(body, label) for body in bodies_of(node))
+        for node in nodes
+    )
+
+
+def _may_end(nodes: Block) -> bool:
+    """Whether a branch among some nodes leaves them, or leads back."""
+    return any(isinstance(node, Branches) and any(_leaves(body) for body in bodies_of(node)) for node in nodes) or any(
+        _may_end(body) for node in nodes if isinstance(node, Group) for body in bodies_of(node)
+    )
+
+
+def _leaves(nodes: Block) -> bool:
+    return any(isinstance(node, Leave) or any(map(_leaves, bodies_of(node))) for node in nodes)
+
+
 def leaves_loop(nodes: Iterable[Node]) -> bool:
     """Whether something among the nodes of a loop leaves that loop."""
     return any(
@@ -602,10 +667,15 @@ class Walk(ABC, Generic[S, R]):
         first, *others = states
         return first.joined(others, why) if others else first
 
-    def block(self, nodes: Block, state: S, start: int = 0) -> S:
-        """State after some nodes, from one of them on."""
-        for i in range(start, len(nodes)):
-            node = nodes[i]
+    def block(self, nodes: Block, state: S) -> S:
+        """State after some nodes."""
+        return self.behind(self._nodes(nodes, state))
+
+    def _nodes(self, nodes: Block, state: S) -> S:
+        number = 0
+        while number < len(nodes):
+            node = nodes[number]
+            number += 1
             match node:
                 case Unknown():
                     state = self.unknown(node.line, state)
@@ -613,7 +683,9 @@ class Walk(ABC, Generic[S, R]):
                 case Label():
                     state = self._at_label(node, state)
                     if state.reached and node.name in self.body.backward:
-                        return self._again_from(nodes, i, node, state)
+                        behind = _behind_jumps(nodes, number - 1)
+                        state = self._again_from(nodes[number:behind], node, state)
+                        number = behind
                     continue
                 case _:
                     pass
@@ -623,7 +695,7 @@ class Walk(ABC, Generic[S, R]):
                     continue
                 state = self.between(self.flow.anything("nothing leads to it"))
             state = self._node(node, state)
-        return self.behind(state)
+        return state
 
     def _node(self, node: Step | Leave | Group | Branches | Loop, state: S) -> S:
         match node:
@@ -670,31 +742,51 @@ class Walk(ABC, Generic[S, R]):
             return self.flow.anything(JUMPED)
         return state
 
-    def _again_from(self, nodes: Block, i: int, label: Label, state: S) -> S:
-        """State after the lines from a label on, to which lines after it may lead back."""
-        flow, rest = self.flow, nodes[i + 1 :]
+    def _again_from(self, nodes: Block, label: Label, state: S) -> S:
+        """State after the lines between a label and the last one that leads back to it."""
+        flow = self.flow
         if flow.scouting or flow.all_ways:
-            return self._once_from(nodes, i, label, self.widened(state, rest, JUMPED))[0]
-        entry, cost = state, 1 + sum(1 for _ in lines_in(rest))
+            return self._once_from(nodes, label, self.widened(state, nodes, JUMPED))[0]
+        cost = 1 + sum(1 for _ in lines_in(nodes))
+        for _ in range(MAX_TURNS if _may_end(nodes) else 0):
+            if not self._is_decided(nodes, label, state) or not flow.may(2 * cost):
+                break
+            end, back = self._once_from(nodes, label, state)
+            if not back.reached or back == state:
+                return end
+            state = back
         # most often a loop leads back with what it did in the turn before
+        entry = state
         state = entry.without(flow.lost_at.get(label), JUMPED)
         for _ in range(MAX_SCOUTS):
-            end, joined = self._once_from(nodes, i, label, state)
+            end, back = self._once_from(nodes, label, state)
+            joined = self.merged([state, back], JUMPED)
             if joined == state:
                 flow.lost_at[label] = entry.lost_in(state)
                 return end
             state = joined
             if not flow.may(cost):
                 break
-        return self._once_from(nodes, i, label, self.widened(state, rest, JUMPED))[0]
+        return self._once_from(nodes, label, self.widened(state, nodes, JUMPED))[0]
 
-    def _once_from(self, nodes: Block, i: int, label: Label, state: S) -> tuple[S, S]:
-        """State after the lines from a label on, and what held there or holds where they lead back to it."""
-        end = self.block(nodes, state, i + 1)
+    def _once_from(self, nodes: Block, label: Label, state: S) -> tuple[S, S]:
+        """State after the lines behind a label, and where they lead back to it."""
+        end = self._nodes(nodes, state)
         waiting = self.jumps[label.name]
-        joined = self.merged([state, *waiting], JUMPED)
+        back = self.merged(waiting, JUMPED)
         waiting.clear()
-        return end, joined
+        return end, back
+
+    def _is_decided(self, nodes: Block, label: Label, state: S) -> bool:
+        """Whether the lines behind a label go on in one way alone: back to it, to what follows, or elsewhere."""
+        with self.scouting():
+            left = self._ways_out()
+            end, back = self._once_from(nodes, label, state)
+            return end.reached + back.reached + self._ways_out() - left <= 1
+
+    def _ways_out(self) -> int:
+        """How many ways were met so far on which blocks are left."""
+        return len(self.returns) + sum(map(len, self.exits)) + sum(map(len, self.jumps.values()))
 
     # Loops: turn by turn where the text decides how many there are, else with what holds in all of them.
 

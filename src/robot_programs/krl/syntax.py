@@ -18,8 +18,7 @@ from robot_programs.core.flow import (
     Loop,
     Node,
     Step,
-    bodies_of,
-    lines_in,
+    labels_of,
 )
 
 # The words of KRL, line by line; comments and file headers have none.
@@ -759,7 +758,7 @@ def tree_of(lines: Sequence[Statement], matters: Callable[[Statement], bool]) ->
     nodes = builder.body(None)
     if builder.odd is not None:
         nodes = tuple(_single(line, loops=0) for line in kept)
-    backward, entered = _labels(nodes)
+    backward, entered = labels_of(nodes)
     body = Body(nodes=nodes, size=1 + len(lines), backward=backward, entered=entered)
     return Tree(body=body, odd=builder.odd)
 
@@ -863,30 +862,6 @@ def _arm(opening: Control, line: Control, body: Block) -> Arm:
 
 def _name_of_label(line: Control) -> str:
     return line.words[0].upper if line.words else ""
-
-
-def _labels(nodes: Block) -> tuple[frozenset[str], frozenset[str]]:
-    """Labels to which a GOTO behind them leads, and those to which one leads from outside the block that they are in."""
-    gotos = [line for line in lines_in(nodes) if isinstance(line, Control) and line.keyword == "GOTO"]
-    backward, entered = set[str](), set[str]()
-
-    def visit(body: Block) -> None:
-        own = [node for node in body if isinstance(node, Label)]
-        within = {line.start for line in lines_in(body)} if own else set[int]()
-        for label in own:
-            for line in gotos:
-                if _name_of_label(line) == label.name and line.start > label.line.start:
-                    backward.add(label.name)
-                if _name_of_label(line) == label.name and line.start not in within:
-                    entered.add(label.name)
-        for node in body:
-            for inner in bodies_of(node):
-                visit(inner)
-
-    visit(nodes)
-    if len(backward) > MAX_DEPTH:
-        return frozenset(), frozenset(entered | backward)
-    return frozenset(backward), frozenset(entered)
 
 
 # What routines are given by value, and what they may change of their caller's.

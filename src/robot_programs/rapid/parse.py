@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
+from robot_programs.core import flow as form
 from robot_programs.core.flow import Arm, Block, Branches, Leave, Loop, Node, Step, Unknown
 from robot_programs.core.values import MAX_DEPTH, OperandReader
 from robot_programs.rapid.syntax import (
@@ -431,7 +432,7 @@ class StatementParser(ExpressionParser):
         name = self.name()
         start = name.start
         if self.skip(":"):
-            return Unknown(line=Label(start=start, end=self.end))
+            return form.Label(line=Label(start=start, end=self.end), name=name.key)
         if self.next.key in (".", "{", ":="):
             target = self.selected(name)
             self.expect(":=")
@@ -494,9 +495,14 @@ class StatementParser(ExpressionParser):
 
     def _leave(self) -> Node:
         keyword = self.take()
+        label = ""
+        if keyword.key == "goto" and self.next.kind == "name":
+            label = self.name().key
         read = () if self.next.key == ";" else (self.expression(),)
         self.expect(";")
         line = Control(start=keyword.start, end=self.end, conditions=read)
+        if label:
+            return Leave(line=line, way="jump", label=label)
         return Leave(line=line, way="return" if keyword.key == "return" else "stop")
 
     def _connect(self) -> Node:

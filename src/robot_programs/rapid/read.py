@@ -236,7 +236,12 @@ class _Flow(form.Flow[State, Routine]):
     def body(self, routine: Routine) -> form.Body:
         if routine not in self.bodies:
             size = 1 + sum(1 for _ in form.lines_in(routine.body))
-            self.bodies[routine] = form.Body(nodes=routine.body, handlers=routine.handlers, size=size)
+            backward, entered = form.labels_of(routine.body, routine.handlers)
+            unread = (line for line in routine.lines if isinstance(line, Unparsed))
+            entered = entered.union(token.key for line in unread for token in line.tokens)  # a GOTO may stand there
+            self.bodies[routine] = form.Body(
+                nodes=routine.body, handlers=routine.handlers, size=size, backward=backward, entered=entered
+            )
         return self.bodies[routine]
 
     def inside(self, node: form.Node, scope: Scope) -> Scope:
@@ -346,7 +351,7 @@ class _Walk(form.Walk[State, Routine]):
         return replace(entry, last=None).forgotten(self.flow.effects.within[self.routine])
 
     def unknown(self, line: Line, state: State) -> State:
-        """State after a label, or text that was not understood."""
+        """State after text that was not understood."""
         self.flow.anywhere.update(called([line], self.scope))
         return self._lost(state)
 
@@ -520,7 +525,7 @@ class _Walk(form.Walk[State, Routine]):
 
     def _resolve(self, instruction: Instruction, scope: Scope, state: State) -> int | None:
         findings = self.flow.findings
-        if findings is None or (self.flow.all_ways and instruction in findings.seen):
+        if findings is None or self.flow.scouting or (self.flow.all_ways and instruction in findings.seen):
             return None
         return findings.resolve(instruction, scope, self.context, state, self._values(state), self.flow.computed)
 
