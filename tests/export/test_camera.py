@@ -1,6 +1,7 @@
 """The camera of a calibration from images, in the files of ROS and OpenCV."""
 
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -8,11 +9,21 @@ import pytest
 import yaml
 
 from taskcal.errors import TaskcalError
-from taskcal.export.camera import Camera, export_camera_info, export_camera_urdf, export_opencv_yaml
+from taskcal.export.camera import (
+    Camera,
+    export_camera_info,
+    export_camera_toml,
+    export_camera_urdf,
+    export_opencv_yaml,
+)
+from taskcal.export.descriptions import export_description
 from taskcal.geometry import se3
 from taskcal.geometry.euler import from_angles
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.identify import identify
+from taskcal.observations import read_camera
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot_file import robot_from
 from tests.laws.calibrations import calibrated
 from tests.observations.pictured import CAMERA, CORNERS, MODEL, Pictured, take_pictures
 
@@ -55,11 +66,27 @@ def test_every_file_reads_back_as_it_was_written(found, tmp_path):
     store = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
     np.testing.assert_array_equal(store.getNode("camera_matrix").mat(), camera.matrix)
     np.testing.assert_array_equal(store.getNode("distortion_coefficients").mat()[0], camera.distortion)
-    pose = "T_tool_camera" if camera.parent == "tool" else "T_base_camera"
+    pose = "T_tool_camera" if camera.on_wrist else "T_base_camera"
     np.testing.assert_array_equal(store.getNode(pose).mat(), camera.T_parent_camera)
 
+    files = {"a.yaml": export_camera_info, "b.yml": export_opencv_yaml, "c.toml": export_camera_toml}
+    for name, export in files.items():
+        (tmp_path / name).write_text(export(calibration).text, encoding="utf-8")
+        read = read_camera(tmp_path / name)
+        assert read.lens == camera.lens
+        numbers = np.concatenate([camera.matrix[[0, 1, 0, 1], [0, 1, 2, 2]] / 1e3, camera.distortion])
+        np.testing.assert_allclose(read.numbers, numbers, rtol=1e-14)
+    np.testing.assert_allclose(read.uncertainty[:4] * 1e3, camera.error[:4], rtol=1e-12)
+
     joint = ET.fromstring(export_camera_urdf(calibration).text).find("joint")
-    assert joint.find("parent").get("link") == camera.parent
+    description = ET.fromstring(export_description(calibration, "urdf", accept_loss=True, accept_uncertain=True).text)
+    ends = {link.get("name") for link in description.findall("link")}
+    assert joint.find("parent").get("link") == camera.parent == ("tool0" if camera.on_wrist else "base_link")
+    assert camera.parent in ends
+    robot = robot_from({**calibration.model.robot.description, "links": ["world & base", "hand"]})
+    own = replace(calibration, model=ErrorModel(robot))
+    named = ET.fromstring(export_camera_urdf(own).text).find("joint").find("parent").get("link")
+    assert named == ("hand" if camera.on_wrist else "world & base")
     xyz, rpy = (np.array(joint.find("origin").get(key).split(), dtype=float) for key in ("xyz", "rpy"))
     T = se3.pose(from_angles("rpy", rpy[None])[0], xyz)
     np.testing.assert_allclose(T, camera.T_parent_camera, atol=1e-12)

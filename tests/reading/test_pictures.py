@@ -198,3 +198,52 @@ def test_what_people_do_is_named(folder):
     grown = middle + (seen.pixel - middle) * (1 + 0.04 * np.repeat(np.arange(12) / 11, 54))[:, None]
     (note,) = pictured(grown, names | joints).notes
     assert "the focal length changes by +" in note
+
+
+CAMERA_FILE = """[camera]
+width = {width}
+height = 1200
+fx = {fx}
+fy = 1452.0
+cx = 810.0
+cy = 600.0
+distortion = {{ k1 = -0.12, k2 = 0.08, p1 = 0.0005, p2 = -0.0008 }}
+"""
+
+
+def test_a_camera_that_is_known_is_kept_as_sure_as_stated(folder):
+    """Exact, it stays; with an uncertainty it is a prior; of other images or another focus it is refused by name."""
+    campaign = read(folder, JOINTS)
+    alone = identify(MODEL, campaign)
+
+    def with_camera(exact=False, width=1600, fx=1450.0, u=None):
+        text = CAMERA_FILE.format(width=width, fx=fx)
+        (folder / "known.toml").write_text(text + ("" if u is None else f"[camera.u]\nfx = {u}\nfy = {u}\n"))
+        options = ReadOptions(
+            board=folder / "board.toml",
+            images=folder / "seen.corners.csv",
+            camera=folder / "known.toml",
+            camera_exact=exact,
+        )
+        return read_campaign(folder / "joints.csv", ROBOT, options=options)
+
+    def camera(calibration):
+        own = calibration.layout.own[0]
+        error = np.sqrt(np.diag(calibration.z_covariance))[own]
+        return calibration.z[own][6:15] * 1e3, error[6:15] * 1e3
+
+    value, error = camera(identify(MODEL, with_camera(exact=True)))
+    np.testing.assert_allclose(value[:4], [1450.0, 1452.0, 810.0, 600.0], atol=0.01)
+    assert error[:4].max() < 0.002
+    free = camera(alone)[1]
+    prior = identify(MODEL, with_camera(u=0.5))
+    assert camera(prior)[1][0] < min(0.5, free[0])
+    hand_eye = [np.trace(one.z_covariance[np.ix_(p, p)]) for one in (prior, alone) for p in [one.layout.places[0][:3]]]
+    assert hand_eye[0] < hand_eye[1]
+    with pytest.raises(TaskcalError, match=r"known.toml is of images of 1920 × 1200 pixels, and those of"):
+        with_camera(width=1920)
+    with pytest.raises(
+        TaskcalError, match=r"known.toml is not of the camera that took these images: .* fx 1600 \(the images"
+    ):
+        with_camera(exact=True, fx=1600.0)
+    assert any("differ by more" in note for note in with_camera(u=2.0, fx=1437.0).notes)

@@ -2,6 +2,7 @@
 
 from taskcal.export.c_source import export_c as export_c
 from taskcal.export.camera import export_camera_info as export_camera_info
+from taskcal.export.camera import export_camera_toml as export_camera_toml
 from taskcal.export.camera import export_camera_urdf as export_camera_urdf
 from taskcal.export.camera import export_opencv_yaml as export_opencv_yaml
 from taskcal.export.controller import ControllerOffsets as ControllerOffsets

@@ -1,12 +1,15 @@
 """The camera of a calibration from images, and where it is, for ROS and OpenCV."""
 
 from dataclasses import dataclass
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
+import tomli_w
 from jaxtyping import Float
 
 from taskcal.errors import TaskcalError
+from taskcal.export.descriptions import BASE, tip_of
 from taskcal.export.forms import Export, Loss, placed
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
@@ -31,8 +34,12 @@ class Camera:
     """Focal lengths and centre, pixels; the middle of the first pixel is at zero."""
     distortion: Float[np.ndarray, " k"]
     """In OpenCV's order."""
+    error: Float[np.ndarray, " n"]
+    """Standard errors of focal lengths and centre, pixels, and of the distortion."""
+    on_wrist: bool
     parent: str
-    """Link that it is fixed to: the robot's ``tool``, or ``base_link``."""
+    """Link that it is fixed to, of the robot's tool or base: as the description has it that the robot was imported from, else as
+    exported descriptions do (`export_description`)."""
     T_parent_camera: Float[np.ndarray, "4 4"]
     """Metres."""
 
@@ -43,7 +50,7 @@ class Camera:
         Raises:
             TaskcalError: it was not made from images.
         """
-        layout = calibration.layout
+        layout, robot = calibration.layout, calibration.model.robot
         found = [t for t, kind in enumerate(layout.kinds) if isinstance(kind, Pixels)]
         if not found:
             raise TaskcalError(
@@ -53,6 +60,8 @@ class Camera:
         assert isinstance(kind, Pixels)
         assert kind.lens is not None
         values = dict(zip(kind.unknowns, layout.unknowns(calibration.z)[found[0]], strict=True))
+        deviation = np.sqrt(np.maximum(np.diag(calibration.z_covariance), 0.0))[layout.own[found[0]]]
+        errors = dict(zip(kind.unknowns, deviation, strict=True))
         fx, fy, cx, cy = (float(values[f"camera.{name}"]) * KILO for name in ("fx", "fy", "cx", "cy"))
         if kind.on_wrist:
             T = calibration.T_tool_target[found[0]]
@@ -63,13 +72,15 @@ class Camera:
             lens=kind.lens,
             matrix=np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]),
             distortion=np.array([values[f"camera.{name}"] for name in DISTORTION[kind.lens.model]]),
-            parent="tool" if kind.on_wrist else "base_link",
+            error=np.array([errors[f"camera.{name}"] * KILO ** (name[0] in "fc") for name in kind.lens.unknowns]),
+            parent=(robot.links or (BASE, tip_of(robot)))[kind.on_wrist],
+            on_wrist=kind.on_wrist,
             T_parent_camera=T,
         )
 
     def exported(self, text: str) -> Export:
         """A file with this camera, and its pose beside."""
-        where = "camera in the tool" if self.parent == "tool" else "camera in the base"
+        where = "camera in the tool" if self.on_wrist else "camera in the base"
         return Export(text=text, loss=EXACT, frames={where: self.T_parent_camera})
 
 
@@ -110,13 +121,35 @@ def export_opencv_yaml(calibration: Calibration) -> Export:
         f"lens: {camera.lens.model}",
         *_matrix("camera_matrix", camera.matrix, tag, type="d"),
         *_matrix("distortion_coefficients", camera.distortion[None], tag, type="d"),
-        *_matrix(f"T_{camera.parent.removesuffix('_link')}_camera", camera.T_parent_camera, tag, type="d"),
+        *_matrix("T_tool_camera" if camera.on_wrist else "T_base_camera", camera.T_parent_camera, tag, type="d"),
     ]
     return camera.exported("\n".join(lines) + "\n")
 
 
+def export_camera_toml(calibration: Calibration) -> Export:
+    """The camera with its standard errors, as `read_camera` reads it.
+
+    Raises:
+        TaskcalError: the calibration was not made from images.
+    """
+    camera = Camera.of(calibration)
+    K, names = camera.matrix, DISTORTION[camera.lens.model]
+    content: dict[str, Any] = {
+        "lens": camera.lens.model,
+        "width": camera.lens.width,
+        "height": camera.lens.height,
+        "fx": float(K[0, 0]),
+        "fy": float(K[1, 1]),
+        "cx": float(K[0, 2]),
+        "cy": float(K[1, 2]),
+        "distortion": dict(zip(names, camera.distortion.tolist(), strict=True)),
+        "u": dict(zip(("fx", "fy", "cx", "cy", *names), camera.error.tolist(), strict=True)),
+    }
+    return camera.exported(tomli_w.dumps({"camera": content}))
+
+
 def export_camera_urdf(calibration: Calibration) -> Export:
-    """The camera's optical frame as a link of a URDF, fixed to the robot's ``tool`` or ``base_link``.
+    """The camera's optical frame as a link of a URDF, fixed to the robot's link of the tool, or of the base.
 
     Raises:
         TaskcalError: the calibration was not made from images.
@@ -124,13 +157,14 @@ def export_camera_urdf(calibration: Calibration) -> Export:
     camera = Camera.of(calibration)
     xyz = " ".join(repr(float(value)) for value in camera.T_parent_camera[:3, 3])
     rpy = " ".join(repr(float(np.radians(value))) for value in placed(camera.T_parent_camera)["rpy_deg"])
+    parent = quoteattr(camera.parent)
     text = f"""<?xml version="1.0"?>
 <robot name={quoteattr(f"{calibration.model.robot.name}-camera")}>
-  <link name="{camera.parent}"/>
+  <link name={parent}/>
   <link name="{OPTICAL}"/>
-  <joint name="{camera.parent}-{OPTICAL}" type="fixed">
+  <joint name={quoteattr(f"{camera.parent}-{OPTICAL}")} type="fixed">
     <origin xyz="{xyz}" rpy="{rpy}"/>
-    <parent link="{camera.parent}"/>
+    <parent link={parent}/>
     <child link="{OPTICAL}"/>
   </joint>
 </robot>

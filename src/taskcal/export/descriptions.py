@@ -62,6 +62,11 @@ MASS = "1", "0.01"
 """Kilograms and kg·m² of every link that moves, which no calibration tells: simulators refuse, or make up, what weighs nothing."""
 
 
+def tip_of(robot: Robot) -> str:
+    """Name of the tool's link: ROS calls the flange ``tool0``."""
+    return "tool0" if np.allclose(robot.T_flange_tool, np.eye(4), atol=1e-12) else "tool"
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shape:
     """A mesh on a link."""
@@ -120,11 +125,10 @@ class Tree:
             along = se3.translation(0.0, 0.0, far)
             joints += _coupled(chain, joint, on, pending @ se3.inverse(along))
             on, pending = joints[-1].child, along
-        plain = np.allclose(chain.robot.T_flange_tool, np.eye(4), atol=1e-12)
         return cls(
             name=chain.robot.name,
             joints=tuple(joints),
-            tip="tool0" if plain else "tool",
+            tip=tip_of(chain.robot),
             tip_on=on,
             tip_origin=pending @ chain.end,
             warning=shown(chain.warning, 200).replace("--", "- -") if chain.warning else "",

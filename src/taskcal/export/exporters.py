@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from taskcal.errors import UnknownName
 from taskcal.export.c_source import export_c
-from taskcal.export.camera import export_camera_info, export_camera_urdf, export_opencv_yaml
+from taskcal.export.camera import export_camera_info, export_camera_toml, export_camera_urdf, export_opencv_yaml
 from taskcal.export.descriptions import NAMES, Form, export_description
 from taskcal.export.forms import Export, export_dh, export_flexiv_yaml, export_ur_yaml, export_xarm_yaml
 from taskcal.identification.calibration import Calibration
@@ -72,6 +72,7 @@ for _name, _python in (("c", False), ("cffi", True)):
 for _name, _export in (
     ("camera-info", export_camera_info),
     ("opencv-yaml", export_opencv_yaml),
+    ("camera-toml", export_camera_toml),
     ("camera-urdf", export_camera_urdf),
 ):
     _EXPORTERS[_name] = Exporter(name=_name, write=lambda one, _, __, export=_export: export(one), of_robot=False)

@@ -284,7 +284,8 @@ def fit_with_hyperparameters(problem: Problem, prior: PriorOfEstimate, options: 
     scaled = bool(len(one.groups.searched))
     deviations, expected = searched.step.deviations, np.asarray(searched.step.errors.width) < WIDTH
     insignificant = searched.step.errors.searched & (hyper.variances < SIGNIFICANT * deviations) & ~expected
-    if insignificant.any():
+    # of an error that is there, position and rotation are two parts, which images and boards hardly tell apart: it stays as a whole
+    if insignificant.all():
         without = replace(hyper, variances=np.where(insignificant, 0.0, hyper.variances))
         if prior.parameters is None or _is_as_probable(part, prior, loss, without, hyper, z, loose):
             hyper, known = without, None

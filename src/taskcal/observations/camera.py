@@ -40,6 +40,9 @@ FOCAL_GUESSES = (0.35, 0.6, 1.0, 1.6, 2.6, 4.0)
 HUBER = 2.5
 """Standard deviations from which on a corner counts less. Of sound corners one in eighty is beyond."""
 
+EXACT = 1e-6
+"""Standard uncertainty of a camera's number that is stated as exact: a thousandth of a pixel, less than images show."""
+
 ROUNDS, STEPS = 60, 30
 """Of the fit of a camera, and of a picture's pose, at most."""
 
@@ -245,10 +248,25 @@ def calibrate_camera(
     return best
 
 
-def refine_camera(pictures: Pictures, rounds: int = ROUNDS) -> tuple[Pictures, float]:
+Known = tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]
+"""Numbers of a camera, and their standard uncertainties."""
+
+
+def recalibrate(pictures: Pictures, known: Known) -> Pictures:
+    """The same pictures with the camera that they and what is known of it have."""
+    pictures = replace(pictures, camera=known[0], _last=[])
+    for _ in range(3):
+        pictures = weigh_corners(refine_camera(pictures, known)[0])
+    return pictures
+
+
+def refine_camera(pictures: Pictures, known: Known | None = None, *, rounds: int = ROUNDS) -> tuple[Pictures, float]:
     """The camera that fits best next to a start, by Levenberg and Marquardt, and the cost."""
-    mean, precision = pictures.camera, pictures.lens.deviations**-2.0
-    mean = np.concatenate([mean[:2], pictures.lens.start(1.0)[2:]])
+    if known is None:
+        precision = pictures.lens.deviations**-2.0
+        mean = np.concatenate([pictures.camera[:2], pictures.lens.start(1.0)[2:]])
+    else:
+        mean, precision = known[0], np.maximum(known[1], EXACT) ** -2.0
 
     def cost_of(at: Settled, camera: np.ndarray) -> float:
         return float(at.cost.sum() + 0.5 * (precision * (camera - mean) ** 2).sum())

@@ -30,7 +30,7 @@ from taskcal.observations.base import (
     TrackerNoise,
 )
 from taskcal.observations.calibration_board import Board, read_boards
-from taskcal.observations.camera import DISTORTION, FEWEST_CORNERS, KILO, LENSES, Lens, Pictures, Settled
+from taskcal.observations.camera import DISTORTION, EXACT, FEWEST_CORNERS, KILO, LENSES, Lens, Pictures, Settled
 from taskcal.observations.camera_file import StatedCamera, read_camera
 from taskcal.observations.instrument import Fixtures, Instrument, Setting, far_apart, on_the_floor
 from taskcal.observations.landmark import STANDING
@@ -50,9 +50,6 @@ COMPONENTS = ("tx", "ty", "tz", "rx", "ry", "rz")
 
 CLEAR_TURN_RAD = np.radians(170.0)
 """Turn under which a rotation vector does not change its sign by errors."""
-
-EXACT = 1e-6
-"""Standard uncertainty of a camera's number that is stated as exact: a thousandth of a pixel, less than images show."""
 
 NO_INFORMATION = 1e-12
 """Eigenvalues of what the corners say of a camera, over the largest, under which they say nothing."""

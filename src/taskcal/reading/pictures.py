@@ -14,9 +14,21 @@ from taskcal.errors import CampaignError, FileError, TaskcalError, shown
 from taskcal.geometry.euler import to_angles
 from taskcal.observations import ObservedColumns, Pixels
 from taskcal.observations.calibration_board import MAX_SCALE_ERROR, Board
-from taskcal.observations.camera import FEWEST_CORNERS, LENSES, Lens, Pictures, calibrate_camera, homography, noise_with
+from taskcal.observations.camera import (
+    FEWEST_CORNERS,
+    KILO,
+    LENSES,
+    Lens,
+    Pictures,
+    calibrate_camera,
+    homography,
+    noise_with,
+    recalibrate,
+)
+from taskcal.observations.camera_file import StatedCamera
 from taskcal.observations.flatness import find_bend
 from taskcal.observations.pixels import FEWEST, Apart
+from taskcal.reading.image_times import pair_by_time
 from taskcal.reading.readings import Readings
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -58,6 +70,13 @@ LOCK = (
 )
 """What changes a focal length, and what to do."""
 
+MAX_APART, MAX_NAMED_NUMBERS = 4.0, 3
+"""Standard errors by which a number of a camera that is known may differ from that of the images: one of nine does by
+chance in one of 1700 cameras; and how many of such numbers are named."""
+
+MISFIT = 1.5
+"""By how much corners may be farther off beside a camera that is known than beside that of the images: more is not noise."""
+
 SURE = 2.0
 """By how much poses of the board fit better with the camera where it is than where it is not."""
 
@@ -81,6 +100,8 @@ class Corners:
     """Number of each corner on its board."""
     pixel: Float[np.ndarray, "c 2"]
     """Where it was seen, the middle of the first pixel at zero."""
+    blurred: tuple[str, ...] = ()
+    """Images whose edges are far wider than usual."""
     notes: tuple[str, ...] = ()
 
     def table(self) -> dict[str, list[str]]:
@@ -161,11 +182,15 @@ def one_row_an_image(table: Table) -> Table:
     names = table.texts("image")
     first = np.zeros(len(names), dtype=bool)
     first[list({name: row for row, name in reversed(list(enumerate(names)))}.values())] = True
-    left = [k for k, name in enumerate(table.header) if name.lower() not in CORNER_COLUMNS[1:]]
-    rows = table.take(first)
-    cells = [tuple(row[k] for k in left) for row in rows.rows]
+    return without_columns(table.take(first), CORNER_COLUMNS[1:])
+
+
+def without_columns(table: Table, names: Sequence[str]) -> Table:
+    """A table without some of its columns."""
+    left = [k for k, name in enumerate(table.header) if name.lower() not in {one.lower() for one in names}]
+    cells = [tuple(row[k] for k in left) for row in table.rows]
     units = tuple(table.units[k] for k in left) if table.units else ()
-    return replace(rows, header=tuple(table.header[k] for k in left), rows=cells, units=units)
+    return replace(table, header=tuple(table.header[k] for k in left), rows=cells, units=units)
 
 
 # Rows and their images.
@@ -180,12 +205,10 @@ def with_images(readings: Readings, robot: Robot, corners: Corners) -> Readings:
     Raises:
         FileError: there are neither joints nor poses of such a wrist, or rows and images cannot be paired.
     """
-    if readings.q is None:
-        readings = _wrist_as_joints(readings, robot)
-    readings = replace(readings, points={}, rotations={}, uncertainty={}, open_angles=None, length_unit_stated=True)
+    readings = _joints_alone(readings, robot)
     if readings.observed is not None and "image" in readings.observed:
         return readings
-    ids = readings.ids or tuple(str(number) for number in range(1, len(readings) + 1))
+    ids = readings.ids or ()
     cells, names = ids, {Path(name).stem.casefold() for name in corners.images}
     if not any(Path(text).stem.casefold() in names for text in ids):
         if len(corners.images) != len(readings):
@@ -199,8 +222,68 @@ def with_images(readings: Readings, robot: Robot, corners: Corners) -> Readings:
         readings = readings.noted(
             f"no column image: rows and images are paired in their order, from {cells[0]} to {cells[-1]}"
         )
+    return _naming(readings, cells)
+
+
+def at_standstill(
+    readings: Readings,
+    robot: Robot,
+    corners: Corners,
+    rows: Float[np.ndarray, " n"],
+    images: Float[np.ndarray, " images"],
+) -> Readings:
+    """Readings of a log, a row for each sharp image before and after which the robot stood.
+
+    Args:
+        readings: of joints, or of poses of the wrist.
+        robot: the robot.
+        corners: in the images.
+        rows: times of the readings, seconds.
+        images: times of the images.
+
+    Raises:
+        FileError: times of rows go back, or the robot stood at no image.
+    """
+    readings = _joints_alone(readings, robot)
+    assert readings.q is not None
+    for back in np.flatnonzero(np.diff(rows) < 0.0)[:1]:
+        raise FileError(
+            readings.path,
+            f"its time goes back by {rows[back] - rows[back + 1]:.3g} s; a log must be in the order of time",
+            line=int(readings.lines[back + 1]),
+        )
+    found = pair_by_time(robot, readings.q, rows, images)
+    sharp = np.array([corners.images[k] not in corners.blurred for k in found.image], dtype=bool)
+    if not sharp.any():
+        first, last = ((float(t.min()), float(t.max())) for t in (rows, images))
+        why = f"{len(found.moving)} while it moved, {len(found.outside)} before or after its rows, {int((~sharp).sum())} blurred"
+        raise FileError(
+            readings.path,
+            f"the robot stood at none of {len(images)} images of {corners.source}: {why}. Its times are {first[0]:.3f} to "
+            f"{first[1]:.3f} s, those of the images {last[0]:.3f} to {last[1]:.3f} s; both must be of one clock",
+        )
+    names = [tuple(corners.images[k] for k in which) for which in (found.moving, found.outside, found.image[~sharp])]
+    reasons = "the robot moved just before or after", "there are no joints before and after", "blurred:"
+    notes = [f"{reason} {in_words(own)}: not used" for reason, own in zip(reasons, names, strict=True) if own]
+    own = tuple(corners.images[k] for k in found.image[sharp])
+    kept = replace(readings.take(found.row[sharp]), q=found.q[sharp], ids=own)
+    return _naming(kept, own).noted(f"{len(own)} of {len(images)} images are paired by time", *notes)
+
+
+def _joints_alone(readings: Readings, robot: Robot) -> Readings:
+    if readings.q is None:
+        readings = _wrist_as_joints(readings, robot)
+    return replace(readings, points={}, rotations={}, uncertainty={}, open_angles=None, length_unit_stated=True)
+
+
+def _naming(readings: Readings, images: tuple[str, ...]) -> Readings:
+    """Readings whose rows name images."""
     observed = ObservedColumns(
-        path=readings.path, lines=readings.lines, cells={"image": cells}, headers={"image": "id"}, units={"image": None}
+        path=readings.path,
+        lines=readings.lines,
+        cells={"image": images},
+        headers={"image": "id"},
+        units={"image": None},
     )
     return replace(readings, observed=observed)
 
@@ -228,7 +311,14 @@ def _wrist_as_joints(readings: Readings, robot: Robot) -> Readings:
 
 
 def with_pictures(
-    campaign: Campaign, corners: Corners, boards: Sequence[Board], robot: Robot, model: str, *, judged: bool = True
+    campaign: Campaign,
+    corners: Corners,
+    boards: Sequence[Board],
+    robot: Robot,
+    model: str,
+    given: StatedCamera | None = None,
+    *,
+    judged: bool = True,
 ) -> Campaign:
     """A campaign whose rows name images, with what these show.
 
@@ -238,10 +328,11 @@ def with_pictures(
         boards: that were printed.
         robot: whose nominal poses tell whether the camera moves, or the board.
         model: of the lens, ``pinhole`` or ``fisheye``.
+        given: what is known of the camera, with an uncertainty.
         judged: whether pictures that do not fit the robot are refused.
 
     Raises:
-        CampaignError: images are not there, too few show a board, or they do not fit the robot.
+        CampaignError: images are not there, too few show a board, they do not fit the robot, or the camera that is known does not.
     """
     blank = next(one for one in campaign.observations if isinstance(one, Pixels))
     number = _numbers(campaign, blank, corners)
@@ -272,8 +363,15 @@ def with_pictures(
         raise CampaignError(
             f"{corners.source}: no image of the rows shows {FEWEST_CORNERS} corners of a board; check the board's file"
         )
+    lens = Lens(model=model, width=corners.width, height=corners.height)
+    if given is not None and given.lens != lens:
+        raise CampaignError(
+            f"{given.source} is of images of {given.lens.width} × {given.lens.height} pixels, and those of {corners.source} have "
+            f"{lens.width} × {lens.height}: a camera has other numbers for another size; leave out --camera, or give the one of "
+            "this size"
+        )
     pictures = calibrate_camera(
-        Lens(model=model, width=corners.width, height=corners.height),
+        lens,
         tuple(name for name, *_ in shapes),
         np.array([board for _, board, *_ in shapes]),
         np.concatenate([[0], np.cumsum([len(corner) for _, _, corner, _ in shapes])]),
@@ -296,6 +394,10 @@ def with_pictures(
         "its corners are taken as they lie; mount it on a flat plate"
         for one in bent
     ]
+    if given is not None:
+        assert given.uncertainty is not None
+        alone, pictures = pictures, recalibrate(pictures, (given.numbers, given.uncertainty))
+        notes += _compare_cameras(given, alone, pictures)
     if few:
         notes.append(f"no board is seen in {in_words(few)}")
     if twice:
@@ -306,6 +408,7 @@ def with_pictures(
         boards=tuple(board.name for board in boards),
         u_scale=tuple(board.u_scale for board in boards),
         lens=pictures.lens,
+        given=given,
         pictures=pictures,
     )
     poses = BoardPoses.of(replace(campaign, observations=(kind,)), ErrorModel(robot).poses(campaign.q))
@@ -357,6 +460,35 @@ def _refuse_swapped_counts(pictures: Pictures, corners: Corners, boards: Sequenc
                 f"{corners.source}: columns and rows of board '{board.name}' are swapped: its corners lie on a plane if it has "
                 f"{swapped.columns} columns and {swapped.rows} rows; correct the board's file"
             )
+
+
+def _compare_cameras(given: StatedCamera, alone: Pictures, pictures: Pictures) -> list[str]:
+    """What is to be said of a camera that is known, beside the one that the images alone have.
+
+    Raises:
+        CampaignError: the images contradict it.
+    """
+    assert given.uncertainty is not None
+    pixels = np.repeat([KILO, 1.0], [4, len(given.numbers) - 4])
+    information = alone.settle(alone.camera).of_camera[0].sum(axis=0) + np.diag(alone.lens.deviations**-2.0)
+    error = np.sqrt(np.diag(np.linalg.inv(information)) + given.uncertainty**2)
+    apart = (given.numbers - alone.camera) / error
+    far = np.argsort(-np.abs(apart))
+    far = far[np.abs(apart[far]) > MAX_APART][:MAX_NAMED_NUMBERS]
+    named = ", ".join(
+        f"{alone.lens.unknowns[k]} {given.numbers[k] * pixels[k]:.6g} (the images: {alone.camera[k] * pixels[k]:.6g} ± "
+        f"{error[k] * pixels[k]:.2g})"
+        for k in far
+    )
+    if len(far) and pictures.noise > MISFIT * alone.noise:
+        raise CampaignError(
+            f"{given.source} is not of the camera that took these images: beside it corners are off by {pictures.noise:.2g} px, "
+            f"and by {alone.noise:.2g} px with the camera that the images have; {named}. Leave out --camera, or check focus, zoom "
+            "and size of the images"
+        )
+    known = "exact" if not given.uncertainty.any() else "known with its uncertainty"
+    out = [f"the camera of {given.source} is taken as {known}"]
+    return [*out, f"{given.source} and the images differ by more than their uncertainty: {named}"] if len(far) else out
 
 
 def _numbers(campaign: Campaign, blank: Pixels, corners: Corners) -> Int[np.ndarray, " n"]:

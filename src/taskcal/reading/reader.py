@@ -42,6 +42,12 @@ class ReadOptions:
     """Folder of the images, or the corners in them, or their file; None where the campaign's own file has the corners."""
     lens: Literal["pinhole", "fisheye"] = "pinhole"
     """Of the camera that took them."""
+    camera: str | Path | None = None
+    """File of what is known of that camera."""
+    camera_exact: bool = False
+    """Whether its numbers are exact, whatever uncertainty the file states."""
+    image_times: str | Path | None = None
+    """File of the images' times, or ``names`` where these have them: rows are a log, and images are paired with it by time."""
     judged: bool = True
     """Whether images that do not fit the robot are refused."""
 
@@ -159,6 +165,7 @@ def _read_pictures(paths: Sequence[str | Path], robot: Robot, options: ReadOptio
         FileError: several files are named, or there are no images.
     """
     from taskcal.observations.calibration_board import read_boards
+    from taskcal.observations.camera_file import as_prior, read_camera
     from taskcal.reading import detection, pictures
 
     assert options.board is not None
@@ -177,10 +184,43 @@ def _read_pictures(paths: Sequence[str | Path], robot: Robot, options: ReadOptio
         raise FileError(
             table.path, "has no corners (columns image, corner, u_px, v_px); give the images, --images FOLDER"
         )
-    readings = _of_file(pictures.one_row_an_image(table) if own else table, robot, options.form, options.angles)
-    readings = _one_row_a_pose(pictures.with_images(readings, robot, corners), robot, options)
+    if options.image_times is None:
+        readings = _of_file(pictures.one_row_an_image(table) if own else table, robot, options.form, options.angles)
+        readings = pictures.with_images(readings, robot, corners)
+    else:
+        readings = _at_standstill(table, robot, corners, options)
+    readings = _one_row_a_pose(readings, robot, options)
+    given = None
+    if options.camera is not None:
+        given = as_prior(read_camera(options.camera), exact=options.camera_exact)
+        if given.lens.model == "pinhole" != options.lens:
+            raise FileError(Path(options.camera), f"is of a pinhole, and the lens is to be {options.lens}")
+    model = options.lens if given is None else given.lens.model
     campaign = campaign_of(readings, robot)
-    return pictures.with_pictures(campaign, corners, boards, robot, options.lens, judged=options.judged)
+    return pictures.with_pictures(campaign, corners, boards, robot, model, given, judged=options.judged)
+
+
+def _at_standstill(table: Table, robot: Robot, corners: Corners, options: ReadOptions) -> Readings:
+    """A row for each image of a log's table that was taken while the robot stood.
+
+    Raises:
+        FileError: the table has corners itself, or rows and images cannot be paired by time.
+    """
+    from taskcal.reading import pictures
+    from taskcal.reading.image_times import image_times, times_of
+
+    assert options.image_times is not None
+    if pictures.has_corners(table) or "image" in table:
+        raise FileError(table.path, "names the image of each row; leave out --image-times, or the column image", line=1)
+    rows = times_of(table)
+    try:
+        images = image_times(corners.images, options.image_times)
+    except ValueError as error:
+        raise FileError(Path(corners.source), str(error)) from error
+    log = pictures.without_columns(table, (rows.column,))
+    readings = _of_file(log, robot, options.form, options.angles)
+    seconds = rows.seconds[np.searchsorted(table.lines, readings.lines)]
+    return pictures.at_standstill(readings, robot, corners, seconds, images)
 
 
 def _joined(parts: Sequence[tuple[str, Campaign]], robot: Robot) -> Campaign:

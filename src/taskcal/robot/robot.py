@@ -173,6 +173,8 @@ class Robot:
     """Content of the robot file, so that a calibration can carry its robot."""
     model_error: ModelError | None = None
     """What geometry does not explain; None where the file does not say."""
+    links: tuple[str, str] | None = None
+    """What other descriptions of the robot call the links of its base and of its tool; None where the file does not say."""
 
     def __repr__(self) -> str:
         prismatic = sum(self.prismatic)

@@ -3,7 +3,7 @@
 import ast
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 from jaxtyping import Float
@@ -336,6 +336,7 @@ class RobotFile(Section):
     name: str = Field(min_length=1)
     title: str = ""
     source: tuple[str, ...] = ()
+    links: tuple[Annotated[str, Field(min_length=1)], Annotated[str, Field(min_length=1)]] | None = None
     joint: tuple[JointSection, ...] = Field(min_length=1, max_length=MAX_JOINTS)
     tool: tuple[StepSection, ...] = ()
     flange: tuple[StepSection, ...] = ()
@@ -395,6 +396,7 @@ class RobotFile(Section):
             name=self.name,
             title=self.title or self.name,
             source=self.source,
+            links=self.links,
             joints=joints,
             joint_map=JointMap(matrix=matrix, offset=np.array(offset)),
             four_bar=self._drive(names),

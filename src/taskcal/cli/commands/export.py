@@ -36,12 +36,12 @@ def command(
     unsealed: UnsealedOption = False,
     form: str = option(
         ...,
-        "urdf|mjcf|sdf|usd|ur-yaml|xarm-yaml|flexiv-yaml|dh|mdh|c|cffi|camera-info|opencv-yaml|camera-urdf|offsets|…",
+        "urdf|mjcf|sdf|usd|ur-yaml|xarm-yaml|flexiv-yaml|dh|mdh|c|cffi|camera-info|opencv-yaml|camera-toml|camera-urdf|offsets|…",
         "urdf: links and joints; mjcf, sdf, usd: the same for MuJoCo, Gazebo, and Isaac or others; ur-yaml, xarm-yaml, "
         "flexiv-yaml: kinematics of these makers' ROS packages; dh, mdh: a table; c: C99 source of the whole "
-        "calibration; cffi: the same as a module for Python; camera-info, opencv-yaml, camera-urdf: the camera of a calibration "
-        "from images, for ROS, OpenCV, and as a link of a URDF; offsets: joint zeros, tool and base alone, with the remaining "
-        "error; or a form of an installed package.",
+        "calibration; cffi: the same as a module for Python; camera-info, opencv-yaml, camera-toml, camera-urdf: the camera of "
+        "a calibration from images, for ROS, OpenCV, Taskcal's --camera, and as a link of a URDF; offsets: joint zeros, "
+        "tool and base alone, with the remaining error; or a form of an installed package.",
     ),
     output: Path | None = option(
         None,

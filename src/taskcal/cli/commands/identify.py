@@ -78,7 +78,7 @@ def command(
     detecting = reading.images is not None and reading.images.is_dir()
     seen = output.with_suffix(".corners.csv") if detecting else None
     outputs = out.begin(
-        "identify", [("--output", output), ("--images", seen)], [*inputs, reading.images, reading.board]
+        "identify", [("--output", output), ("--images", seen)], [*inputs, reading.images, reading.board, reading.camera]
     )
     if any(map(has_too_many_rows, campaign)):
         if len(campaign) > 1:

@@ -175,9 +175,7 @@ class MeasuringOptions:
 class ExtendedOptions(MeasuredOptions):
     """A campaign to go on from, and how it is read; some are of a plan without a tracker too."""
 
-    of_others = ("distances", "wire_scale", "board")
-
-    camera: Path | None = option(None, "CAMERA.toml", "With --observe pixels: the camera that is to take the images.")
+    of_others = ("distances", "wire_scale", "board", "camera")
 
 
 @dataclass(frozen=True, kw_only=True)

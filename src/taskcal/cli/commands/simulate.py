@@ -66,7 +66,7 @@ class ReflectorOptions:
             )
 
 
-PIXELS = "pixels"
+PIXELS, IMAGE_SIZE = "pixels", "1600x1200"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +74,10 @@ class CameraOptions:
     """Board and camera of ``--observe pixels``."""
 
     board: Path | None = option(None, "BOARD.toml", "With --observe pixels: the board, the first of the file.")
-    image_size: str = option("1600x1200", "WIDTHxHEIGHT", "Size of an image, pixels.")
+    camera_file: Path | None = option(
+        None, "CAMERA.toml|.yaml", "The camera, in place of --image-size and --focal-px.", named="--camera"
+    )
+    image_size: str = option(IMAGE_SIZE, "WIDTHxHEIGHT", "Size of an image, pixels.")
     focal_px: float | None = option(
         None, "PX", "Focal length; by default 0.9 of the image's width.", callback=above_zero
     )
@@ -102,6 +105,15 @@ class CameraOptions:
         from taskcal.observations.camera import Lens
         from taskcal.virtual.pictures import VirtualCamera
 
+        if self.camera_file is not None:
+            from taskcal.observations.camera_file import read_camera
+
+            if self.focal_px is not None or self.image_size != IMAGE_SIZE:
+                raise typer.BadParameter(
+                    "states size and focal length; leave --image-size and --focal-px out", param_hint="--camera"
+                )
+            given = read_camera(self.camera_file)
+            return VirtualCamera(lens=given.lens, numbers=given.numbers, noise_px=self.noise_px)
         found = re.fullmatch(r"(\d{2,5})x(\d{2,5})", self.image_size)
         if found is None:
             raise typer.BadParameter(
@@ -215,7 +227,7 @@ def command(
     outputs = out.begin(
         "simulate",
         [("--output", output), ("--truth", truth), ("--distances", how.distances)],
-        [robot, *files_of_task(task), truth_from, camera.board],
+        [robot, *files_of_task(task), truth_from, camera.board, camera.camera_file],
     )
     from taskcal.campaigns.campaign import distances_text
     from taskcal.reading.writer import campaign_text

@@ -64,6 +64,17 @@ class TableOptions:
         None, "FOLDER|CORNERS.csv", "Images of a board, one for each row of the campaign, or the corners found in them."
     )
     board: Path | None = option(None, "BOARD.toml", "The boards that the images show.")
+    image_times: str | None = option(
+        None,
+        "names|TIMES.csv",
+        "Pair images with a log of joints by time, where the robot stood: a table of image and time_s, or names that have times.",
+    )
+    camera: Path | None = option(
+        None,
+        "CAMERA.toml|.yaml",
+        "What is known of the camera of the images: Taskcal's TOML, or YAML of ROS (camera_info) or OpenCV. A plan needs it.",
+    )
+    camera_exact: bool = option(False, help="Take the camera's numbers as exact.")
     lens: Literal["pinhole", "fisheye"] = option("pinhole", help="Lens of the camera that took the images.")
 
     def find_corners(self) -> "Corners | None":
@@ -94,6 +105,12 @@ class TableOptions:
         columns = None if self.columns is None else tuple(self.columns.split())
         if self.images is not None and self.board is None:
             raise typer.BadParameter("requires --board, the file of the boards that they show", param_hint="--images")
+        if self.board is None and self.camera is not None:
+            raise typer.BadParameter("is of images; requires --board, too", param_hint="--camera")
+        if self.images is None and self.image_times is not None:
+            raise typer.BadParameter("requires --images, which it pairs", param_hint="--image-times")
+        if self.camera is None and self.camera_exact:
+            raise typer.BadParameter("requires --camera, whose numbers are exact", param_hint="--camera-exact")
         return taskcal.reading.ReadOptions(
             form=taskcal.tables.TableForm(
                 columns=columns, decimal=marks[self.decimal], sheet=self.sheet, hidden_rows=self.hidden_rows
@@ -105,6 +122,9 @@ class TableOptions:
             board=self.board,
             images=self.images,
             lens=self.lens,
+            camera=self.camera,
+            image_times=self.image_times,
+            camera_exact=self.camera_exact,
         )
 
 
@@ -236,7 +256,7 @@ class MeasuredOptions(CampaignOptions):
     @property
     def inputs(self) -> tuple[str | Path | None, ...]:
         """Files that are read."""
-        return self.campaign, self.points, self.rows, self.distances, self.images, self.board
+        return self.campaign, self.points, self.rows, self.distances, self.images, self.board, self.camera
 
 
 # Rows of a campaign, as the command line chooses them: a:b, or a file of row numbers; counted from 0.

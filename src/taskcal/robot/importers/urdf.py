@@ -422,6 +422,7 @@ def describe_tree(
             f"imported from {printable(tree.path.name)}: base {begin}, tip {end}",
             *(j.remark for j in joints if j.remark),
         ],
+        "links": [begin, end],
         **_Writer(tree, joints).written(start, end),
     }
     try:

@@ -1,0 +1,100 @@
+"""Images that are paired with a log by time."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from taskcal.errors import FileError
+from taskcal.reading.image_times import STILL_RAD, pair_by_time, stamp_of
+from taskcal.reading.reader import ReadOptions, read_campaign
+from tests.reading.test_pictures import ROBOT, SEEN, corners, folder, write
+
+__all__ = ["folder"]
+
+START = 1_777_811_590.0
+RATE_S, STOP_S, GO_S = 0.05, 1.0, 1.0
+
+
+def log():
+    """Times and joints of a robot that stands at each pose of `SEEN`, and moves between them."""
+    ends = [SEEN.q[0], *SEEN.q, SEEN.q[-1]]
+    time, q = [], []
+    for k, (a, b) in enumerate(pairwise(ends)):
+        for share in np.arange(0.0, 1.0, RATE_S / GO_S):
+            time.append(START + k * (STOP_S + GO_S) + share * GO_S)
+            q.append(a + share * (b - a))
+        for stood in np.arange(0.0, STOP_S, RATE_S):
+            time.append(START + k * (STOP_S + GO_S) + GO_S + stood)
+            q.append(b)
+    return np.array(time), np.array(q)
+
+
+def taken(k: int) -> float:
+    """In the middle of each standstill."""
+    return START + k * (STOP_S + GO_S) + GO_S + 0.5 * STOP_S
+
+
+def joints(time, q):
+    return {"time_s": [f"{t:.3f}" for t in time], **{f"J{j + 1}_deg": np.degrees(q[:, j]) for j in range(6)}}
+
+
+def read(folder, columns, times):
+    options = ReadOptions(board=folder / "board.toml", images=folder / "seen.corners.csv", image_times=times)
+    return read_campaign(write(folder / "log.csv", columns), ROBOT, options=options)
+
+
+def test_images_of_a_standing_robot_have_its_joints(folder):
+    """By a table or by names; those taken while it moved, or when there is no log, are named and left out."""
+    time, q = log()
+    at = [taken(k) for k in range(len(SEEN.q))]
+    at[2] -= 0.6 * STOP_S  # while it moves there
+    at[5] = time[-1] + 5.0
+    left = [k for k in range(len(SEEN.q)) if k not in (2, 5)]
+    times = write(folder / "times.csv", {"image": [f"{k}.png" for k in range(len(at))], "time_s": at})
+    campaign = read(folder, joints(time, q), times)
+    assert [campaign.observations[0].images[k] for k in campaign.observations[0].of] == [f"{k}.png" for k in left]
+    np.testing.assert_allclose(campaign.q, SEEN.q[left], atol=1e-9)
+    said = " ".join(campaign.notes)
+    assert "6 of 8 images are paired by time" in said
+    assert "moved just before or after 2.png" in said
+    assert "no joints before and after 5.png" in said
+
+    names = [f"shot_{int(t)}.{round(t % 1 * 1000):03d}.png" for t in at]
+    cells = corners()
+    cells["image"] = [names[int(name.split(".")[0])] for name in cells["image"]]
+    write(folder / "seen.corners.csv", cells)
+    np.testing.assert_array_equal(read(folder, joints(time, q), "names").q, campaign.q)
+
+
+def test_another_clock_and_a_log_that_goes_back_are_refused(folder):
+    time, q = log()
+    times = write(folder / "times.csv", {"image": [f"{k}.png" for k in range(8)], "time_s": np.arange(8.0)})
+    with pytest.raises(FileError, match=r"stood at none of 8 images .* 8 before or after .* of one clock"):
+        read(folder, joints(time, q), times)
+    with pytest.raises(FileError, match=r"its time goes back by 0\.05 s"):
+        read(folder, joints(time[[0, 2, 1, *range(3, len(time))]], q), times)
+    with pytest.raises(FileError, match=r"the name 0\.png has no time"):
+        read(folder, joints(time, q), "names")
+
+
+def test_names_of_cameras_have_times():
+    """Unix seconds, milli- and nanoseconds, and dates; numbers of pictures have none."""
+    for name in (
+        "1777811590.25.png",
+        "left_1777811590250.png",
+        "1777811590250000000.png",
+        "2026-05-03T12-33-10.25.jpg",
+    ):
+        assert stamp_of(name) == pytest.approx(START + 0.25, abs=1e-6), name
+    assert stamp_of("IMG_20260503_123310.jpg") == START
+    assert [stamp_of(name) for name in ("0001.png", "12345678901.png", "20261303_996110.png")] == [None] * 3
+
+
+def test_a_slow_creep_is_no_standstill():
+    """Of less than the step of a row, over the window; a flicker is."""
+    time = np.arange(0.0, 4.0, RATE_S)
+    creep = np.outer(time, np.full(6, 2.0 * STILL_RAD / 0.2))
+    flicker = 0.4 * STILL_RAD * np.random.default_rng(0).uniform(-1.0, 1.0, (len(time), 6))
+    assert pair_by_time(ROBOT, creep, time, np.array([2.02])).moving.tolist() == [0]
+    assert pair_by_time(ROBOT, flicker, time, np.array([2.02])).image.tolist() == [0]
