@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taskcal.errors import FileError
-from taskcal.reading.image_times import STILL_RAD, pair_by_time, stamp_of
+from taskcal.reading.image_times import STILL_RAD, Stamp, image_times, pair_by_time, stamp_of
 from taskcal.reading.reader import ReadOptions, read_campaign
 from tests.reading.test_pictures import ROBOT, SEEN, corners, folder, write
 
@@ -81,14 +81,33 @@ def test_another_clock_and_a_log_that_goes_back_are_refused(folder):
 def test_names_of_cameras_have_times():
     """Unix seconds, milli- and nanoseconds, and dates; numbers of pictures have none."""
     for name in (
-        "1777811590.25.png",
-        "left_1777811590250.png",
-        "1777811590250000000.png",
-        "2026-05-03T12-33-10.25.jpg",
+        "1777811590.25",
+        "left_1777811590250",
+        "1777811590250000000",
+        "2026-05-03T12-33-10.25",
     ):
-        assert stamp_of(name) == pytest.approx(START + 0.25, abs=1e-6), name
-    assert stamp_of("IMG_20260503_123310.jpg") == START
-    assert [stamp_of(name) for name in ("0001.png", "12345678901.png", "20261303_996110.png")] == [None] * 3
+        assert stamp_of(name).seconds == pytest.approx(START + 0.25, abs=1e-6), name
+        assert stamp_of(name).unsure <= 0.01
+    assert stamp_of("IMG_20260503_123310") == (START, 1.0)
+    assert [stamp_of(name) for name in ("0001", "12345678901", "20261303_996110")] == [None] * 3
+
+
+def test_times_inside_images_are_read(tmp_path):
+    """As Pillow writes them, with a fraction and a zone, and without, where the image is of some time in a second."""
+    image = pytest.importorskip("PIL.Image")
+    for name, tags in {
+        "a.jpg": {0x9003: "2026:05:03 14:33:10", 0x9291: "25", 0x9011: "+02:00"},
+        "b.jpg": {0x9003: "2026:05:03 14:33:10"},
+        "c.jpg": {},
+    }.items():
+        exif = image.Exif()
+        exif.get_ifd(0x8769).update(tags)
+        image.new("L", (8, 8)).save(tmp_path / name, exif=exif)
+    assert image_times(["a.jpg", "b.jpg"], "exif", tmp_path) == [(START + 0.25, 0.01), (START + 7200.0, 1.0)]
+    with pytest.raises(ValueError, match=r"c\.jpg has no time inside"):
+        image_times(["a.jpg", "c.jpg"], "exif", tmp_path)
+    with pytest.raises(ValueError, match="not their corners"):
+        image_times(["a.jpg"], "exif")
 
 
 def test_a_slow_creep_is_no_standstill():
@@ -96,5 +115,8 @@ def test_a_slow_creep_is_no_standstill():
     time = np.arange(0.0, 4.0, RATE_S)
     creep = np.outer(time, np.full(6, 2.0 * STILL_RAD / 0.2))
     flicker = 0.4 * STILL_RAD * np.random.default_rng(0).uniform(-1.0, 1.0, (len(time), 6))
-    assert pair_by_time(ROBOT, creep, time, np.array([2.02])).moving.tolist() == [0]
-    assert pair_by_time(ROBOT, flicker, time, np.array([2.02])).image.tolist() == [0]
+    assert pair_by_time(ROBOT, creep, time, [Stamp(2.02)]).moving.tolist() == [0]
+    assert pair_by_time(ROBOT, flicker, time, [Stamp(2.02)]).image.tolist() == [0]
+    stops = np.where(time < 2.5, 0.0, 0.1)[:, None] * np.ones(6)
+    assert pair_by_time(ROBOT, stops, time, [Stamp(2.02)]).image.tolist() == [0]
+    assert pair_by_time(ROBOT, stops, time, [Stamp(2.0, 1.0)]).moving.tolist() == [0]  # of any time in that second

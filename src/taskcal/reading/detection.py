@@ -136,6 +136,7 @@ def detect_corners(folder: Path, boards: Sequence[Board]) -> Corners:
         board=tuple(boards[b].name for _, b, one in parts for _ in one.id),
         id=np.concatenate([one.id for *_, one in parts]),
         pixel=np.concatenate([one.pixel for *_, one in parts]),
+        folder=folder,
         blurred=tuple(blurred),
         notes=tuple(notes),
     )

@@ -1,10 +1,12 @@
 """Images and joints that are paired by time: an image counts only where the robot stood before it and after it."""
 
 import re
+import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -14,8 +16,8 @@ from taskcal.robot.robot import Robot
 from taskcal.tables.forms import read_table
 from taskcal.tables.table import Table
 
-OF_NAMES = "names"
-"""In place of a file of times: each image's name has its own."""
+OF_NAMES, OF_EXIF = "names", "exif"
+"""In place of a file of times: each image has its own, in its name or, as cameras write it, inside the file."""
 
 WINDOW_S = 0.1
 """Before and after an image, in which the robot must stand, seconds: exposure and readout of a rolling shutter take up to 0.05 s,
@@ -38,12 +40,21 @@ _DATE = re.compile(
 )
 
 
-def stamp_of(name: str) -> float | None:
-    """Seconds since 1970 by a file's name or a date; dates count as UTC. None where it has neither."""
-    text = Path(name).stem
+class Stamp(NamedTuple):
+    """When an image was taken."""
+
+    seconds: float
+    """Since 1970, or any day."""
+    unsure: float = 0.0
+    """For how long after it the image may have been taken: one of the last digit."""
+
+
+def stamp_of(text: str) -> Stamp | None:
+    """The time in a text, such as a file's name: seconds since 1970, or a date, as UTC. None where it has neither."""
     found = _UNIX.search(text)
     if found is not None:
-        return float(f"{found['whole']}.{found['part'] or found['more'] or '0'}")
+        part = found["part"] or found["more"] or ""
+        return Stamp(float(f"{found['whole']}.{part or '0'}"), 10.0 ** -len(part))
     found = _DATE.search(text)
     if found is None:
         return None
@@ -51,7 +62,51 @@ def stamp_of(name: str) -> float | None:
         when = datetime(*(int(part) for part in found.groups()[:6]), tzinfo=UTC)
     except ValueError:
         return None
-    return when.timestamp() + float(f"0.{found['part'] or '0'}")
+    part = found["part"] or ""
+    return Stamp(when.timestamp() + float(f"0.{part or '0'}"), 10.0 ** -len(part))
+
+
+EXIF_HEADS = {b"II*\0": "<", b"MM\0*": ">"}
+"""First bytes of the block, and the order of bytes in it."""
+
+EXIF_IFD, TAKEN, TAKEN_PART, TAKEN_ZONE = 0x8769, 0x9003, 0x9291, 0x9011
+"""Tags of EXIF 2.32: where its own are, DateTimeOriginal, its fraction of a second, and its offset from UTC."""
+
+EXIF_WITHIN = 1 << 20
+"""First bytes of a file in which the block is looked for."""
+
+
+def exif_stamp(data: bytes) -> Stamp | None:
+    """When a JPEG, PNG or TIFF says inside that it was taken; a date without a zone counts as UTC. None where it does not."""
+    at = next((data.find(mark) + len(mark) for mark in (b"Exif\0\0", b"eXIf") if mark in data), 0)
+    block = data[at:]
+    order = EXIF_HEADS.get(block[:4])
+    if order is None:
+        return None
+
+    def entries(first: int) -> dict[int, tuple[int, int]]:
+        """Count, and place, of each tag's value."""
+        (count,) = struct.unpack_from(f"{order}H", block, first)
+        every = (struct.unpack_from(f"{order}HHI", block, first + 2 + 12 * k) for k in range(count))
+        return {tag: (size, first + 10 + 12 * k) for k, (tag, _, size) in enumerate(every)}
+
+    def text(tag: int) -> str:
+        size, place = own.get(tag, (0, 0))
+        if size > 4:
+            (place,) = struct.unpack_from(f"{order}I", block, place)
+        return block[place : place + size].split(b"\0")[0].decode("ascii", "replace").strip()
+
+    try:
+        main = entries(struct.unpack_from(f"{order}I", block, 4)[0])
+        own = entries(struct.unpack_from(f"{order}I", block, main[EXIF_IFD][1])[0]) if EXIF_IFD in main else {}
+        date, part, zone = text(TAKEN), text(TAKEN_PART), re.fullmatch(r"([+-])(\d\d):(\d\d)", text(TAKEN_ZONE))
+    except struct.error:
+        return None
+    found = stamp_of(f"{date.replace(':', '-', 2)}{'.' if part else ''}{part}")
+    if found is None or zone is None:
+        return found
+    ahead = (1 if zone[1] == "+" else -1) * 60.0 * (60 * int(zone[2]) + int(zone[3]))
+    return Stamp(found.seconds - ahead, found.unsure)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -76,35 +131,46 @@ def times_of(table: Table) -> Times:
     name, match = found[0]
     texts = table.texts(name)
     if any(re.search(r"\d[-:T]\d", text) for text in texts):
-        seconds = [stamp_of(f"{text}.x") for text in texts]
-        for row, one in enumerate(seconds):
+        stamps = [stamp_of(text) for text in texts]
+        for row, one in enumerate(stamps):
             if one is None:
                 raise table.error(f"'{shown(texts[row])}' is not a date such as 2026-05-03T12:33:10.5", row, name)
-        return Times(column=name, seconds=np.array(seconds, dtype=float))
+        return Times(column=name, seconds=np.array([one.seconds for one in stamps if one is not None]))
     unit = _UNITS[(match["unit"] or "s").lower()]
     return Times(column=name, seconds=unit * table.numbers(name, largest=np.inf))
 
 
-def image_times(images: Sequence[str], stated: str | Path) -> Float[np.ndarray, " images"]:
+def image_times(images: Sequence[str], stated: str | Path, folder: Path | None = None) -> list[Stamp]:
     """When each image was taken.
 
     Args:
         images: their names.
-        stated: a table with the columns ``image`` and a time, or ``names``.
+        stated: a table with the columns ``image`` and a time, or ``names``, or ``exif``.
+        folder: of the images; None where only their corners are there.
 
     Raises:
         FileError: the table lacks a column.
         ValueError: an image has no time; the message names it.
     """
-    if str(stated) == OF_NAMES:
-        found = [stamp_of(name) for name in images]
+    if str(stated) in (OF_NAMES, OF_EXIF):
+        if str(stated) == OF_NAMES:
+            found = [stamp_of(Path(name).stem) for name in images]
+        elif folder is None:
+            raise ValueError("times inside images need these; give the folder of the images, not their corners")
+        else:
+            found = [_exif_of(folder / name) for name in images]
+        stamps = [one for one in found if one is not None]
         missing = [name for name, one in zip(images, found, strict=True) if one is None]
+        if missing and str(stated) == OF_EXIF:
+            raise ValueError(
+                f"{shown(missing[0])} has no time inside (EXIF DateTimeOriginal), like {len(missing) - 1} others"
+            )
         if missing:
             raise ValueError(
                 f"the name {shown(missing[0])} has no time, such as 1777811590.25.png or 2026-05-03_12-33-10.25.png; give a table "
                 "of images and times"
             )
-        return np.array(found, dtype=float)
+        return stamps
     table = read_table(Path(stated))
     if "image" not in table:
         raise FileError(table.path, "has no column image, the names of the files", line=1)
@@ -113,7 +179,12 @@ def image_times(images: Sequence[str], stated: str | Path) -> Float[np.ndarray, 
     missing = [name for name in images if Path(name).stem.casefold() not in known]
     if missing:
         raise ValueError(f"{table.path.name} has no image {shown(missing[0])}, and {len(missing) - 1} others")
-    return np.array([known[Path(name).stem.casefold()] for name in images])
+    return [Stamp(known[Path(name).stem.casefold()]) for name in images]
+
+
+def _exif_of(path: Path) -> Stamp | None:
+    with path.open("rb") as file:
+        return exif_stamp(file.read(EXIF_WITHIN))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -136,7 +207,7 @@ def pair_by_time(
     robot: Robot,
     q: Float[np.ndarray, "n joints"],
     rows: Float[np.ndarray, " n"],
-    images: Float[np.ndarray, " images"],
+    images: Sequence[Stamp],
 ) -> PairedByTime:
     """The joints at which images were taken, of those before and after which the robot stood.
 
@@ -147,18 +218,20 @@ def pair_by_time(
         images: times of the images, of the same clock.
     """
     still = np.where(robot.prismatic, STILL_M, STILL_RAD)
-    after = np.searchsorted(rows, images)
-    inside = (images >= rows[0]) & (images <= rows[-1])
+    begins = np.array([one.seconds for one in images])
+    ends = begins + np.array([one.unsure for one in images])
+    inside = (begins >= rows[0]) & (ends <= rows[-1])
     taken, nearest, joints, moving = list[int](), list[int](), list[np.ndarray](), list[int]()
     for k in np.flatnonzero(inside).tolist():
-        first = min(int(np.searchsorted(rows, images[k] - WINDOW_S)), max(int(after[k]) - 1, 0))
-        last = max(int(np.searchsorted(rows, images[k] + WINDOW_S, side="right")), int(after[k]) + 1)
+        before, behind = int(np.searchsorted(rows, begins[k], side="right")) - 1, int(np.searchsorted(rows, ends[k]))
+        first = min(int(np.searchsorted(rows, begins[k] - WINDOW_S)), before)
+        last = max(int(np.searchsorted(rows, ends[k] + WINDOW_S, side="right")), behind + 1)
         about = q[first:last]
         if (np.ptp(about, axis=0) > still).any():
             moving.append(k)
             continue
         taken.append(k)
-        nearest.append(first + int(np.abs(rows[first:last] - images[k]).argmin()))
+        nearest.append(first + int(np.abs(rows[first:last] - 0.5 * (begins[k] + ends[k])).argmin()))
         joints.append(np.median(about, axis=0))
     return PairedByTime(
         image=np.array(taken, dtype=int),

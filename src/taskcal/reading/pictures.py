@@ -28,7 +28,7 @@ from taskcal.observations.camera import (
 from taskcal.observations.camera_file import StatedCamera
 from taskcal.observations.flatness import find_bend
 from taskcal.observations.pixels import FEWEST, Apart
-from taskcal.reading.image_times import pair_by_time
+from taskcal.reading.image_times import Stamp, pair_by_time
 from taskcal.reading.readings import Readings
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -100,6 +100,8 @@ class Corners:
     """Number of each corner on its board."""
     pixel: Float[np.ndarray, "c 2"]
     """Where it was seen, the middle of the first pixel at zero."""
+    folder: Path | None = None
+    """Of the images, where these were looked at."""
     blurred: tuple[str, ...] = ()
     """Images whose edges are far wider than usual."""
     notes: tuple[str, ...] = ()
@@ -230,7 +232,7 @@ def at_standstill(
     robot: Robot,
     corners: Corners,
     rows: Float[np.ndarray, " n"],
-    images: Float[np.ndarray, " images"],
+    images: Sequence[Stamp],
 ) -> Readings:
     """Readings of a log, a row for each sharp image before and after which the robot stood.
 
@@ -255,7 +257,8 @@ def at_standstill(
     found = pair_by_time(robot, readings.q, rows, images)
     sharp = np.array([corners.images[k] not in corners.blurred for k in found.image], dtype=bool)
     if not sharp.any():
-        first, last = ((float(t.min()), float(t.max())) for t in (rows, images))
+        taken = np.array([one.seconds for one in images])
+        first, last = ((float(t.min()), float(t.max())) for t in (rows, taken))
         why = f"{len(found.moving)} while it moved, {len(found.outside)} before or after its rows, {int((~sharp).sum())} blurred"
         raise FileError(
             readings.path,

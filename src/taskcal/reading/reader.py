@@ -47,7 +47,7 @@ class ReadOptions:
     camera_exact: bool = False
     """Whether its numbers are exact, whatever uncertainty the file states."""
     image_times: str | Path | None = None
-    """File of the images' times, or ``names`` where these have them: rows are a log, and images are paired with it by time."""
+    """File of the images' times, or ``names`` or ``exif`` where these have them: rows are a log, paired with images by time."""
     judged: bool = True
     """Whether images that do not fit the robot are refused."""
 
@@ -214,7 +214,7 @@ def _at_standstill(table: Table, robot: Robot, corners: Corners, options: ReadOp
         raise FileError(table.path, "names the image of each row; leave out --image-times, or the column image", line=1)
     rows = times_of(table)
     try:
-        images = image_times(corners.images, options.image_times)
+        images = image_times(corners.images, options.image_times, corners.folder)
     except ValueError as error:
         raise FileError(Path(corners.source), str(error)) from error
     log = pictures.without_columns(table, (rows.column,))

@@ -66,8 +66,8 @@ class TableOptions:
     board: Path | None = option(None, "BOARD.toml", "The boards that the images show.")
     image_times: str | None = option(
         None,
-        "names|TIMES.csv",
-        "Pair images with a log of joints by time, where the robot stood: a table of image and time_s, or names that have times.",
+        "names|exif|TIMES.csv",
+        "Pair images with a log of joints by time, where the robot stood; a table of image and time_s, or times in names or files.",
     )
     camera: Path | None = option(
         None,
