@@ -94,3 +94,11 @@ def test_images_of_other_sizes_are_refused(folder):
     cv2.imwrite(str(folder / "3.png"), np.full((480, 640), 128, np.uint8))
     with pytest.raises(FileError, match=r"3\.png: has 640 × 480 pixels, and 1\.png 640 × 560"):
         detect_corners(folder, [BOARD])
+
+
+def test_folders_of_several_cameras_are_named(tmp_path):
+    (tmp_path / "left").mkdir()
+    (tmp_path / "left" / "0.png").touch()
+    (tmp_path / "notes").mkdir()
+    with pytest.raises(FileError, match=r"has no images .*, but its folders left have: name one; a fit has one camera"):
+        detect_corners(tmp_path, ())

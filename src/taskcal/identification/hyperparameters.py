@@ -14,6 +14,7 @@ from taskcal.estimation.matrices import factor_positive, invert_positive, pseudo
 from taskcal.estimation.prior import Loss, Squared
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.group_model import (
+    MIN_VARIANCE,
     TYPICAL,
     WIDTH,
     GroupFit,
@@ -284,8 +285,10 @@ def fit_with_hyperparameters(problem: Problem, prior: PriorOfEstimate, options: 
     scaled = bool(len(one.groups.searched))
     deviations, expected = searched.step.deviations, np.asarray(searched.step.errors.width) < WIDTH
     insignificant = searched.step.errors.searched & (hyper.variances < SIGNIFICANT * deviations) & ~expected
-    # of an error that is there, position and rotation are two parts, which images and boards hardly tell apart: it stays as a whole
-    if insignificant.all():
+    if not insignificant.all():
+        # of an error that is there, images hardly tell position and rotation apart: a part goes only where the rows have none of it
+        insignificant &= hyper.variances <= 2.0 * MIN_VARIANCE
+    if insignificant.any():
         without = replace(hyper, variances=np.where(insignificant, 0.0, hyper.variances))
         if prior.parameters is None or _is_as_probable(part, prior, loss, without, hyper, z, loose):
             hyper, known = without, None

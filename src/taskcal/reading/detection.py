@@ -98,7 +98,9 @@ def detect_corners(folder: Path, boards: Sequence[Board]) -> Corners:
         key=lambda path: natural_order(path.name),
     )
     if not paths:
-        raise FileError(folder, f"has no images ({', '.join(sorted(SUFFIXES))})")
+        inside = sorted(path.name for path in folder.iterdir() if path.is_dir() and _has_images(path))
+        several = f", but its folders {in_words(inside)} have: name one; a fit has one camera" if inside else ""
+        raise FileError(folder, f"has no images ({', '.join(sorted(SUFFIXES))}){several}")
     finders = [_finder(board) for board in boards]
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)  # an image in each thread, where two threads in one image wait for each other
@@ -140,6 +142,10 @@ def detect_corners(folder: Path, boards: Sequence[Board]) -> Corners:
         blurred=tuple(blurred),
         notes=tuple(notes),
     )
+
+
+def _has_images(folder: Path) -> bool:
+    return any(path.suffix.lower() in SUFFIXES for path in folder.iterdir())
 
 
 def _read(path: Path) -> np.ndarray:
