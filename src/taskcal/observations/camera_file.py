@@ -136,8 +136,9 @@ MODELS = {
 
 def _of_yaml(path: Path) -> StatedCamera:
     content = _load_yaml(path)
-    size = [next((content[k] for k in (f"image_{side}", side) if k in content), None) for side in ("width", "height")]
-    if not all(isinstance(value, int) and 0 < value <= MAX_PIXELS for value in size):
+    stated = [next((content[k] for k in (f"image_{side}", side) if k in content), None) for side in ("width", "height")]
+    size = [value for value in stated if isinstance(value, int) and 0 < value <= MAX_PIXELS]
+    if len(size) < 2:
         raise FileError(path, "states no image_width and image_height; add the size of an image, pixels")
     named = str(content.get("distortion_model", content.get("lens", "plumb_bob")))
     if named not in MODELS:
@@ -180,9 +181,10 @@ def _load_yaml(path: Path) -> dict[str, Any]:
     class Loader(yaml.SafeLoader):
         """With OpenCV's matrices."""
 
-    Loader.add_constructor(
-        "tag:yaml.org,2002:opencv-matrix", lambda loader, node: loader.construct_mapping(node, deep=True)
-    )
+    def matrix(loader: Any, node: Any) -> Any:
+        return loader.construct_mapping(node, deep=True)
+
+    Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", matrix)
     try:
         content: Any = Loader(text).get_single_data()
     except yaml.YAMLError as error:
