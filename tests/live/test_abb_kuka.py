@@ -348,6 +348,7 @@ class TestRws:
             (lambda: page(Q[:5]), "", "rax_1, rax_2, rax_3, rax_4, rax_5"),
             (lambda: " " * 70_000, "", "more than 65536 bytes"),
             (lambda: (503, {}, ""), "", "503"),
+            (lambda: (401, {"WWW-Authenticate": "Negotiate"}, ""), "", "neither digest nor basic"),
             (lambda: (302, {"Location": "http://127.0.0.1:9/"}, ""), "", "302"),
         ],
     )

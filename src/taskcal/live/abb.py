@@ -245,6 +245,10 @@ class Rws(Controller):
             raise self._unreachable(error) from error
         except (OSError, HTTPException) as error:
             raise where.lost(error) from error
+        except (ValueError, LookupError) as error:  # of a login that is asked for by another scheme, or in other words
+            raise where.misunderstood(
+                f"asks for a login that is neither digest nor basic ({shown(str(error))})"
+            ) from error
         return content
 
     def _refused(self, error: HTTPError) -> DeviceError:

@@ -259,7 +259,7 @@ def xml_of(content: bytes) -> Element:
         ValueError: it is none, or declares a document type.
     """
     try:
-        return parse_xml(Path("it"), content)
+        return parse_xml(Path("message"), content)
     except FileError as error:
         raise ValueError(str(error)) from error
 
@@ -423,10 +423,11 @@ def match_joints(robot: Robot, names: Sequence[str], address: Address) -> tuple[
         asked = [_number(name) for name in wanted]
         if sorted(map(str, asked)) == sorted(map(str, numbers)):
             return tuple(numbers.index(number) for number in asked)
+    enough = f"name the device's joints in the robot's order: '…?joints={','.join([*names][: len(robot.joints)])}'"
     raise DeviceError(
         f"{address.called} has the joints {shown(', '.join(names) or 'of no name')}, and {robot.name} has "
-        f"{', '.join(robot.joint_names)}{f', named as {shown(str(chosen))}' if chosen else ''}; name the device's joints in the "
-        f"robot's order: '…?joints={','.join(list(names)[: len(robot.joints)])}'"
+        f"{', '.join(robot.joint_names)}{f', named as {shown(str(chosen))}' if chosen else ''}; "
+        f"{enough if len(names) >= len(robot.joints) else 'see that it is this robot'}"
     )
 
 
@@ -468,7 +469,10 @@ class Axes:
             raise self._address.misunderstood(f"states {shown(', '.join(names))} after {shown(', '.join(self._names))}")
         if not np.isfinite(numbers).all():
             wrong = int(np.flatnonzero(~np.isfinite(numbers))[0])
-            raise self._address.misunderstood(f"states {shown(names[wrong])} as {numbers[wrong]}")
+            raise DeviceError(
+                f"{self._address.called} states {shown(names[wrong])} as {numbers[wrong]}, which is no position; see the "
+                "controller's messages"
+            )
         off = np.abs(numbers - self._first)
         off[self._order] = 0.0
         if len(off) and off.max() > MOVED:
