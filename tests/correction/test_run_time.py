@@ -39,16 +39,20 @@ TABLE = se3.pose(se3.exp(np.array([0.1, -0.2, 1.2])), np.array([1.1, 0.5, 0.3]))
 SPINDLE = se3.pose(se3.exp(np.array([0.3, 1.1, -0.4])), np.array([0.05, -0.03, 0.25]))
 
 
+def needed_joints(calibration, q):
+    """Joints at which the calibrated robot is where the nominal one is at q."""
+    target = ErrorModel(calibration.model.robot).poses(q) @ se3.inverse(calibration.model.robot.T_flange_tool)
+    needed = solve_near(calibration.model, target @ se3.inverse(_flange_in_tool(calibration)), q, calibration.estimate)
+    assert needed.reached.all()
+    return needed.q
+
+
 def wanted_targets(calibration, q):
     """Targets that the nominal robot meets at q, and what the calibrated one needs instead: both in the table's frame."""
     robot, own = calibration.model.robot, se3.inverse(calibration.model.robot.T_flange_tool)
     nominal = ErrorModel(robot)
     target = nominal.poses(q) @ own @ SPINDLE
-    needed = solve_near(
-        calibration.model, target @ se3.inverse(_flange_in_tool(calibration) @ SPINDLE), q, calibration.estimate
-    )
-    assert needed.reached.all()
-    corrected = nominal.poses(needed.q) @ own @ SPINDLE
+    corrected = nominal.poses(needed_joints(calibration, q)) @ own @ SPINDLE
     in_table = se3.inverse(TABLE) @ BASE
     return in_table @ target, in_table @ corrected
 
@@ -98,11 +102,7 @@ def errors_of_krl(calibration, q, begin, keyword):
         keyword: of the motions, and what the target is: PTP and LIN to an E6POS, FRAME.
     """
     robot = calibration.model.robot
-    text = krl_helper(
-        calibration, program(), Cell(T_world_base=BASE), Bounds(shift=0.05, turn=0.2, joint=1.0)
-    ).source.text
-    functions = krl_functions(text, S_BASE=krl_frame(TABLE), S_TOOL=krl_frame(SPINDLE))
-    off = []
+    functions, off = at_table(calibration), []
     for at, first, target, wanted in zip(q, begin, *wanted_targets(calibration, q), strict=True):
         stated, here = Status(S=0, T=0).of(robot, at), Status(S=0, T=0).of(robot, first)
         functions["S_AXIS_ACT"] = Record(**{f"A{k}": F(angle) for k, angle in enumerate(np.degrees(first), start=1)})
@@ -133,6 +133,32 @@ def test_krl_computes_the_correction_in_single_precision(krl_calibration, keywor
     assert len(q) > 5
     assert distance.max() < 1e-5
     assert turn.max() < 1e-5
+
+
+def test_krl_tells_where_the_tool_truly_is(krl_calibration):
+    """From the nominal robot's place, of which motions by a distance begin; unless that is of another tool."""
+    q, off = postures(krl_calibration.model.robot, 40), []
+    axes = needed_joints(krl_calibration, q)
+    functions = at_table(krl_calibration)
+    for at, target, corrected in zip(axes, *wanted_targets(krl_calibration, q), strict=True):
+        functions["S_AXIS_ACT"] = Record(**{f"A{k}": F(angle) for k, angle in enumerate(np.degrees(at), start=1)})
+        functions["S_POS_ACT"] = krl_frame(corrected)
+        functions["S_POS_ACT"].S = Status(S=0, T=0).of(krl_calibration.model.robot, at).S
+        off.append(se3.inverse(target) @ krl_pose(functions[f"{FUNCTION}Here"]()))
+    off = np.array(off)
+    assert np.linalg.norm(off[:, :3, 3], axis=1).max() < 1e-5
+    assert np.linalg.norm(se3.log(off[:, :3, :3]), axis=1).max() < 1e-5
+    functions["S_TOOL"] = krl_frame(se3.translation(z=1e-3) @ SPINDLE)
+    with pytest.raises(Stopped):
+        functions[f"{FUNCTION}Here"]()
+
+
+def at_table(calibration):
+    """Functions of the helper in KRL, with the spindle and the table active."""
+    text = krl_helper(
+        calibration, program(), Cell(T_world_base=BASE), Bounds(shift=0.05, turn=0.2, joint=1.0)
+    ).source.text
+    return krl_functions(text, S_BASE=krl_frame(TABLE), S_TOOL=krl_frame(SPINDLE))
 
 
 def urscript(calibration, cell):

@@ -11,6 +11,7 @@ from robot_programs.core.source import TextEdit
 from robot_programs.krl.data import BUILT_IN, POSE, Data, File, Routine, Text
 from robot_programs.krl.routines import callers_of, roots_of, routines_of
 from robot_programs.krl.syntax import (
+    RELATIVE_MOTIONS,
     Aggregate,
     Assignment,
     Call,
@@ -28,10 +29,11 @@ from robot_programs.krl.values import HERE, Names
 MOTIONS = ("PTP", "LIN", "CIRC", "SPTP", "SLIN", "SCIRC")
 """Those to points, of which a function makes others."""
 
-OF_PATH, OF_FRAME = "Path", "Frame"
+OF_PATH, OF_FRAME, OF_HERE = "Path", "Frame", "Here"
 
 ENDINGS = ("", OF_PATH, OF_FRAME)
-"""Of the names of three functions: of an E6POS of a PTP; of one of a line or arc, which keeps the status before; of a FRAME."""
+"""Of the names of three functions: of an E6POS of a PTP; of one of a line or arc, which keeps the status before; of a FRAME. A
+fourth one, `OF_HERE`, gives where the tool truly is, of which motions by a distance begin."""
 
 FRAMES = frozenset({"$NULLFRAME", "$WORLD", "$ROBROOT", "$BASE", "$TOOL", "BASE_DATA", "TOOL_DATA"})
 """Variables of the controller's that are frames, arrays without their index."""
@@ -81,7 +83,10 @@ def wrap(files: Sequence[File], motions: Container[Text], function: str, without
                             raise Unresolved("a tool or base was measured, and it is not known which is active")
                         elsewhere |= measured.elsewhere(routine)
                         _expect_points(line, routine, measured, named)
-                        edits = tuple(_around(one, line, routine, files, function) for one in line.operands)
+                        if line.keyword in RELATIVE_MOTIONS:
+                            edits = tuple(_from_here(line, routine, function))
+                        else:
+                            edits = tuple(_around(one, line, routine, files, function) for one in line.operands)
                     except Unresolved as reason:
                         obstacle = str(reason)
                     place = file.source.place(line.start)
@@ -101,13 +106,15 @@ def _expect_points(line: MotionLine, routine: Routine, measured: "_Measured", na
     Raises:
         Unresolved: it does not.
     """
-    if line.keyword not in MOTIONS or line.trouble or line.along:
+    relative = line.keyword in RELATIVE_MOTIONS
+    if line.keyword not in (*MOTIONS, *RELATIVE_MOTIONS) or line.trouble:
         raise Unresolved("it does not go to points that it names")
     if line.keyword.startswith("S") and "SPLINE" in named:
         raise Unresolved("it may be part of a SPLINE")
     if any(name.startswith(("$TOOL", "$BASE", "$IPO_MODE", "$LOAD")) for name in line.settings):
         raise Unresolved("it sets tool or base for itself, which the function does not see")
-    for name in (*(name for operand in line.operands for name in _names(line, operand)), *HELD):
+    # a distance is the same in whatever base: only the way along its axes counts
+    for name in (*(name for operand in line.operands for name in _names(line, operand)), *(() if relative else HELD)):
         if measured.says(measured.names(routine).key(name), routine):
             raise Unresolved(f"'{name}' comes from where the robot stood, which is true already")
 
@@ -116,6 +123,8 @@ def _names(line: MotionLine, operand: Operand) -> Iterator[str]:
     """Names of which a point is made, without those of components and indices."""
     yield from (part.name.partition("[")[0] for part in operand.parts if isinstance(part, Reference))
     yield from (word.upper for word in line.words_of(operand) if word.kind == "name")
+    texts = (one.text for part in operand.parts if isinstance(part, Aggregate) for one in part.fields)
+    yield from (name.upper() for text in texts for name in re.findall(r"[A-Za-z_$][\w$]*", text))
 
 
 def _around(operand: Operand, line: MotionLine, routine: Routine, files: Sequence[File], function: str) -> TextEdit:
@@ -142,6 +151,37 @@ def _around(operand: Operand, line: MotionLine, routine: Routine, files: Sequenc
         )
     frame = text if own == ["FRAME"] else f"{text}:$NULLFRAME"
     return TextEdit(start=operand.start, end=operand.end, text=f"{function}{OF_FRAME}({frame})")
+
+
+def _from_here(line: MotionLine, routine: Routine, function: str) -> Iterator[TextEdit]:
+    """A motion by a distance as one to the point that is so far from where the tool truly is.
+
+    Raises:
+        Unresolved: the distance is not stated by numbers along the axes alone.
+    """
+    text = routine.file.source.text
+    yield TextEdit(start=line.start, end=line.start + len(line.keyword), text=line.keyword.removesuffix("_REL"))
+    for operand in line.operands:
+        (*other, step) = operand.parts or (None,)
+        if (
+            other
+            or not isinstance(step, Aggregate)
+            or any(one.name not in "XYZ" and one.value != 0.0 for one in step.fields)
+        ):
+            raise Unresolved("its distance is not stated by X, Y and Z alone")
+        stated = {one.name: one.text for one in step.fields if one.name in "XYZ"}
+        whole = "{FRAME: " + ",".join(f"{name} {stated.get(name, 0)}" for name in POSE) + "}"
+        parts = (f"{function}{OF_HERE}()", whole) if line.along == "#TOOL" else (whole, f"{function}{OF_HERE}()")
+        point = f"{function}{OF_FRAME}({parts[0]}:{parts[1]})"
+        yield TextEdit(
+            start=operand.start, end=operand.end, text=f" {point}" if text[operand.start - 1].isalnum() else point
+        )
+    axes = (
+        re.search(rf"\s*{line.along}\b", text[line.operands[-1].end : line.end], re.IGNORECASE) if line.along else None
+    )
+    if axes is not None:
+        start = line.operands[-1].end + axes.start()
+        yield TextEdit(start=start, end=start + len(axes[0]), text="")
 
 
 def _own_functions(line: MotionLine, operand: Operand, files: Sequence[File]) -> bool:

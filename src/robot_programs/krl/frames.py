@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -23,6 +24,7 @@ from robot_programs.krl.syntax import (
     parse_operand,
 )
 from robot_programs.krl.values import (
+    AbstractValue,
     Adjustable,
     Known,
     Lookup,
@@ -31,6 +33,7 @@ from robot_programs.krl.values import (
     evaluated,
     name_of,
     number_of,
+    of_both,
     structure,
     values_of,
     with_values,
@@ -201,6 +204,10 @@ class State(flow.State):
             super().joined(others, why)._with_unknown(differing, why),
             armed=self.armed.union(*(other.armed for other in others)),
         )
+
+    def common(self, values: Sequence[AbstractValue | None], why: str) -> AbstractValue | None:
+        """See `flow.State.common`: a copy of a data list's number, and that number, are one."""
+        return reduce(of_both, values)
 
     def lost_in(self, joined: Self) -> tuple[frozenset[str], frozenset[str]]:
         """Groups of `EVERYTHING` and variables of this state that a state joined from it has lost."""

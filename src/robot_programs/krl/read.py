@@ -48,7 +48,6 @@ from robot_programs.krl.routines import (
     matters,
     only_computes,
     read_names,
-    resuming,
     roots_of,
     routines_of,
 )
@@ -487,6 +486,8 @@ def _turn_speed(state: State) -> float | None:
 MAX_IDLE_CALLS = 40
 """So often a routine without motions is followed, as those for messages are; behind further calls, what it changes is not known."""
 
+RESUMED = "an interrupt may resume behind it"
+
 _SUMMARISED = tuple(one.name for one in fields(State) if one.name not in ("last", "variables"))
 """What of a state is of consequence for every routine."""
 
@@ -509,8 +510,8 @@ class _Flow(flow.Flow[State, Routine]):
     by_value: Mapping[str, tuple[bool, ...]]
     actions: Actions
     """What may run beside the lines."""
-    resuming: frozenset[str]
-    """Routines behind whose calls an interrupt may resume that left what they call."""
+    left_in: list[State] = field(default_factory=list[State])
+    """What holds in all places at which an interrupt may leave the routines that are being called, the innermost last."""
     idle_calls: dict[str, int] = field(default_factory=dict[str, int])
     """By name of a routine that neither moves nor sets tool, base and the like: how often it was followed."""
     elements: dict[Text, set[str] | None] = field(default_factory=dict[Text, set[str] | None])
@@ -549,8 +550,10 @@ class _Flow(flow.Flow[State, Routine]):
                 return False
         return super().may_follow(routine)
 
-    def depends_on(self, routine: Routine, entry: State) -> Hashable:
+    def depends_on(self, routine: Routine, entry: State) -> Hashable | None:
         """All on which depends what a routine does, but the motion before it: variables that it names, and all else."""
+        if self.left_in:  # what holds inside it counts, too
+            return None
         concerns = self.concerns[routine.name]
         variables = frozenset(
             (key, type(value), value) for key, value in entry.variables.items() if key.partition("[")[0] in concerns
@@ -618,12 +621,16 @@ class _Walk(flow.Walk[State, Routine]):
         return replace(state, armed=state.armed - local) if local else state, value
 
     def between(self, state: State) -> State:
-        """State where started actions may have run."""
-        return self.flow.actions.weakened(state)
+        """State where started actions may have run, and one of them may leave the routine."""
+        state = self.flow.actions.weakened(state)
+        if state.reached:
+            left_in = self.flow.left_in
+            left_in[:] = [one.joined([state], RESUMED) if one.reached else state for one in left_in]
+        return state
 
     def behind(self, state: State) -> State:
-        """State after the last line of a block, where started actions may have run."""
-        return self.flow.actions.weakened(state)
+        """State after the last line of a block; see `between`."""
+        return self.between(state)
 
     # Conditions, and loops that count.
 
@@ -837,13 +844,19 @@ class _Walk(flow.Walk[State, Routine]):
             # what is passed by reference has two names inside: only the parameter's is followed
             return replace(state, variables=forgotten(bound(known, given, program.frames(routine).names), keys))
 
+        armed = state.armed | program.actions.by_routine.get(call.name, frozenset())
+        resumes = armed & program.actions.resuming.get(self.routine.name, frozenset())
+        if resumes:
+            program.left_in.append(UNREACHED)
         followed = self.follow(program.routines[call.name], entry)
+        inside = program.left_in.pop() if resumes else UNREACHED
         if followed is None:
             return program.lost_by(call.name, left), None
         behind, value = followed
-        if self.routine.name in program.resuming:
-            left = replace(program.lost_by(call.name, left), last=None)
-            behind = self.merged([behind, left], "an interrupt may resume behind it")
+        if resumes:
+            own = {key: one for key, one in inside.variables.items() if "@" not in key or key in state.variables}
+            inside = replace(inside, last=None, variables=without_places(forgotten(own, keys)))
+            behind, value = self.merged([behind, inside], RESUMED), None
         if not behind.reached:
             return UNREACHED, value
         if program.all_ways:
@@ -1025,7 +1038,6 @@ class _Reading:
             changes=changes,
             by_value=data.by_value,
             actions=actions_of(routines, data, changes, followed),
-            resuming=resuming(routines),
             left=MIN_LINES + MAX_PASSES * size,
         )
 

@@ -24,6 +24,8 @@ from robot_programs.krl.values import Names, forgotten
 
 Routines = Mapping[str, Sequence[Routine]]
 """The routines of each name, which several files may have."""
+Declared = Mapping[Text, tuple[Routine, Beside]]
+"""By file and first character, the lines that declare an action, with their routines."""
 
 
 def routines_of(files: tuple[File, ...]) -> dict[str, list[Routine]]:
@@ -211,14 +213,19 @@ def matters(line: Statement, read: frozenset[str], routines: Container[str]) -> 
             return False
 
 
-def resuming(routines: Routines) -> frozenset[str]:
-    """Routines that declare an interrupt whose routine resumes, which leaves those that they call."""
+def _resuming(routines: Routines, declared: Declared) -> dict[str, frozenset[Text]]:
+    """By name of a routine: interrupts that it declares whose routine resumes, which leaves what it calls."""
     resumes = _through_calls(routines, lambda r: (line.start for line in r.lines if _resumes(line)))
-    return frozenset(
-        routine.name
-        for routine, line in declared_in(routines).values()
-        if line.keyword == "INTERRUPT" and any(resumes.get(name) for name in _called_by_action(line))
-    )
+    return {
+        name: frozenset(
+            text
+            for text, (routine, line) in declared.items()
+            if routine.name == name
+            and line.keyword == "INTERRUPT"
+            and any(resumes.get(called) for called in _called_by_action(line))
+        )
+        for name in {routine.name for routine, _ in declared.values()}
+    }
 
 
 def _resumes(line: Statement) -> bool:
@@ -236,8 +243,6 @@ HARMLESS = frozenset({"IR_STOPM"})
 """Routines of KUKA's own interrupts, which every controller has; as delivered they set neither frames nor points."""
 
 _FRAMES = {"tool": "$TOOL", "base": "$BASE", "mode": "$IPO_MODE", "parameters": "FDAT_ACT"}
-
-Declared = Mapping[Text, tuple[Routine, Beside]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -273,7 +278,9 @@ class Actions:
     """The actions of a program, by number of the file and first character of the line that declares them."""
 
     effects: Mapping[Text, Action] = field(default_factory=dict[Text, Action])
-    """Only of those that have any."""
+    """Only of those that have any, or resume."""
+    resuming: Mapping[str, frozenset[Text]] = field(default_factory=dict[str, frozenset[Text]])
+    """By name of a routine: interrupts that it declares, and that leave what it calls."""
     started: Mapping[Text, frozenset[Text]] = field(default_factory=dict[Text, frozenset[Text]])
     """By line that starts some: those, and those that they start themselves."""
     ended: Mapping[Text, frozenset[Text]] = field(default_factory=dict[Text, frozenset[Text]])
@@ -327,9 +334,11 @@ def actions_of(
     if not lines:
         return Actions()
     effects: dict[Text, Action] = {}
+    resuming = _resuming(routines, declared)
+    leaving = frozenset[Text]().union(*resuming.values())
     for text, (routine, line) in declared.items():
         action = _effect(routine, line, data, changes, followed)
-        if action.what or action.keys:
+        if action.what or action.keys or text in leaving:
             effects[text] = action
     meant = _Meant(routines=routines, data=data, declared=declared)
     own: dict[Text, frozenset[Text]] = {}
@@ -363,6 +372,7 @@ def actions_of(
     inner = with_called({name: (local[name], calls[name]) for name in routines})
     return Actions(
         effects=effects,
+        resuming=resuming,
         started={
             text: found.union(
                 *(by_routine.get(name, frozenset()) for of in found for name in _called_by_action(declared[of][1]))

@@ -604,6 +604,20 @@ def without_places(variables: Variables) -> Variables:
     return {key: value for key, value in variables.items() if not (isinstance(value, str) and value in HERE)}
 
 
+def of_both(one: AbstractValue | None, other: AbstractValue | None) -> AbstractValue | None:
+    """A value that two ways give; None where they differ. It decides nothing where it comes from a data list in one of them."""
+    if one is other or one is None:
+        return one
+    if isinstance(one, Adjustable):
+        plain = other.value if isinstance(other, Adjustable) else other
+        return one if of_both(one.value, plain) is not None else None
+    if isinstance(other, Adjustable):
+        return of_both(other, one)
+    if isinstance(one, Aggregate) and isinstance(other, Aggregate):
+        return one if one.type == other.type and values_of(one) == values_of(other) else None
+    return one if one == other and type(one) is type(other) else None
+
+
 def _without(variables: Variables, element: str) -> dict[str, AbstractValue]:
     """Without a variable with all its elements, or one element."""
     array, bracket, _ = element.partition("[")

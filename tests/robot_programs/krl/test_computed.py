@@ -60,7 +60,17 @@ def wrapped(*texts: str, data: str = "") -> tuple[list[str], list[str]]:
         ("LIN OTHERS(P)", ""),
         ("LIN $POS_ACT:F", ""),
         ("PTP Q", ""),
-        ("LIN_REL {X 1}", ""),
+        ("LIN_REL {X 1}", "LIN NEWFrame({FRAME: X 1,Y 0,Z 0,A 0,B 0,C 0}:NEWHere())"),
+        ("LIN_REL{Z -H, A 0} #Tool C_DIS", "LIN NEWFrame(NEWHere():{FRAME: X 0,Y 0,Z -H,A 0,B 0,C 0}) C_DIS"),
+        ("SPTP_REL {X 1} #BASE", "SPTP NEWFrame({FRAME: X 1,Y 0,Z 0,A 0,B 0,C 0}:NEWHere())"),
+        (
+            "CIRC_REL {X 1},{Y 2}",
+            "CIRC NEWFrame({FRAME: X 1,Y 0,Z 0,A 0,B 0,C 0}:NEWHere()),NEWFrame({FRAME: X 0,Y 2,Z 0,A 0,B 0,C 0}:NEWHere())",
+        ),
+        ("LIN_REL {X 1,A 5}", ""),
+        ("LIN_REL F", ""),
+        ("PTP_REL {A1 5}", ""),
+        ("LIN_REL {X $POS_ACT.X}", ""),
     ],
 )
 def test_function_serves_the_type_of_a_point(motion: str, becomes: str) -> None:

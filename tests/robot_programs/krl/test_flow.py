@@ -160,11 +160,51 @@ def test_what_a_function_returns_counts():
 def test_resuming_interrupt_may_leave_a_call():
     """Behind an interrupt that resumes a call may have been left."""
     search = f"DEF SEARCH( )\nLIN {HIGH}\n$BASE=BASE_DATA[1]\nEND\nDEF FOUND( )\nBRAKE\nRESUME\nEND\n"
-    body = f"INTERRUPT DECL 5 WHEN $IN[1] DO FOUND( )\n{FRAMES}SEARCH( )\nLIN {POSE}"
+    body = f"INTERRUPT DECL 5 WHEN $IN[1] DO FOUND( )\n{FRAMES}INTERRUPT ON 5\nSEARCH( )\nLIN {POSE}"
     program = read(body, more=search)
     assert [move.routine for move in program.motions] == ["SEARCH"]
     assert "an interrupt may resume behind it" in texts(program)[0]
     assert len(read(body, more=search.replace("RESUME", "HALT")).motions) == 2
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_call_that_may_be_left_anywhere_leaves_what_holds_in_all(seed):
+    """Random routines, each line of which may be its last: what is known behind is what all of these leave, where it is on."""
+    rng = np.random.default_rng(seed)
+    choices = [f"$BASE={{X {k},Y 0,Z 0,A 0,B 0,C 0}}" for k in (1, 1, 2)] + ["H=1", "H=2", "IN_IT( )", f"LIN {POSE}"]
+    lines, inner = ([choices[k] for k in rng.integers(0, n, size=4)] for n in (7, 5))
+    on = bool(rng.integers(2))
+    flat = [own for line in lines for own in (inner if line == "IN_IT( )" else [line])]
+    states, state = {("1", "1")}, ("1", "1")  # base and H, as left before or behind each line
+    for line in flat:
+        state = (line[9] if line.startswith("$") else state[0], line[2] if line.startswith("H") else state[1])
+        states.add(state)
+    states = states if on else {state}
+    more = "DEF SEARCH( )\n{}\nEND\nDEF IN_IT( )\n{}\nEND\nDEF FOUND( )\nBRAKE\nRESUME\nEND\n"
+    body = (
+        f"INTERRUPT DECL 5 WHEN $IN[1] DO FOUND( )\n{FRAMES}H=1\n$BASE={{X 1,Y 0,Z 0,A 0,B 0,C 0}}\n"
+        f"INTERRUPT O{'N' if on else 'FF'} 5\nSEARCH( )\nLIN {{X 900,Y 0,Z H,A 0,B 90,C 0}}"
+    )
+    program = read(body, more=more.format("\n".join(lines), "\n".join(inner)))
+    found = [move for move in program.motions if move.routine == "PART"]
+    assert len(found) == (len(states) == 1)
+    for move in found:
+        ((base, height),) = states
+        assert (round(move.part.T[0, 3] * 1e3), round(move.end.T[2, 3] * 1e3)) == (int(base), int(height))
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "known"),
+    [("H", "900", 1), ("900", "H", 1), ("H", "H", 1), ("900", "900.0", 2), ("H", "901", 0), ("900", "901", 0)],
+)
+def test_value_that_both_branches_give_is_known(one, other, known):
+    """A copy of a data list's number is that number; and it decides no way."""
+    line = "LIN {X 900,Y 0,Z N,A 0,B 90,C 0}"
+    body = (
+        f"{FRAMES}IF $IN[1] THEN\nN={one}\nELSE\nN={other}\nENDIF\n{line}\nIF N>5 THEN\n$BASE=$ROBROOT\nENDIF\n{line}"
+    )
+    program = read(f"DECL REAL N\n{body}", dat="DECL CONST INT H=900")
+    assert [move.end.T[2, 3] for move in program.motions] == [0.9] * known
 
 
 def test_known_index_changes_one_element():

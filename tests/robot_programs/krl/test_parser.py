@@ -151,7 +151,9 @@ def test_assignments_name_what_they_change():
     assert (line.name, line.variable, len(line.value.parts)) == ("TOOL_DATA[3]", "TOOL_DATA", 1)
     line = only("XP1.X = XP1.X + SHIFT(XP2, (XP3))")
     assert isinstance(line, Assignment)
-    assert (line.name, line.variable, line.value.parts, passed_in(line, {})) == ("XP1.X", "XP1", (), ("XP2", "XP3"))
+    assert (line.name, line.variable, line.value.parts) == ("XP1.X", "XP1", ())
+    assert passed_in(line, {}) == ("XP2", "XP3")
+    assert passed_in(line, {"SHIFT": (False, True)}) == ("XP2",)
 
 
 def test_routines_calls_and_steering():
