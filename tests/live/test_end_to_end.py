@@ -4,16 +4,17 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import taskcal as tc
+from taskcal.geometry import se3
 from taskcal.live.devices import Controller, DeviceError, Instrument, controller_of, instrument_of
-from taskcal.live.journal import Journal
-from taskcal.live.runner import Event, Runner
+from taskcal.live.journal import Journal, Row
+from taskcal.live.runner import Answer, Event, Question, Runner
 from taskcal.live.steering import Aim, Steering
 from taskcal.live.stillness import Rules, Taker
 from taskcal.live.virtual import VirtualCell
@@ -21,7 +22,7 @@ from tests.live.peers import PATIENCE_S, OpcUaPeer, RtdePeer, point_stamped, rel
 
 ROBOT = tc.load_robot("ur5")
 MODEL = tc.ErrorModel(ROBOT)
-AIM = Aim(model=MODEL, task=tc.default_task(MODEL), seed=3, candidates=60, effects=False, most=14)
+AIM = Aim(model=MODEL, task=tc.default_task(MODEL), seed=3, candidates=60, effects=False)
 RULES = Rules(settle_s=0.25, max_speed=5e-4, beam_s=PATIENCE_S, tries=20)
 """Faster than on a real robot, which rings; the noise of the joints is that of the simulated one. On a busy machine readings stay
 away for a while, which is no standstill."""
@@ -114,7 +115,19 @@ def ros_points(cell: LiveCell) -> Iterator[tuple[str, str]]:
         yield "ros", f"{at}/tracker/point"
 
 
-def session(cell: LiveCell, path: Path, read: Controller, seen: Instrument, happens: dict[int, Callable]) -> Runner:
+def unexpected(question: Question) -> Answer:
+    pytest.fail(question.text)
+
+
+def session(
+    cell: LiveCell,
+    path: Path,
+    read: Controller,
+    seen: Instrument,
+    happens: dict[int, Callable],
+    ask: Callable[[Question], Answer] = unexpected,
+    most: int = 14,
+) -> Runner:
     """A session, which goes on with a campaign that is there; something may happen as a pose is shown."""
     journal, resume = Journal(path, ROBOT), path.exists()
     (journal.resume if resume else journal.begin)(AIM.settings if resume else {**AIM.settings, "begun": time.time()})
@@ -125,8 +138,8 @@ def session(cell: LiveCell, path: Path, read: Controller, seen: Instrument, happ
             happens.pop(event.step.number, lambda: None)()
 
     taker = Taker(controller=read, instrument=seen, rules=RULES)
-    steering = Steering(AIM, journal)
-    return Runner(steering=steering, taker=taker, tell=person, ask=lambda question: pytest.fail(question.text))
+    steering = Steering(replace(AIM, most=most), journal)
+    return Runner(steering=steering, taker=taker, tell=person, ask=ask)
 
 
 Peer = Callable[[LiveCell], AbstractContextManager[tuple[str, str]]]
@@ -157,8 +170,70 @@ def test_rows_are_the_truth_and_give_the_offline_result(joints: Peer, points: Pe
     assert begun.count("\n") == 6  # a header, and the rows before the cut
     campaign = tc.read_campaign(path, ROBOT)
     off = np.linalg.norm(cell.cell.points(campaign.q) - campaign.points[:, 0], axis=1)
-    assert len(off) == AIM.most
+    assert len(off) == 14
     assert off.max() < 5e-5
     chosen = np.flatnonzero([row.purpose == "chosen" for row in runner.steering.journal.rows])
     live, offline = runner.steering.calibration(), tc.identify(MODEL, campaign.take(chosen))
+    np.testing.assert_allclose(live.predict(campaign.q), offline.predict(campaign.q), rtol=0, atol=1e-9)
+
+
+SLIPPED, MOVED, LAST = 15, 17, 23
+"""Rows: shown as the reflector slips, as the tracker is moved, and the last one."""
+
+
+def begun(cell: LiveCell, path: Path) -> None:
+    """A campaign of its first poses, as measured before."""
+    journal = Journal(path, ROBOT)
+    journal.begin({**AIM.settings, "begun": time.time()})
+    steering = Steering(AIM, journal)
+    for number in range(1, SLIPPED):
+        step, _ = steering.next(steering.update())
+        q, at = step.q, cell.cell.points(step.q[None])[0] + 1e-5 * cell.rng.normal(size=3)
+        journal.append(Row(number=number, purpose=step.purpose, station=1, time_s=20.0 * number, joints=q, point=at))
+
+
+@pytest.mark.long
+def test_slipped_reflector_and_moved_tracker_leave_no_trace(tmp_path: Path) -> None:
+    """Both are noticed at once and asked about; what was measured wrongly is not fitted, and the rest is the truth.
+
+    Rows that count no more call for a fit while the new station has too few rows to be fitted.
+    """
+    cell, path, asked = LiveCell(), tmp_path / "c.csv", list[str]()
+    begun(cell, path)
+    seat, first = cell.cell.target, cell.cell.T_tracker_base
+    second = se3.pose(se3.exp(np.array([0.0, 0.0, 0.4])), np.array([0.3, 0.1, 0.0])) @ first
+
+    def slip() -> None:
+        cell.cell.target = seat + np.array([3e-3, 0.0, 0.0])
+
+    def move() -> None:
+        cell.cell.T_tracker_base = second
+
+    def answer(question: Question) -> Answer:
+        asked.append(question.text)
+        cell.cell.target = seat
+        return "again" if len(asked) == 1 else "moved"
+
+    with (
+        rtde(cell) as (controller, at),
+        tcp(cell) as (instrument, seen_at),
+        controller_of(controller).open(at, ROBOT, PATIENCE_S) as read,
+        instrument_of(instrument).open(seen_at, PATIENCE_S) as seen,
+    ):
+        runner = session(cell, path, read, seen, {SLIPPED: slip, MOVED: move}, answer, LAST)
+        assert runner.run().reason == "most"
+    assert len(asked) == 2
+    steering = runner.steering
+    rows = steering.journal.rows
+    wrong = {number for numbers in steering.journal.noted("excluded") for number in numbers}
+    assert wrong == {SLIPPED, MOVED}
+    for row in rows:
+        if row.number not in wrong:
+            cell.cell.T_tracker_base = first if row.station == 1 else second
+            assert np.linalg.norm(cell.cell.points(row.joints[None])[0] - row.point) < 5e-5, row.id
+    assert {row.station for row in rows} == {1, 2}
+    chosen = [row.number - 1 for row in rows if row.purpose == "chosen" and row.number not in wrong]
+    campaign = tc.read_campaign(path, ROBOT).take(chosen)
+    live, offline = steering.calibration(), tc.identify(MODEL, campaign)
+    assert set(live.stations) == {"1", "2"}
     np.testing.assert_allclose(live.predict(campaign.q), offline.predict(campaign.q), rtol=0, atol=1e-9)

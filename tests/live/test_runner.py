@@ -119,7 +119,10 @@ def test_a_wrong_row_is_dropped_and_a_true_one_kept(tmp_path: Path) -> None:
 
 
 def test_a_tracker_that_was_moved_is_a_new_station(tmp_path: Path) -> None:
-    """The first pose tells; rows from there have a station of their own, and the proof goes on with both."""
+    """The first pose tells; rows from there have a station of their own, and the proof goes on with both.
+
+    Row 17 was fitted as if it were right, so that a fit is due while the new station has one row.
+    """
     session = Session(tmp_path / "c.csv", replace(AIM, tolerance=1e-6), most=32)
 
     def move() -> None:
@@ -127,15 +130,15 @@ def test_a_tracker_that_was_moved_is_a_new_station(tmp_path: Path) -> None:
             session.cell.T_tracker_base
         )
 
-    session.happens, session.answers = {16: move}, ["moved"]
+    session.happens, session.answers = {17: move}, ["moved"]
     session.run()
     assert len(session.asked) == 1
     rows = session.journal.rows
-    assert [row.station for row in rows] == [1] * 16 + [2] * 16  # row 16 was measured before anybody knew
-    assert session.journal.noted("excluded") == ([16],)
+    assert [row.station for row in rows] == [1] * 17 + [2] * 15  # row 17 was measured before anybody knew
+    assert session.journal.noted("excluded") == ([17],)
     calibration = session.runner.steering.calibration()
     assert set(calibration.stations) == {"1", "2"}
-    assert "16" not in calibration.ids
+    assert "17" not in calibration.ids
     errors = session.runner.steering.kept_out_errors()
     assert len(errors) > 2
     assert errors.max() < 2e-4

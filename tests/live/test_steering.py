@@ -12,12 +12,14 @@ from taskcal.live.steering import (
     DRIFT_SIGMAS,
     FALSE_STOP,
     KEPT_OUT_EVERY,
+    MIN_KEPT_OUT,
     REPEATABILITY_M,
     START_ROWS,
     Aim,
     Steering,
     error_bound,
     level_of,
+    rows_to_look,
 )
 from taskcal.live.virtual import VirtualCell
 from taskcal.observations.base import TrackerNoise
@@ -130,6 +132,15 @@ def test_all_looks_together_are_wrong_no_more_often_than_said() -> None:
     """The levels of any number of looks add up to less than the probability of a false stop, and nearly to it."""
     total = sum(level_of(look) for look in range(1, 2000))
     assert 0.99 * FALSE_STOP < total < FALSE_STOP
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.85])
+@pytest.mark.parametrize("look", [1, 3])
+def test_a_look_is_made_where_expected_errors_pass_it(share: float, look: int) -> None:
+    """With as many errors of the expected size the bound keeps the tolerance, and with one fewer it does not."""
+    n, level = rows_to_look(share, 1.0, look), level_of(look)
+    assert error_bound(np.full(n, share), level) <= 1.0
+    assert n == MIN_KEPT_OUT or error_bound(np.full(n - 1, share), level) > 1.0
 
 
 def test_a_campaign_of_another_aim_is_refused(measured: Steering, tmp_path: Path) -> None:

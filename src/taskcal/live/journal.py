@@ -3,16 +3,19 @@
 import csv
 import json
 import os
+import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import FileError, shown
 from taskcal.observations.base import written
+from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import joints_text
 from taskcal.robot.robot import Robot
 
@@ -124,6 +127,16 @@ class Journal:
     def noted(self, kind: str) -> tuple[Any, ...]:
         """Values of all notes of a kind."""
         return tuple(note[kind] for note in self.notes if kind in note)
+
+    def campaign(self, rows: Int[np.ndarray, " k"]) -> Campaign:
+        """Some rows, in their order, as they are read from the file."""
+        if len(rows) == len(self.rows):
+            return read_campaign(self.path, self.robot)
+        header, *lines = self.path.read_text().splitlines(keepends=True)
+        with tempfile.TemporaryDirectory() as folder:
+            part = Path(folder) / self.path.name
+            part.write_text(header + "".join(lines[k] for k in rows))
+            return read_campaign(part, self.robot)
 
     def _lines(self, rows: Iterable[Row]) -> list[str]:
         """The header, and a line for each row."""

@@ -204,6 +204,7 @@ class Runner:
     def _row(self, step: Step) -> Row | None:
         """The row of a pose; None where it is left out."""
         go = True
+        mended = False
         while True:
             try:
                 row = self._measured(step, go=go)
@@ -213,9 +214,9 @@ class Runner:
                     return None
                 continue
             if step.purpose == "reference":
-                answer = self._compare(row)
+                answer = self._compare(row, mended=mended)
                 if answer == "again":
-                    go = False
+                    go, mended = False, True
                     continue
                 return replace(row, station=self.steering.station)
             return self._checked(step, row)
@@ -273,8 +274,12 @@ class Runner:
         self._doubt = True
         return again
 
-    def _compare(self, row: Row) -> Answer:
-        """Compare the reference pose with what it was, and ask where it has moved.
+    def _compare(self, row: Row, *, mended: bool) -> Answer:
+        """Compare the reference pose with what it was, and ask where it has moved; wrong rows before a mend do not count.
+
+        Args:
+            row: of the reference pose.
+            mended: whether the person was asked, and has put back what had moved.
 
         Raises:
             StoppedError: the person stops.
@@ -282,6 +287,8 @@ class Runner:
         self._doubt = False
         off = self.steering.drift(row)
         if off is None:
+            if mended and (wrong := self._surprises()):
+                self._journal.note({"excluded": wrong})
             return "keep"
         answer = self._decide(
             f"at the first pose, measured again, the target is {off * 1e3:.3f} mm from where it was: reflector or tracker was "
@@ -289,7 +296,10 @@ class Runner:
             "again", "moved", "keep",
         )  # fmt: skip
         if answer == "moved":
-            last = max((one.number for one in self._journal.rows if one.purpose == "reference"), default=0)
-            wrong = [number for number in self._journal.noted("surprise") if number > last]
-            self._journal.note({"moved": row.number, "excluded": wrong})
+            self._journal.note({"moved": row.number, "excluded": self._surprises()})
         return answer
+
+    def _surprises(self) -> list[int]:
+        """Numbers of the rows since the last reference that were not where they were expected."""
+        last = max((one.number for one in self._journal.rows if one.purpose == "reference"), default=0)
+        return [number for number in self._journal.noted("surprise") if number > last]

@@ -27,7 +27,6 @@ from taskcal.observations.base import TrackerNoise
 from taskcal.observations.instrument import Measurable
 from taskcal.observations.point import Station, Tracker
 from taskcal.planning.plan import POOL_SEED, PlanOptions, PoseChoice
-from taskcal.reading.reader import read_campaign
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
 
@@ -41,10 +40,10 @@ information to the posterior, which takes hundredths. A convention."""
 
 KEPT_OUT_EVERY, REFERENCE_EVERY = 5, 10
 """Rows after which one is kept out, and the first pose is measured again. Conventions; once the posterior meets the tolerance, rows
-are kept out up to the first look, and after it every second one, as only these are lacking."""
+are kept out up to the fewest of a look, and after it every second one, as these are lacking."""
 
-MIN_KEPT_OUT, LOOK_GROWTH = 6, 1.25
-"""Rows kept out at the first look at them, and how many times as many at the next. A convention that makes looks few."""
+MIN_KEPT_OUT, LOOK_GROWTH, MAX_KEPT_OUT = 6, 1.25, 1000
+"""Rows kept out at a look, at least and at most, and how many times as many at the next. Conventions that make looks few."""
 
 FALSE_STOP = 0.05
 """Probability of a stop although the error over the task is above the tolerance, over all looks together."""
@@ -189,6 +188,23 @@ def as_campaign(rows: Sequence[Row], calibration: Calibration) -> Campaign:
     )
 
 
+def rows_to_look(error: float, tolerance: float, look: int) -> int:
+    """Rows kept out at which the bound of a look is within the tolerance, if the error over the task is the expected one.
+
+    A look at fewer would most likely fail, and take its share of `FALSE_STOP`.
+
+    Args:
+        error: expected over the task, metres.
+        tolerance: to be proven, metres.
+        look: its number, from 1.
+    """
+    from scipy.special import gammaincinv
+
+    n = np.arange(MIN_KEPT_OUT, MAX_KEPT_OUT + 1)
+    passes = error * np.sqrt(n / (2.0 * gammaincinv(0.5 * n, level_of(look)))) <= tolerance
+    return int(n[passes.argmax()]) if passes.any() else MAX_KEPT_OUT
+
+
 class Steering:
     """Chooses poses and judges, by the journal's rows and notes."""
 
@@ -240,8 +256,7 @@ class Steering:
     @single_threaded
     def _fitted(self, rows: Int[np.ndarray, " k"]) -> Fit:
         aim = self.aim
-        campaign = read_campaign(self.journal.path, aim.model.robot).take(rows)
-        calibration = self._identified(campaign)
+        calibration = self._identified(self._read(rows))
         q = self._start[0].measurable.q
         options = PlanOptions(seed=aim.seed, station=aim.station, calibration=calibration, candidates=q)
         choice = PoseChoice.among(calibration.model, aim.task, options)
@@ -257,6 +272,12 @@ class Steering:
             growth=max(float(known) / choice.judged.before**2, 1.0),
             single=float(with_single - known),
         )
+
+    def _read(self, rows: Int[np.ndarray, " k"]) -> Campaign:
+        """Rows as they are read from the file, without those of stations that have too few for their frame."""
+        known = {self.journal.rows[k].station for k in rows}
+        those = np.flatnonzero([row.station in known for row in self.journal.rows])
+        return self.journal.campaign(those).take(np.searchsorted(those, rows))
 
     def _identified(self, campaign: Campaign) -> Calibration:
         return (
@@ -349,7 +370,8 @@ class Steering:
     def _judged(self, budget: ErrorBudget) -> State:
         errors, tolerance = self.kept_out_errors(), self.aim.tolerance
         looks = [Look(*look) for look in self.journal.noted("look")]
-        due = max(MIN_KEPT_OUT, math.ceil(LOOK_GROWTH * looks[-1].kept_out) if looks else 0)
+        due = 0 if tolerance is None else rows_to_look(budget.after, tolerance, len(looks) + 1)
+        due = max(due, math.ceil(LOOK_GROWTH * looks[-1].kept_out) if looks else 0)
         met = self._meets(budget)
         if met and len(errors) >= due:
             level = level_of(len(looks) + 1)
@@ -538,7 +560,7 @@ class Steering:
         kept_out = np.array([k for k in kept_out if self.located(self.journal.rows[k])], dtype=np.int64)
         if not len(kept_out):
             return self._fit.calibration
-        campaign = read_campaign(self.journal.path, self.aim.model.robot).take(np.union1d(fitting, kept_out))
+        campaign = self._read(np.union1d(fitting, kept_out))
         out = np.flatnonzero(np.isin(np.union1d(fitting, kept_out), kept_out))
 
         def nominal(rows: Campaign) -> Calibration:
