@@ -274,7 +274,7 @@ class Runner:
         self._doubt = True
         return again
 
-    def _compare(self, row: Row, *, mended: bool) -> Answer:
+    def _compare(self, row: Row, *, mended: bool = False) -> Answer:
         """Compare the reference pose with what it was, and ask where it has moved; wrong rows before a mend do not count.
 
         Args:
