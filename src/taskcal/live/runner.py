@@ -132,7 +132,7 @@ class Runner:
     """Seconds since 1970."""
 
     def __post_init__(self) -> None:
-        self._doubt = False
+        self._doubt = self._asked_again = False
         self._here: Float[np.ndarray, " joints"] | None = None
         self._base_s = self.now() - float(self._journal.settings["begun"])
         self._first_s: float | None = None
@@ -204,7 +204,6 @@ class Runner:
     def _row(self, step: Step) -> Row | None:
         """The row of a pose; None where it is left out."""
         go = True
-        mended = False
         while True:
             try:
                 row = self._measured(step, go=go)
@@ -214,9 +213,9 @@ class Runner:
                     return None
                 continue
             if step.purpose == "reference":
-                answer = self._compare(row, mended=mended)
+                answer = self._compare(row)
                 if answer == "again":
-                    go, mended = False, True
+                    go = False
                     continue
                 return replace(row, station=self.steering.station)
             return self._checked(step, row)
@@ -274,12 +273,8 @@ class Runner:
         self._doubt = True
         return again
 
-    def _compare(self, row: Row, *, mended: bool = False) -> Answer:
-        """Compare the reference pose with what it was, and ask where it has moved; wrong rows before a mend do not count.
-
-        Args:
-            row: of the reference pose.
-            mended: whether the person was asked, and has put back what had moved.
+    def _compare(self, row: Row) -> Answer:
+        """Compare the reference pose with what it was, and ask where it has moved; wrong rows before it was mended do not count.
 
         Raises:
             StoppedError: the person stops.
@@ -287,14 +282,16 @@ class Runner:
         self._doubt = False
         off = self.steering.drift(row)
         if off is None:
-            if mended and (wrong := self._surprises()):
+            if self._asked_again and (wrong := self._surprises()):
                 self._journal.note({"excluded": wrong})
+            self._asked_again = False
             return "keep"
         answer = self._decide(
             f"at the first pose, measured again, the target is {off * 1e3:.3f} mm from where it was: reflector or tracker was "
             "moved, or the robot",
             "again", "moved", "keep",
         )  # fmt: skip
+        self._asked_again = answer == "again"
         if answer == "moved":
             self._journal.note({"moved": row.number, "excluded": self._surprises()})
         return answer
