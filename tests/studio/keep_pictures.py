@@ -16,9 +16,10 @@ PAGES = (
     "program",
     "live-begin",
     "live",
+    "live-question",
     "live-proven",
 )
-ROAD = ("robot", "measurements", "task", "weight", "plan", "identify", "result", "report")
+ROAD = ("robot", "measurements", "task", "weight", "plan", "live", "identify", "result", "report")
 """Pictures of the whole road, in its order."""
 
 STILL, GAP, ROAD_COLOURS = (480, 360), 8, 256
@@ -41,7 +42,7 @@ def keep(page: str) -> None:
 
 def keep_road() -> None:
     """Keep the pages of the road side by side, the upper part of each."""
-    across, down = 4, -(-len(ROAD) // 4)
+    across, down = 3, -(-len(ROAD) // 3)
     width, height = STILL
     strip = Image.new("RGB", (across * (width + GAP) - GAP, down * (height + GAP) - GAP), "white")
     for number, page in enumerate(ROAD):

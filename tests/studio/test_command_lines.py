@@ -35,6 +35,8 @@ def test_values_from_the_project_s_file_are_no_options(tmp_path: Path) -> None:
     choices = Choices(name="x", program="programs/a.mod", calibration="calibrations/c.json", tool="--force")
     assert "--tool=--force" in program_page.arguments_of(Project(tmp_path), choices)
     assert "--force" not in program_page.arguments_of(Project(tmp_path), choices)
+    assert "--helper" not in program_page.arguments_of(Project(tmp_path), choices)
+    assert "--helper" in program_page.arguments_of(Project(tmp_path), choices.model_copy(update={"helper": True}))
     project.choose(calibration="calibrations/c.json", campaign="")
     assert report_page.arguments_of(project) == [
         *("report", "calibrations/c.json", "--output", "reports/c.html", "--certificate", "reports/c-certificate.html"),

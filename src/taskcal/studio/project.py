@@ -157,11 +157,15 @@ class Choices(Section):
     """Digest of robot and campaign whose findings are to stay as they are."""
     accept_uncertain: bool = False
     """Whether a program is written that is corrected by less than its uncertainty."""
+    helper: bool = False
+    """Whether targets that the program's text does not state are corrected at run time."""
     effects: str = "none"
     holdout: float = Field(default=0.3, ge=0.0, lt=1.0)
     seed: int = Field(default=0, ge=0)
     poses: int = Field(default=60, ge=1, le=2000)
     """To be planned."""
+    kept_out: int = Field(default=0, ge=0, le=2000)
+    """Poses of the task beside these, to judge a live campaign by that a program visits."""
     robust: bool = False
     """Whether outliers count less."""
     fit_name: str = Field(default="", max_length=LONGEST)

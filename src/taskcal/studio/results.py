@@ -80,7 +80,7 @@ def contents(project: Project) -> Mapping[str, str]:
     robot = ""
     with suppress(OSError, TaskcalError):
         robot = robot_of(project).digest
-    cell = (_digest(project, choices.cell), choices.tool, choices.part, choices.accept_uncertain)
+    cell = (_digest(project, choices.cell), choices.tool, choices.part, choices.accept_uncertain, choices.helper)
     return {
         **found,
         "robot": robot,

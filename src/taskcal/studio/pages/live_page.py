@@ -102,11 +102,10 @@ async def build(studio: Studio, texts: Texts) -> None:
     if run is not None:
         show_run(studio, ASKS, texts)
         _show_end(run, project, texts)
+        _Shown(run, robot, texts).show()
     _choose(project, task, texts)
     drives = _drives(project, texts)
     _begin_buttons(studio, run, drives, texts)
-    if run is not None:
-        _Shown(run, robot, texts).show()
 
 
 def arguments_of(choices: Choices, *, resume: bool, drive: bool = False) -> list[str]:
@@ -174,6 +173,10 @@ def _choose(project: Project, task: Task, texts: Texts) -> None:
             line_of_text(said, live.get(f"{role}-address", ""), partial(keep, f"{role}-address"))
         return chosen
 
+    def visit(path: str) -> None:
+        keep("program", "" if path == "-" else path)
+        ui.navigate.reload()
+
     with ui.element("div").classes("fields"):
         device("controller", controllers())
         instrument = device("instrument", instruments())
@@ -191,14 +194,9 @@ def _choose(project: Project, task: Task, texts: Texts) -> None:
             form = "d" if step == "1" else ".10g"
             handle = _kept_as(partial(keep, name), form)
             number(texts(f"live.{name.replace('-', '_')}"), value, handle, low, high, step=step)
-    plans = {path: Path(path).name for path in project.files(LAYOUT.plans, (".csv",))}
-
-    def visit(path: str) -> None:
-        keep("program", "" if path == "-" else path)
-        ui.navigate.reload()
-
-    nobody = {"-": texts("live.no_program")}
-    choice(texts("live.program"), nobody | plans, live.get("program") or "-", visit)
+        plans = {path: Path(path).name for path in project.files(LAYOUT.plans, (".csv",))}
+        nobody = {"-": texts("live.no_program")}
+        choice(texts("live.program"), nobody | plans, live.get("program") or "-", visit)
     text("p", texts("live.by_program" if live.get("program") else "live.limits")).classes("quiet")
 
 

@@ -49,6 +49,8 @@ async def build(studio: Studio, texts: Texts) -> None:
     facts([(texts("robot.title"), choices.robot), (texts("task.title"), choices.task)])
     label = texts("plan.count")
     number(label, choices.poses, lambda value: project.choose(poses=int(value)), 1, 2000, step="1")
+    label = texts("plan.kept_out")
+    number(label, choices.kept_out, lambda value: project.choose(kept_out=int(value)), 0, 2000, step="1")
     robot = await asyncio.to_thread(robot_of, project)
     editor = StationEditor(project, robot, texts)
     text("h2", texts("plan.poses_chosen"))
@@ -71,6 +73,7 @@ def arguments_of(choices: Choices) -> list[str]:
         f"--seed={choices.seed}",
     ]
     options += [f"--station={choices.station}"] if choices.station else []
+    options += [f"--kept-out={choices.kept_out}"] if choices.kept_out else []
     files = [f"--output={plan}", f"--program={beside}.mod", f"--report={beside}.html"]
     return ["plan", *options, *files, "--json"]
 

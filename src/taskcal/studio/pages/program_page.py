@@ -27,7 +27,7 @@ from taskcal.studio.controls import (
     text,
     tick,
 )
-from taskcal.studio.project import CELL_ENDINGS, LAYOUT, PROGRAM_ENDINGS, Choices, Project
+from taskcal.studio.project import CELL_ENDINGS, LAYOUT, PROGRAM_ENDINGS, Choices, Project, free_name
 from taskcal.studio.results import corrected_of, read_result, robot_of
 from taskcal.studio.runs import Status, Studio
 from taskcal.studio.steps import (
@@ -78,7 +78,7 @@ async def build(studio: Studio, texts: Texts) -> None:
     last = studio.run_of("correct")
     failed = last is not None and last.status is Status.refused
     is_open = failed or bool(asked) or is_lowered_by(result and result["verdict"], "tool", "part")
-    _around(project, texts, asked, named, is_open=is_open)
+    _around(studio, texts, asked, named, is_open=is_open)
     facts([(texts("program.read"), ", ".join(read_together(project, choices.program)))])
     text("h2", texts("program.correction"))
     run = show_run(studio, "correct", texts, about=choices.program)
@@ -103,9 +103,10 @@ def _named(project: Project) -> list[Named] | None:
 
 
 def _around(
-    project: Project, texts: Texts, asked: Sequence[int], named: Sequence[Named] | None, *, is_open: bool
+    studio: Studio, texts: Texts, asked: Sequence[int], named: Sequence[Named] | None, *, is_open: bool
 ) -> None:
     """Edit the cell file (measured tools and parts, external axes)."""
+    project = studio.project
     choices = project.choices
     cells = {path: path for path in project.files(LAYOUT.cells, CELL_ENDINGS)}
 
@@ -124,11 +125,14 @@ def _around(
                 MeasuredEditor(project, robot, one, texts)
         except TaskcalError as error:
             show_error(project, error)
+        text("p", texts("program.missing_how")).classes("quiet")
+        button(texts("program.missing"), lambda: begin_correction(studio, missing=True), plain=True)
         line_of_text(texts("program.tool"), choices.tool, lambda value: project.choose(tool=value))
         line_of_text(texts("program.part"), choices.part, lambda value: project.choose(part=value))
         AxisEditor(project, asked, texts)
         accept = texts("program.accept_uncertain")
         tick(accept, choices.accept_uncertain, lambda value: project.choose(accept_uncertain=value))
+        tick(texts("program.helper"), choices.helper, lambda value: project.choose(helper=value))
 
 
 def arguments_of(project: Project, choices: Choices) -> list[str]:
@@ -149,15 +153,26 @@ def arguments_of(project: Project, choices: Choices) -> list[str]:
     ):
         options += [f"{option}={value}"] if value else []
     options += ["--accept-uncertain"] if choices.accept_uncertain else []
+    options += ["--helper"] if choices.helper else []
     return ["correct", *read_together(project, choices.program), *options, "--all-rows", "--json"]
 
 
-def begin_correction(studio: Studio) -> None:
-    """Correct the program as chosen."""
+def begin_correction(studio: Studio, *, missing: bool = False) -> None:
+    """Correct the program as chosen.
+
+    Args:
+        studio: whose program it is.
+        missing: whether tools and parts that no file declares are written into a new cell file, which is then the chosen one.
+    """
     project = studio.project
     choices = project.choices
     outputs = [*map(corrected_of, read_together(project, choices.program)), report_of_correction(choices)]
-    begin(studio, "correct", arguments_of(project, choices), outputs=outputs, page="program")
+    arguments, chosen = arguments_of(project, choices), dict[str, str]()
+    if missing:
+        taken = [Path(path).name for path in project.files(LAYOUT.cells, CELL_ENDINGS)]
+        chosen["cell"] = f"{LAYOUT.cells}/{free_name(f'{Path(choices.program).stem}-cell.toml', taken)}"
+        arguments.insert(-1, f"--missing={chosen['cell']}")
+    begin(studio, "correct", arguments, outputs=outputs, chosen=chosen, page="program")
 
 
 def _correct_anyway(studio: Studio) -> None:
