@@ -137,13 +137,8 @@ def test_krl_computes_the_correction_in_single_precision(krl_calibration, keywor
 
 def test_krl_tells_where_the_tool_truly_is(krl_calibration):
     """From the nominal robot's place, of which motions by a distance begin; unless that is of another tool."""
-    q, off = postures(krl_calibration.model.robot, 40), []
-    axes = needed_joints(krl_calibration, q)
-    functions = at_table(krl_calibration)
-    for at, target, corrected in zip(axes, *wanted_targets(krl_calibration, q), strict=True):
-        functions["S_AXIS_ACT"] = Record(**{f"A{k}": F(angle) for k, angle in enumerate(np.degrees(at), start=1)})
-        functions["S_POS_ACT"] = krl_frame(corrected)
-        functions["S_POS_ACT"].S = Status(S=0, T=0).of(krl_calibration.model.robot, at).S
+    off = []
+    for functions, target in corrected_places(krl_calibration):
         off.append(se3.inverse(target) @ krl_pose(functions[f"{FUNCTION}Here"]()))
     off = np.array(off)
     assert np.linalg.norm(off[:, :3, 3], axis=1).max() < 1e-5
@@ -151,6 +146,36 @@ def test_krl_tells_where_the_tool_truly_is(krl_calibration):
     functions["S_TOOL"] = krl_frame(se3.translation(z=1e-3) @ SPINDLE)
     with pytest.raises(Stopped):
         functions[f"{FUNCTION}Here"]()
+
+
+def test_krl_finds_the_end_of_an_arc_from_where_the_tool_truly_is(krl_calibration):
+    """On random circles; and stops where single precision would not tell the end to 0.01 mm."""
+    rng, off, stops = np.random.default_rng(4), [], 0
+    for functions, start in corrected_places(krl_calibration):
+        axes = np.linalg.qr(rng.normal(size=(3, 3)))[0][:2] * rng.uniform(0.01, 0.2)
+        centre = start[:3, 3] - axes[0]
+        via, last = np.cumsum(rng.uniform(4.0, 170.0, size=2))
+        angle = rng.uniform(-340.0, 340.0)
+        x, y = np.cos(np.radians([via, last, angle])), np.sin(np.radians([via, last, angle]))
+        points = centre + np.stack([x, y], axis=1) @ axes
+        frames = [krl_frame(se3.pose(start[:3, :3], point)) for point in points[:2]]
+        try:
+            off.append(krl_pose(functions[f"{FUNCTION}Arc"](*frames, F(angle)))[:3, 3] - points[2])
+        except Stopped:
+            stops += 1
+    assert np.linalg.norm(off, axis=1).max() < 1e-5
+    assert 0 < stops < len(off)
+
+
+def corrected_places(calibration):
+    """Functions of the helper where the tool truly is at a target, each with that."""
+    robot, functions = calibration.model.robot, at_table(calibration)
+    q = postures(robot, 40)
+    for at, target, corrected in zip(needed_joints(calibration, q), *wanted_targets(calibration, q), strict=True):
+        functions["S_AXIS_ACT"] = Record(**{f"A{k}": F(angle) for k, angle in enumerate(np.degrees(at), start=1)})
+        functions["S_POS_ACT"] = krl_frame(corrected)
+        functions["S_POS_ACT"].S = Status(S=0, T=0).of(robot, at).S
+        yield functions, target
 
 
 def at_table(calibration):

@@ -29,11 +29,12 @@ from robot_programs.krl.values import HERE, Names
 MOTIONS = ("PTP", "LIN", "CIRC", "SPTP", "SLIN", "SCIRC")
 """Those to points, of which a function makes others."""
 
-OF_PATH, OF_FRAME, OF_HERE = "Path", "Frame", "Here"
+OF_PATH, OF_FRAME, OF_HERE, OF_ARC = "Path", "Frame", "Here", "Arc"
 
 ENDINGS = ("", OF_PATH, OF_FRAME)
-"""Of the names of three functions: of an E6POS of a PTP; of one of a line or arc, which keeps the status before; of a FRAME. A
-fourth one, `OF_HERE`, gives where the tool truly is, of which motions by a distance begin."""
+"""Of the names of three functions: of an E6POS of a PTP; of one of a line or arc, which keeps the status before; of a FRAME. Two
+others give where the tool truly is, of which motions by a distance begin (`OF_HERE`), and the point at an angle on the circle from
+there through two points (`OF_ARC`)."""
 
 FRAMES = frozenset({"$NULLFRAME", "$WORLD", "$ROBROOT", "$BASE", "$TOOL", "BASE_DATA", "TOOL_DATA"})
 """Variables of the controller's that are frames, arrays without their index."""
@@ -85,6 +86,8 @@ def wrap(files: Sequence[File], motions: Container[Text], function: str, without
                         _expect_points(line, routine, measured, named)
                         if line.keyword in RELATIVE_MOTIONS:
                             edits = tuple(_from_here(line, routine, function))
+                        elif line.angle:
+                            edits = tuple(_to_angle(line, routine, files, function))
                         else:
                             edits = tuple(_around(one, line, routine, files, function) for one in line.operands)
                     except Unresolved as reason:
@@ -107,7 +110,7 @@ def _expect_points(line: MotionLine, routine: Routine, measured: "_Measured", na
         Unresolved: it does not.
     """
     relative = line.keyword in RELATIVE_MOTIONS
-    if line.keyword not in (*MOTIONS, *RELATIVE_MOTIONS) or line.trouble:
+    if line.keyword not in (*MOTIONS, *RELATIVE_MOTIONS) or line.trouble or (relative and line.angle):
         raise Unresolved("it does not go to points that it names")
     if line.keyword.startswith("S") and "SPLINE" in named:
         raise Unresolved("it may be part of a SPLINE")
@@ -136,10 +139,22 @@ def _around(operand: Operand, line: MotionLine, routine: Routine, files: Sequenc
     Raises:
         Unresolved: it has none.
     """
+    text, joint = routine.file.source.text[operand.start : operand.end], line.keyword.endswith("PTP")
+    parts = operand.parts
+    if [_type_of(part, routine, files) for part in parts] == ["E6POS"] and isinstance(parts[0], Reference):
+        return TextEdit(start=operand.start, end=operand.end, text=f"{function}{'' if joint else OF_PATH}({text})")
+    frame = _as_frame(operand, line, routine, files)
+    return TextEdit(start=operand.start, end=operand.end, text=f"{function}{OF_FRAME}({frame})")
+
+
+def _as_frame(operand: Operand, line: MotionLine, routine: Routine, files: Sequence[File]) -> str:
+    """A point as an expression of type FRAME.
+
+    Raises:
+        Unresolved: it may not be one; or the motion needs its status, and that is not known.
+    """
     text, parts = routine.file.source.text[operand.start : operand.end], operand.parts
     joint, own = line.keyword.endswith("PTP"), [_type_of(part, routine, files) for part in parts]
-    if own == ["E6POS"] and isinstance(parts[0], Reference):
-        return TextEdit(start=operand.start, end=operand.end, text=f"{function}{'' if joint else OF_PATH}({text})")
     missing = [p for p in parts if isinstance(p, Aggregate) and not all(p.value(name) is not None for name in POSE)]
     if missing or (parts and isinstance(parts[0], Aggregate)) or "AXIS" in "".join(own):
         raise Unresolved("its point is no variable, and no product of variables and complete frames")
@@ -149,8 +164,22 @@ def _around(operand: Operand, line: MotionLine, routine: Routine, files: Sequenc
         raise Unresolved(
             "its point is neither declared as E6POS nor as FRAME, whose status and turn are then not known"
         )
-    frame = text if own == ["FRAME"] else f"{text}:$NULLFRAME"
-    return TextEdit(start=operand.start, end=operand.end, text=f"{function}{OF_FRAME}({frame})")
+    return text if own == ["FRAME"] else f"{text}:$NULLFRAME"
+
+
+def _to_angle(line: MotionLine, routine: Routine, files: Sequence[File], function: str) -> Iterator[TextEdit]:
+    """An arc that ends at an angle as one to the point that is there.
+
+    Raises:
+        Unresolved: its points may be no frames.
+    """
+    text, (via, last) = routine.file.source.text, line.operands
+    points = ",".join(_as_frame(one, line, routine, files) for one in line.operands)
+    angle = text[line.angle[0].start : line.angle[-1].end]
+    for start, end, share in ((via.start, via.end, "0.5"), (last.start, line.angle[-1].end, "1.0")):
+        yield TextEdit(
+            start=start, end=end, text=f"{function}{OF_FRAME}({function}{OF_ARC}({points},{share}*({angle})))"
+        )
 
 
 def _from_here(line: MotionLine, routine: Routine, function: str) -> Iterator[TextEdit]:

@@ -174,6 +174,49 @@ def moved_pose(step: Float[np.ndarray, "4 4"], before: Motion | None, *, by_tool
     return T
 
 
+MIN_SINE = 1e-3
+"""Of the angle in which a circle is seen from one of three points on it: points nearer to a line are none of a circle."""
+
+SAME_ORIENTATION_RAD = 1e-6
+
+MAX_ARC_DEG = 350.0
+"""Arcs that nearly close are told apart from those of next to no angle by digits that points do not have."""
+
+
+def at_angle(
+    angle: float, start: Float[np.ndarray, "4 4"], via: Float[np.ndarray, "4 4"], last: Float[np.ndarray, "4 4"]
+) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "4 4"]]:
+    """Middle and end of an arc that ends at an angle, on the circle from its start through two points.
+
+    The angle is that of the whole arc, counted the way that leads by the first point to the second, negative the other way (KUKA
+    System Software, circular motions, circular angle).
+
+    Args:
+        angle: degrees.
+        start: pose where it begins.
+        via: the first point.
+        last: the second one.
+
+    Raises:
+        Unresolved: they are on no circle, the tool turns on the way to the second point, or the arc is none of one turn.
+    """
+    a, b = via[:3, 3] - start[:3, 3], last[:3, 3] - start[:3, 3]
+    normal, aa, bb, cc = np.cross(a, b), a @ a, b @ b, (b - a) @ (b - a)
+    if not normal @ normal > MIN_SINE**2 * max(aa * bb, bb * cc, cc * aa):
+        raise Unresolved("its points and its start are on no circle on which CA would count")
+    if np.abs(start[:3, :3] - last[:3, :3]).max() > SAME_ORIENTATION_RAD:
+        raise Unresolved(
+            "the tool turns along it, and how far up to the angle CA is not known; write it to its own end"
+        )
+    if not 0.0 < abs(angle) < MAX_ARC_DEG:
+        raise Unresolved(f"CA {angle:g} is not between 0 and {MAX_ARC_DEG:g}°; write two arcs")
+    centre = np.cross(aa * b - bb * a, normal) / (2.0 * normal @ normal)
+    axis = normal / np.linalg.norm(normal)
+    turns = (se3.exp(axis * np.radians(share * angle)) for share in (0.5, 1.0))
+    middle, end = (se3.pose(last[:3, :3], start[:3, 3] + centre - R @ centre) for R in turns)
+    return middle, end
+
+
 def refuse_moved_axes(aggregate: Aggregate) -> None:
     """Let no external axis be moved by a distance, which would be taken for its position.
 
@@ -303,7 +346,7 @@ class Resolver:
             for operand in line.operands
         )
         first = written[-1].aggregates[0]
-        leans = line.keyword in RELATIVE_MOTIONS or is_incomplete(first)
+        leans = line.keyword in RELATIVE_MOTIONS or is_incomplete(first) or bool(line.angle)
         before = self._before(state) if leans else None
         end = self._target(written[-1], kind, line, before)
         if end.q is not None:
@@ -314,6 +357,12 @@ class Resolver:
         if kind == "circular":
             assert end.T is not None
             via = self._via(written[0], end.T, line, before)
+            if line.angle:
+                if before is None or before.end.T is None:
+                    raise Unresolved(UNKNOWN)
+                assert via.T is not None
+                middle, T = at_angle(number_of(line.angle, known), before.end.T, via.T, end.T)
+                via, end = replace(via, T=middle), replace(end, T=T)
         try:
             tool, part = self.frames.tool_and_part(state)
         except Unresolved:

@@ -511,7 +511,8 @@ class _Rewriting:
         points = [self._aggregate(site.written[-1], waypoint)]
         if waypoint.via is not None:
             points.insert(0, self._aggregate(site.written[-1], waypoint.via))
-        rest = site.file.source.text[site.written[-1].operand.end : site.motion.end]
+        behind = site.motion.angle[-1].end if site.motion.angle else site.written[-1].operand.end
+        rest = site.file.source.text[behind : site.motion.end]
         if site.motion.along:
             rest = _ALONG.sub("", rest)
         along_path = waypoint.kind in ("linear", "circular")

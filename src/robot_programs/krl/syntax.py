@@ -236,6 +236,8 @@ class MotionLine(Statement):
     """Its words for passing by, such as ``C_DIS``."""
     settings: dict[str, tuple[Word, ...]] = field(default_factory=dict[str, tuple[Word, ...]])
     """What it sets for itself behind WITH."""
+    angle: tuple[Word, ...] = ()
+    """Of an arc: the angle CA at which it ends, on the circle through its points."""
     along: str = ""
     """Of a motion by a distance: along whose axes, ``#BASE`` or ``#TOOL``; empty where it does not say."""
     trouble: str = ""
@@ -359,15 +361,17 @@ class Cursor:
         """Assignments behind WITH, by the name of what they set."""
         out: dict[str, tuple[Word, ...]] = {}
         while not self.done and not self.at_name(PASSING):
-            start = self._next
-            self.skip_to("=", *PASSING)
-            name = "".join(word.upper for word in self._words[start : self._next])
+            name = "".join(word.upper for word in self.taken_to("=", *PASSING))
             self.accept("=")
-            start = self._next
-            self.skip_to(",", *PASSING)
-            out[name] = tuple(self._words[start : self._next])
+            out[name] = self.taken_to(",", *PASSING)
             self.accept(",")
         return out
+
+    def taken_to(self, *stops: str) -> tuple[Word, ...]:
+        """Words up to one that stops, outside of any bracket."""
+        start = self._next
+        self.skip_to(*stops)
+        return tuple(self._words[start : self._next])
 
     def operand(self) -> Operand:
         """Aggregates and variables joined by colons; no parts where it is anything else."""
@@ -673,11 +677,11 @@ def _motion(words: list[Word]) -> MotionLine:
     cursor = Cursor(words[1:])
     operands, passing = [cursor.operand()], list[str]()
     trouble = "" if keyword in POINT_MOTIONS else f"{keyword} is not read; write SPL to a complete point"
-    arc, along = keyword.removesuffix("_REL").endswith("CIRC"), ""
+    arc, along, angle = keyword.removesuffix("_REL").endswith("CIRC"), "", tuple[Word, ...]()
     while cursor.accept(","):
-        if cursor.at_name({"CA"}):
-            trouble = trouble or "the arc ends at the angle CA, not in the point"
-            cursor.skip_to("", *PASSING, "WITH")
+        if arc and not angle and cursor.accept("CA"):
+            cursor.accept("=")
+            angle = cursor.taken_to(",", *PASSING, "WITH")
         else:
             operands.append(cursor.operand())
     settings: dict[str, tuple[Word, ...]] = {}
@@ -700,6 +704,7 @@ def _motion(words: list[Word]) -> MotionLine:
         operands=tuple(operands),
         passing=tuple(passing),
         settings=settings,
+        angle=angle,
         along=along,
         trouble=trouble,
         words=tuple(words[1:]) if any(word.text == "(" for word in words) else (),

@@ -424,6 +424,14 @@ BORDER_DEG = 1e-2
 """Nearer to zero an axis has the turn that its angle has, whatever T says: single precision does not tell its side."""
 
 
+MAX_ARC_DEG = 350.0
+"""Arcs of larger angles nearly close, and have no middle that tells the way."""
+
+FLAT_ARC_SINE = 0.1
+"""Of the angle in which two of the three points of a circle are seen from the third: with a smaller one, the end of an arc on it
+would be off by more than 25 times what its points are, which single precision and the inverse have to 0.4 µm."""
+
+
 def krl_helper(calibration: Calibration, program: Program, cell: Cell, bounds: Bounds) -> Module:
     """A KRL module with functions of an E6POS and a FRAME, for the tool and base that are active.
 
@@ -459,6 +467,7 @@ def krl_helper(calibration: Calibration, program: Program, cell: Cell, bounds: B
         "AXES": "" if alone else "\n".join(_stop("$EX_AX_NUM>0", "external axes may carry robot or part")),
         "SIDES": "\n".join(f"SIDES[{k}]={side:.1f}" for k, side in enumerate(sides, start=1)),
         "ROOT": root, "BORDER": _single(BORDER_DEG), "JOINT": _single(np.degrees(bounds.joint)),
+        "MAX_ARC": _single(MAX_ARC_DEG), "FLAT": _single(FLAT_ARC_SINE**2),
         "AXES_VARIABLES": str(max(axes.variables, 1)), "AXES_BODY": "\n".join(axes.lines), "BODY": "\n".join(line.lines),
     }  # fmt: skip
     both = line._replace(operations=line.operations + axes.operations)

@@ -67,6 +67,13 @@ def wrapped(*texts: str, data: str = "") -> tuple[list[str], list[str]]:
             "CIRC_REL {X 1},{Y 2}",
             "CIRC NEWFrame({FRAME: X 1,Y 0,Z 0,A 0,B 0,C 0}:NEWHere()),NEWFrame({FRAME: X 0,Y 2,Z 0,A 0,B 0,C 0}:NEWHere())",
         ),
+        (
+            "CIRC P,F:P, CA -H C_DIS",
+            "CIRC NEWFrame(NEWArc(P:$NULLFRAME,F:P:$NULLFRAME,0.5*(-H))),"
+            "NEWFrame(NEWArc(P:$NULLFRAME,F:P:$NULLFRAME,1.0*(-H))) C_DIS",
+        ),
+        ("CIRC_REL {X 1},{Y 2},CA 90", ""),
+        ("CIRC P,Q,CA 90", ""),
         ("LIN_REL {X 1,A 5}", ""),
         ("LIN_REL F", ""),
         ("PTP_REL {A1 5}", ""),

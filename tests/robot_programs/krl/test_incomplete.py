@@ -6,6 +6,7 @@ import pytest
 from robot_programs.core.program import Waypoint
 from taskcal.geometry import se3
 from taskcal.robot.catalogue import load_robot
+from tests.robot_programs.krl.rewriting import nearby
 from tests.robot_programs.krl.small_programs import FRAMES, POSE, read, texts
 
 ROBOT = load_robot("kuka-kr16-2")
@@ -143,3 +144,56 @@ def test_what_the_controller_s_own_routine_changes_is_known():
         ]
     )
     assert len(program.motions) == 1
+
+
+def circle(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Centre of a circle, and its two axes as long as its radius, millimetres."""
+    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0][:2] * rng.uniform(20.0, 200.0)
+    return rng.uniform([850.0, -50.0, 750.0], [950.0, 50.0, 850.0]), axes
+
+
+def point(xyz: np.ndarray) -> str:
+    return "{{X {:.6f},Y {:.6f},Z {:.6f},A 10,B 85,C 0}}".format(*xyz)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_arc_ends_at_its_angle(seed):
+    """On the circle through its points, counted from where it begins; and is written as an arc to its own end."""
+    rng = np.random.default_rng(seed)
+    centre, axes = circle(rng)
+    at = lambda degrees: centre + np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))]) @ axes  # noqa: E731
+    via, angle = rng.uniform(20.0, 170.0), rng.uniform(10.0, 340.0) * rng.choice([-1.0, 1.0])
+    last = via + rng.uniform(20.0, 170.0)
+    body = f"LIN {point(at(0.0))}\nCIRC {point(at(via))},{point(at(last))}, CA {angle:.6f} C_DIS\nLIN {POSE}"
+    program = read(FRAMES + body)
+    arc = program.motions[1]
+    np.testing.assert_allclose(arc.via.T[:3, 3] * 1e3, at(0.5 * angle), atol=1e-3)
+    np.testing.assert_allclose(arc.end.T[:3, 3] * 1e3, at(angle), atol=1e-3)
+    assert program.rewrite(ROBOT, {})[0].text == program.sources[0].text
+    for changed in ([0], [1], [0, 1]):
+        wanted = {i: (nearby(rng, program.motions[i]),) for i in changed}
+        sources = program.rewrite(ROBOT, wanted)
+        assert "CA" not in sources[0].text.partition("CIRC")[2]
+        assert "C_DIS" in sources[0].text
+        again = program.reread(sources)
+        for i, motion in enumerate(again.motions):
+            waypoint = wanted.get(i, (program.motions[i].own_waypoint(),))[0]
+            np.testing.assert_allclose(motion.end.T, waypoint.T, atol=1e-8)
+            if i == 1:
+                np.testing.assert_allclose(motion.via.T[:3, 3], waypoint.via.T[:3, 3], atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("arc", "says"),
+    [
+        ("CIRC {X 950,Y 50,Z 800},{X 1000,Y 0,Z 800,A 0,B 90,C 0}, CA 360", "CA 360 is not between"),
+        ("CIRC {X 950,Y 50,Z 800},{X 1000,Y 0,Z 800,A 0,B 80,C 0}, CA 90", "the tool turns along it"),
+        ("CIRC {X 950,Y 0,Z 800},{X 1000,Y 0,Z 800,A 0,B 90,C 0}, CA 90", "are on no circle"),
+        ("CIRC {X 950,Y 50,Z 800},{X 1000,Y 0,Z 800,A 0,B 90,C 0}, CA $ANIN[1]", "known only at run time"),
+    ],
+)
+def test_arc_of_another_kind_to_an_angle_stays(arc, says):
+    """A whole turn, one that turns the tool, and points on a line."""
+    program = read(f"{FRAMES}LIN {POSE}\n{arc}")
+    assert len(program.motions) == 1
+    assert says in texts(program)[0]

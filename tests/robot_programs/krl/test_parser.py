@@ -78,9 +78,14 @@ def test_a_motion_with_all_it_can_say():
     }
 
 
-def test_an_arc_has_two_points():
-    line = only("CIRC {X 1,Y 2,Z 3},XP[2] C_DIS C_ORI")
+@pytest.mark.parametrize(
+    ("angle", "words"), [("", []), (",CA 270", ["270"]), (", ca=-2*(N)", ["-", "2", "*", "(", "N", ")"])]
+)
+def test_an_arc_has_two_points(angle, words):
+    line = only(f"CIRC {{X 1,Y 2,Z 3}},XP[2]{angle} C_DIS C_ORI")
     assert isinstance(line, MotionLine)
+    assert [word.text for word in line.angle] == words
+    assert not line.trouble
     assert [len(o.parts) for o in line.operands] == [1, 1]
     assert line.operands[1].parts[0].name == "XP[2]"
     assert line.passing == ("C_DIS", "C_ORI")
@@ -89,8 +94,7 @@ def test_an_arc_has_two_points():
 @pytest.mark.parametrize(
     ("text", "trouble"),
     [
-        ("CIRC XP1,XP2,CA 270", "the arc ends at the angle CA"),
-        ("CIRC XP1,XP2,CA=270 C_DIS", "the arc ends at the angle CA"),
+        ("CIRC XP1,XP2,CA 270,CA 90", "CIRC is given 3 points"),
         ("CIRC_REL {X 10},{Y 5} #TOOL", "'#TOOL' is not understood behind CIRC_REL"),
         ("SCIRC_REL {X 10}", "SCIRC_REL is given 1 points"),
         ("SPL_REL {X 10}", "SPL_REL is not read; write SPL to a complete point"),

@@ -78,7 +78,7 @@ def test_a_program_of_a_postprocessor():
     np.testing.assert_allclose(arc.via.T, frame(175, -25, 100, 180, 0, 180), atol=1e-15)
     assert [m.follows for m in program.motions] == [None, 0, 1, 2, 3, None]
     assert texts(program) == [
-        "MILLING.SRC:13: CIRC stays as it is: the arc ends at the angle CA, not in the point",
+        "MILLING.SRC:13: CIRC stays as it is: its points and its start are on no circle on which CA would count",
         "MILLING.SRC:14: LIN stays as it is: Y is not stated, and it counts from where the motion before ended, and that is not "
         "known",
     ]
