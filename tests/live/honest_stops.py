@@ -1,6 +1,6 @@
 """How many poses a proof takes, and how often it is true: ``python -m tests.live.honest_stops FIRST LAST``, no test.
 
-Virtual robots by number: arms of six joints of several sizes, arms of seven, and a SCARA. Each has defects of its tolerances,
+Virtual robots by number: arms of six joints of several sizes, and arms of seven. Each has defects of its tolerances,
 compliance and gear errors, and beside them what no fit is told: waves over all joints, drives that yield under a payload, lost
 motion, and drift while the robot warms up. It is measured until its error over a task is proven; its true error there, over ways
 of approach and the time of the campaign, is then compared with the tolerance. That is 1, 1.25 or 1.5 times what 120 random poses
@@ -26,10 +26,10 @@ from taskcal.live.virtual import VirtualCell
 from taskcal.observations.base import TrackerNoise
 
 ROBOTS = (
-    "ur5", "franka-panda", "abb-irb6640-185-2.8", "denso-hsr065a1", "abb-irb120", "kinova-gen3", "kuka-kr16-2", "denso-hsr065a1",
+    "ur5", "franka-panda", "abb-irb6640-185-2.8", "abb-irb2400-12-1.55", "abb-irb120", "kinova-gen3", "kuka-kr16-2", "meca500-r3",
     "ur10e", "motoman-sia20d",
 )  # fmt: skip
-"""Of robot k the k-th, and begun anew: six joints, seven joints, or a SCARA."""
+"""Of robot k the k-th, and begun anew: of six joints and of seven."""
 
 SHOTS, ROW_S, GOALS, FLOOR_ROWS, FACTORS = 3, 20.0, 400, 120, (1.0, 1.25, 1.5)
 
@@ -107,16 +107,6 @@ class HardCell:
         ).calibration
 
 
-def task_of(model: tc.ErrorModel) -> tc.Task:
-    """Of the robot's own; of a SCARA, which does not tilt its tool, the middle of its joints' ranges."""
-    if len(model.robot.joints) > 4:
-        return tc.default_task(model)
-    low, high = np.clip(model.robot.limits, -np.pi, np.pi).T
-    share = np.random.default_rng(0).uniform(0.2, 0.8, (GOALS, len(low)))
-    q = low + share * (high - low)
-    return tc.Task(name="middle", poses=model.poses(q), joints=q)
-
-
 def known(steering: Steering, cell: HardCell, goal: np.ndarray) -> dict[str, object]:
     """What is known after a row, and what is true."""
     state, fit = steering.update(), steering._fit
@@ -140,7 +130,7 @@ def run(
     """Measure one robot until it is proven."""
     robot = tc.load_robot(ROBOTS[number % len(ROBOTS)])
     model = tc.ErrorModel(robot)
-    task = task_of(model)
+    task = tc.default_task(model)
 
     def cell() -> HardCell:
         return HardCell(cell=VirtualCell.drawn(robot, number), rng=np.random.default_rng([number, 1]))
