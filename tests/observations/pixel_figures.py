@@ -55,7 +55,11 @@ def judge(seed: int) -> dict[str, float]:
     layout = calibration.layout
     R = layout.registration.T_tool_target[0, :3, :3]
     C = R @ calibration.z_covariance[np.ix_(layout.places[0][:3], layout.places[0][:3])] @ R.T
-    own = others.observations[0]
+    own, p, place = others.observations[0], len(MODEL), layout.places[0][:3]
+    # what is left of the hand-eye once the arm's parameters are known: the posterior of both, conditioned on the true ones
+    K = np.linalg.solve(calibration.z_covariance[:p, :p], calibration.z_covariance[:p, place]).T
+    known = calibration.z_covariance[np.ix_(place, place)] - K @ calibration.z_covariance[:p, place]
+    left_of = R.T @ off + K @ (seen.x - calibration.z[:p])
     rms = {
         "pixels": own.reproject(calibration.target_poses(others.q)[:, 0], layout.unknowns(calibration.z)[0]),
         "nominal": own.reproject(MODEL.poses(others.q) @ X, unknown),
@@ -69,6 +73,9 @@ def judge(seed: int) -> dict[str, float]:
         "arm, board poses, mm": 1e3 * off_placed(at(by_poses), true),
         "arm, nominal, mm": 1e3 * off_placed((MODEL.poses(others.q) @ X)[:, :3, 3], true),
         "hand-eye, pixels, mm": 1e3 * float(np.linalg.norm(off)),
+        "hand-eye, pixels, as stated, mm": 1e3 * float(np.sqrt(np.trace(C))),
+        "hand-eye, arm known, mm": 1e3 * float(np.linalg.norm(left_of)),
+        "hand-eye, arm known, as stated": 1e3 * float(np.sqrt(np.trace(known))),
         "hand-eye, board poses, mm": 1e3 * float(np.linalg.norm(by_poses.T_tool_target[0][:3, 3] - seen.moving[:3, 3])),
         "hand-eye, two steps, mm": 1e3 * float(np.linalg.norm(X[:3, 3] - seen.moving[:3, 3])),
         **{f"left-out corners, {name}, px": float(np.sqrt((r**2).sum(axis=1).mean())) for name, r in rms.items()},

@@ -22,7 +22,9 @@ from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import write_campaign, write_joints
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
+from taskcal.studio.files import take_file
 from taskcal.studio.measured_rows import registered_rows
+from taskcal.studio.pages.identify_page import arguments_of
 from taskcal.studio.pages.weight_page import POSES
 from taskcal.studio.project import Project
 from taskcal.studio.results import examined
@@ -32,6 +34,7 @@ from taskcal.studio.texts import LANGUAGES, Texts
 from taskcal.studio.views import MARK
 from taskcal.task.task import load_task, reach_task
 from taskcal.virtual.cell import simulate
+from tests.observations.pictured import COLUMNS, CORNERS, LENS, ROWS, SQUARE, take_pictures
 from tests.studio.visitor import Visitor, visit
 
 ROBOT = load_robot("ur5")
@@ -518,3 +521,44 @@ def test_a_result_shows_the_calibration_s_own_errors(worked) -> None:
             assert float(shown[TEXTS(f"identify.{name}")]) == pytest.approx(value, abs=6e-4)
 
     visit(worked, look)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_corners_are_read_with_a_board_and_their_camera_shown(language, tmp_path) -> None:
+    """The page asks for the board of a file of corners; the fit takes it, and its result shows camera and residuals."""
+    seen, texts = take_pictures(4, 12), Texts(language)
+    image, corner = np.divmod(np.arange(len(seen.pixel)), len(CORNERS))
+    columns = {"image": image, "corner": corner, "u_px": seen.pixel[:, 0], "v_px": seen.pixel[:, 1]}
+    columns |= {"width_px": np.full(len(image), LENS.width), "height_px": np.full(len(image), LENS.height)}
+    columns |= {f"J{j + 1}_deg": np.degrees(seen.q[image, j]) for j in range(6)}
+    rows = [",".join(columns), *(",".join(map(str, row)) for row in zip(*columns.values(), strict=True))]
+    (tmp_path / "campaigns").mkdir()
+    (tmp_path / "calibrations").mkdir()
+    (tmp_path / "campaigns" / "shots.csv").write_text("\n".join(rows) + "\n")
+    project = Project(tmp_path)
+    project.choose(robot="ur5", campaign="campaigns/shots.csv")
+
+    async def without_board(user: Visitor) -> None:
+        await user.open("measurements")
+        assert texts("measurements.boards") in user.said("h2")
+        assert texts("measurements.understood") not in user.said("h2")
+
+    visit(tmp_path, without_board, **{"accept-language": language})
+    board = f'[[board]]\nkind = "checkerboard"\ncolumns = {COLUMNS}\nrows = {ROWS}\nsquare_mm = {SQUARE * 1e3}\n'
+    take_file(project, "board", "board.toml", board.encode(), "")
+    assert project.choices.board == "boards/board.toml"
+    arguments, calibration = arguments_of(project)
+    with chdir(tmp_path), redirect_stdout(io.StringIO()) as said:
+        assert main(arguments) == 0
+    (tmp_path / "calibrations" / f"{Path(calibration).stem}.result.json").write_text(said.getvalue())
+    project.choose(calibration=calibration)
+
+    async def with_board(user: Visitor) -> None:
+        await user.open("measurements")
+        assert texts("measurements.understood") in user.said("h2")
+        await user.open("result")
+        assert texts("result.camera") in user.said("h2")
+        assert any("all images" in caption for caption in user.said("figcaption"))
+
+    visit(tmp_path, with_board, **{"accept-language": language})

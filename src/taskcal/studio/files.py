@@ -13,6 +13,7 @@ from robot_programs.core.files import ZipEntry, ZipKind, open_zip
 from taskcal.errors import TaskcalError, shown
 from taskcal.robot.importers.urdf import read_looks
 from taskcal.studio.project import (
+    BOARD_ENDINGS,
     CAMPAIGN_ENDINGS,
     CELL_ENDINGS,
     LAYOUT,
@@ -109,6 +110,7 @@ KINDS: Mapping[str, Kind] = {
     "campaign": Kind(folder=LAYOUT.campaigns, endings=CAMPAIGN_ENDINGS, choice="campaign"),
     "points": Kind(folder=LAYOUT.campaigns, endings=CAMPAIGN_ENDINGS, choice="points"),
     "task": Kind(folder=LAYOUT.tasks, endings=TASK_ENDINGS, choice="task"),
+    "board": Kind(folder=LAYOUT.boards, endings=BOARD_ENDINGS, choice="board"),
     "station": Kind(folder=LAYOUT.stations, endings=STATION_ENDINGS, choice="station"),
     "cell": Kind(folder=LAYOUT.cells, endings=CELL_ENDINGS, choice="cell"),
     "program": Kind(folder=LAYOUT.programs, endings=PROGRAM_ENDINGS, choice="program"),

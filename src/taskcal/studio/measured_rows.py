@@ -10,12 +10,12 @@ from taskcal.campaigns.campaign import Campaign, Stations
 from taskcal.errors import CampaignError, TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
-from taskcal.reading.reader import read_campaign
 from taskcal.registration.registration import PLAUSIBLE_SHARE, nominal_poses, register_trimmed, trusted_distance
 from taskcal.report.scene import AT_ORIGIN
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.studio.project import Project
+from taskcal.studio.results import read_measured
 from taskcal.studio.robot_meshes import RobotMeshes, meshes_if_sound
 
 
@@ -108,6 +108,6 @@ def cell_of(project: Project, robot: Robot) -> tuple[RobotMeshes | None, Measure
     measured = None
     with suppress(TaskcalError):
         if project.choices.campaign:
-            campaign = read_campaign(project.path(project.choices.campaign), robot)
+            campaign = read_measured(project, robot)
             measured = registered_rows(ErrorModel(robot), campaign)
     return meshes_if_sound(project), measured if measured is not None and measured.in_base else None

@@ -79,6 +79,7 @@ class Layout:
     campaigns: str = "campaigns"
     tasks: str = "tasks"
     stations: str = "stations"
+    boards: str = "boards"
     plans: str = "plans"
     calibrations: str = "calibrations"
     programs: str = "programs"
@@ -97,6 +98,7 @@ TABLE_ENDINGS = (".csv", ".txt")
 CELL_ENDINGS = (".toml",)
 TASK_ENDINGS = (".toml",)
 STATION_ENDINGS = (".toml",)
+BOARD_ENDINGS = (".toml",)
 RESULT = ".result.json"
 """Ending of what the command line said of a calibration, beside it."""
 
@@ -143,6 +145,10 @@ class Choices(Section):
     campaign: ProjectFile = ""
     points: ProjectFile = ""
     """A second file, with the points of a campaign that has joints alone, until both are joined."""
+    board: ProjectFile = ""
+    """Boards that the images of a campaign of corners show."""
+    lens: Literal["pinhole", "fisheye"] = "pinhole"
+    """Of the camera that took them."""
     task: ProjectFile = ""
     station: ProjectFile = ""
     """Where the tracker stands, what the tool carries and what is in the way."""

@@ -11,12 +11,16 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import TaskcalError
 from taskcal.io.json_file import parse_json
+from taskcal.reading.pictures import has_corners
+from taskcal.reading.reader import ReadOptions, read_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.robot import Robot
 from taskcal.studio.project import LAYOUT, RESULT, Choices, Project
 from taskcal.studio.task_box import read_together
+from taskcal.tables.forms import read_table
 
 # What a command printed of a file that it wrote.
 
@@ -61,6 +65,31 @@ def robot_of(project: Project) -> Robot:
     return load_robot(project.path(named) if "/" in named else named)
 
 
+def shows_images(project: Project) -> bool:
+    """Whether the chosen campaign has the corners that images show."""
+    with suppress(TaskcalError):
+        return bool(project.choices.campaign) and has_corners(read_table(project.path(project.choices.campaign)))
+    return False
+
+
+def read_measured(project: Project, robot: Robot) -> Campaign:
+    """Read the chosen campaign, with the boards that its images show, whether or not these fit the robot.
+
+    Raises:
+        TaskcalError: it cannot be read.
+    """
+    choices = project.choices
+    board = project.path(choices.board) if choices.board and shows_images(project) else None
+    options = ReadOptions(board=board, lens=choices.lens, judged=False)
+    return read_campaign(project.path(choices.campaign), robot, options=options)
+
+
+def options_of_images(project: Project) -> list[str]:
+    """Options of ``taskcal`` for the images of the chosen campaign; none where it has none."""
+    choices = project.choices
+    return [f"--board={choices.board}", f"--lens={choices.lens}"] if choices.board and shows_images(project) else []
+
+
 MADE_FROM: Mapping[str, tuple[str, ...]] = {
     LAYOUT.plans: ("robot", "task", "station"),
     LAYOUT.calibrations: ("robot", "campaign"),
@@ -76,7 +105,8 @@ def contents(project: Project) -> Mapping[str, str]:
     A robot and a task count by what they describe with the files that they name; others by their bytes.
     """
     choices = project.choices
-    found = {name: _digest(project, getattr(choices, name)) for name in ("campaign", "station", "calibration")}
+    found = {name: _digest(project, getattr(choices, name)) for name in ("station", "calibration")}
+    found["campaign"] = _digest(project, choices.campaign, *([choices.board] if options_of_images(project) else []))
     robot = ""
     with suppress(OSError, TaskcalError):
         robot = robot_of(project).digest

@@ -11,7 +11,7 @@ from taskcal.report.calibration import ERRORS
 from taskcal.report.content import Column, Table
 from taskcal.studio.controls import button, choice, facts, line_of_text, number, tabulated, text, tick
 from taskcal.studio.project import LAYOUT, LONGEST, Project, free_name, plain_name
-from taskcal.studio.results import read_result
+from taskcal.studio.results import options_of_images, read_result
 from taskcal.studio.runs import Studio
 from taskcal.studio.steps import begin, is_running, show_run
 from taskcal.studio.texts import Texts
@@ -61,7 +61,7 @@ def arguments_of(project: Project) -> tuple[list[str], str]:
     options = [f"--robot={choices.robot}", f"--output={calibration}", f"--effects={choices.effects}"]
     options += ["--loss=huber"] if choices.robust else []
     options += [f"--holdout={choices.holdout:g}", f"--seed={choices.seed}"] if choices.holdout else []
-    return ["identify", choices.campaign, *options, "--json"], calibration
+    return ["identify", choices.campaign, *options, *options_of_images(project), "--json"], calibration
 
 
 def begin_fit(studio: Studio) -> None:

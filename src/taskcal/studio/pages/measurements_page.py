@@ -16,7 +16,6 @@ from taskcal.campaigns.drift import compensate_drift, observe_reference_points
 from taskcal.campaigns.performance import RepeatedPoses, pose_repeatability
 from taskcal.diagnosis.mistakes import other_convention
 from taskcal.errors import CampaignError, TaskcalError
-from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import campaign_text
 from taskcal.report.chart import SERIES, SHAPES, Axis, Figure, Panel, Series
 from taskcal.report.content import Column, Table
@@ -25,8 +24,8 @@ from taskcal.robot.robot import Robot
 from taskcal.studio.column_editor import ColumnEditor
 from taskcal.studio.controls import button, drop_zone, facts, message, tabulated, text
 from taskcal.studio.measured_rows import MeasuredRows, registered_rows
-from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT, ROBOT_ENDINGS, free_name
-from taskcal.studio.results import examined, robot_of
+from taskcal.studio.project import BOARD_ENDINGS, CAMPAIGN_ENDINGS, LAYOUT, ROBOT_ENDINGS, Project, free_name
+from taskcal.studio.results import examined, options_of_images, read_measured, robot_of, shows_images
 from taskcal.studio.robot_meshes import RobotMeshes, meshes_if_sound
 from taskcal.studio.runs import Status, Studio
 from taskcal.studio.selection import Selection
@@ -112,8 +111,12 @@ async def build(studio: Studio, texts: Texts) -> None:
     if not choices.campaign:
         text("p", texts("measurements.none"))
         return
+    if await asyncio.to_thread(shows_images, project):
+        _boards(project, texts)
+        if not choices.board:
+            return
     try:
-        campaign = await asyncio.to_thread(read_campaign, project.path(choices.campaign), robot)
+        campaign = await asyncio.to_thread(read_measured, project, robot)
     except TaskcalError as error:
         await _unread(error, studio, robot, texts)
         return
@@ -130,6 +133,17 @@ async def build(studio: Studio, texts: Texts) -> None:
         _in_space(campaign, measured, robot, meshes, concerned, selection, texts)
         if not campaign.observations:
             show_course(campaign, texts)
+
+
+def _boards(project: Project, texts: Texts) -> None:
+    """Ask for the boards and the lens of a campaign of images."""
+    text("h2", texts("measurements.boards"))
+    text("p", texts("measurements.boards_how")).classes("quiet")
+    files = {path: path for path in project.files(LAYOUT.boards, BOARD_ENDINGS)}
+    if files:
+        choose_file(project, texts, "board", files)
+    drop_zone(texts, "board", texts("measurements.drop_board"), BOARD_ENDINGS)
+    choose_file(project, texts, "lens", {name: texts(f"measurements.{name}") for name in ("pinhole", "fisheye")})
 
 
 async def _unread(error: TaskcalError, studio: Studio, robot: Robot, texts: Texts) -> None:
@@ -176,7 +190,8 @@ async def _mistakes(studio: Studio, texts: Texts) -> Sequence[Mapping[str, Any]]
     text("h2", texts("measurements.mistakes"))
     now = await asyncio.to_thread(examined, project)
     if now != studio.examined and not is_running(studio.run_of("doctor")):
-        studio.start("doctor", ["doctor", choices.campaign, f"--robot={choices.robot}", "--json"])
+        options = await asyncio.to_thread(options_of_images, project)
+        studio.start("doctor", ["doctor", choices.campaign, f"--robot={choices.robot}", *options, "--json"])
         studio.examined = now
     show_run(studio, "mend", texts)
     around = ui.element("div")
@@ -274,7 +289,8 @@ def mend_finding(studio: Studio, finding: Mapping[str, Any]) -> None:
         place = choices.campaign if choices.campaign.lower().endswith(".csv") else new
         mended = f"{LAYOUT.history}/mended.csv"
         project.path(mended).unlink(missing_ok=True)
-        arguments = ["doctor", choices.campaign, f"--robot={choices.robot}", "--json", "--fix", mended]
+        options = options_of_images(project)
+        arguments = ["doctor", choices.campaign, f"--robot={choices.robot}", *options, "--json", "--fix", mended]
         begin(studio, "mend", arguments, chosen={"campaign": place}, moves={place: mended})
 
 

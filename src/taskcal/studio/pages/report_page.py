@@ -14,7 +14,7 @@ from taskcal.io.toml_file import explain, read_toml
 from taskcal.report.page import ReportHeader
 from taskcal.studio.controls import button, line_of_text, message, set_attribute, text
 from taskcal.studio.project import LAYOUT, Project
-from taskcal.studio.results import report_of
+from taskcal.studio.results import options_of_images, report_of
 from taskcal.studio.runs import Studio
 from taskcal.studio.steps import begin, choose_calibration, is_running, link, show_error, show_run
 from taskcal.studio.texts import Texts
@@ -113,6 +113,6 @@ def arguments_of(project: Project) -> list[str]:
     choices = project.choices
     report, certificate = reports_of(project)
     options = ["--task", choices.task] if choices.task else []
-    options += ["--campaign", choices.campaign] if choices.campaign else []
+    options += ["--campaign", choices.campaign, *options_of_images(project)] if choices.campaign else []
     options += ["--header", LAYOUT.header] if project.path(LAYOUT.header).is_file() else []
     return ["report", choices.calibration, *options, "--output", report, "--certificate", certificate, "--json"]

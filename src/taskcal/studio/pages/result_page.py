@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -21,12 +22,14 @@ from taskcal.report.calibration import (
     tabulate_parameters,
     tabulate_range,
 )
-from taskcal.report.content import Column, Table, millimetres
+from taskcal.report.camera import camera_section
+from taskcal.report.chart import Figure
+from taskcal.report.content import Chart, Column, Table, millimetres
 from taskcal.studio.controls import ValueInput, facts, line_of_text, message, tabulated, text
 from taskcal.studio.measured_rows import MeasuredRows, fitted_rows
 from taskcal.studio.pages.identify_page import result_of_fit
 from taskcal.studio.project import Project
-from taskcal.studio.results import contents
+from taskcal.studio.results import contents, read_measured
 from taskcal.studio.robot_meshes import RobotMeshes, meshes_if_sound
 from taskcal.studio.runs import Studio
 from taskcal.studio.selection import Selection
@@ -89,12 +92,35 @@ async def build(studio: Studio, texts: Texts) -> None:
         with ui.element("details"):
             text("summary", texts("result.left"))
             _by_row(calibration, texts)
+    await _camera(calibration, project, texts)
     with ui.element("details"):
         text("summary", texts("result.range"))
         tabulated(tabulate_range(calibration))
     with ui.element("details"):
         text("summary", texts("result.parameters"))
         tabulated(tabulate_parameters(calibration))
+
+
+async def _camera(calibration: Calibration, project: Project, texts: Texts) -> None:
+    """Camera, hand-eye and corners, as the report has them; nothing without images."""
+    made = await asyncio.to_thread(camera_section, calibration)
+    if made is None:
+        return
+    with suppress(TaskcalError):  # of another campaign than the one that is chosen the corners are not there
+        campaign = await asyncio.to_thread(read_measured, project, calibration.model.robot)
+        made = await asyncio.to_thread(camera_section, calibration, campaign) or made
+    text("h2", texts("result.camera"))
+    for block in made.blocks:
+        if isinstance(block, Table):
+            tabulated(block)
+        elif isinstance(block, Chart):
+            views = {block.title: block.figure} if isinstance(block.figure, Figure) else block.figure
+            (name, first), *others = views.items()
+            figure(name, first, texts, block.note)
+            for name, drawn in others:
+                with ui.element("details"):
+                    text("summary", name)
+                    figure(name, drawn, texts)
 
 
 def _errors(result: Mapping[str, Any], calibration: Calibration, texts: Texts) -> None:

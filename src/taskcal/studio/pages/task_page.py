@@ -10,7 +10,6 @@ from nicegui import ui
 
 from robot_programs.reading import read_program
 from taskcal.errors import TaskcalError
-from taskcal.reading.reader import read_campaign
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.studio.controls import button, drop_zone, line_of_text, message, number, text
@@ -18,7 +17,7 @@ from taskcal.studio.editors import BoxEditor, OrientationEditor
 from taskcal.studio.measured_rows import cell_of
 from taskcal.studio.pages.robot_page import slider_ranges
 from taskcal.studio.project import LAYOUT, PROGRAM_ENDINGS, TASK_ENDINGS, Project, free_name
-from taskcal.studio.results import robot_of
+from taskcal.studio.results import read_measured, robot_of
 from taskcal.studio.robot_meshes import RobotMeshes
 from taskcal.studio.runs import Studio
 from taskcal.studio.steps import choose_file, show_error
@@ -152,7 +151,7 @@ async def begin_task(studio: Studio) -> None:
 def _task_to_begin_with(project: Project, model: ErrorModel) -> Task:
     if project.choices.campaign:
         with suppress(TaskcalError):
-            return measured_task(model, read_campaign(project.path(project.choices.campaign), model.robot).q)
+            return measured_task(model, read_measured(project, model.robot).q)
     return default_task(model)
 
 
