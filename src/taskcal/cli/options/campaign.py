@@ -94,9 +94,16 @@ class TableOptions:
         """Options with which a report shows the images of a campaign; empty without images."""
         if self.board is None:
             return ""
-        given = (("campaign", campaign[0]), ("images", self.images), ("board", self.board))
-        lens = "" if self.lens == "pinhole" else f" --lens {self.lens}"
-        return "".join(f" --{name} {path}" for name, path in given if path is not None) + lens
+        given = {
+            "campaign": campaign[0],
+            "images": self.images,
+            "board": self.board,
+            "image-times": self.image_times,
+            "camera": self.camera,
+            "lens": None if self.lens == "pinhole" else self.lens,
+        }
+        exact = " --camera-exact" if self.camera_exact else ""
+        return "".join(f" --{name} {value}" for name, value in given.items() if value is not None) + exact
 
     @property
     def read_options(self) -> "taskcal.reading.ReadOptions":
