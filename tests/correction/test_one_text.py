@@ -56,6 +56,27 @@ def test_rapid_loop_is_corrected_as_if_written_out(main, routines, cells, end, r
     assert positions(found) == positions(expected)
 
 
+LONG = "".join(f"    h:=h+{k};\n" for k in range(9))
+
+
+@pytest.mark.parametrize("turns", [(1, 1, "(i-1)*60"), (0, 2, "i*30"), (3, -1, "(3-i)*60")])
+def test_targets_of_a_loop_too_long_to_write_out_stand_in_an_array(turns, rapid, calibration, monkeypatch):  # noqa: F811
+    first, step, place = turns
+    monkeypatch.setattr("robot_programs.core.written_out.MAX_NEW_LINES", 20)
+    head = f"FOR j FROM 0 TO 1 DO\n  FOR i FROM {first} TO {first + 2 * step} STEP {step} DO\n"
+    motions = "".join(f"    MoveL Offs(p1,{place},j*-50,{z}),{SLOW}\n" for z in (40, 0))
+    program = rapid(f"{head}{motions}{LONG}  ENDFOR\nENDFOR")
+    found = correct(calibration, program, bounds=FREE_AND_FINE)
+    expected = correct(calibration, rapid(written(PALLET, ONE_BY_ONE)), bounds=FREE_AND_FINE)
+    assert (len(found.corrected), found.rejected) == (12, {})
+    assert len(positions(found)) == 12
+    assert positions(found) <= positions(expected)
+    assert "in arrays" in found.diagnostics[0].text
+    lines = set(found.sources[0].text.split("\n"))
+    assert set(LONG.split("\n")) <= lines
+    assert all(line in lines or "Offs(p1" in line for line in program.sources[0].text.split("\n"))
+
+
 KRL_LOOP = [
     "DECL INT I,J", "FOR J=0 TO 1 ; rows", "  FOR I=0 TO 4 STEP 2", "    LIN XP1:{X I*20,Y J*-50,Z -40,A 0,B 0,C 0}",
     "    LIN XP1:{X I*20,Y J*-50,Z 0,A 0,B 0,C 0}", "  ENDFOR", "ENDFOR", "LIN XP2",

@@ -246,6 +246,10 @@ class FoldedProgram(Program):
         """The program's files with shared text written out; see `Program.written_out`."""
         return self._whole.written_out(numbers)
 
+    def tabled(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
+        """The program's files with targets of loops in arrays; see `Program.tabled`."""
+        return self._whole.tabled(numbers)
+
     def visits(self) -> Iterable[Visit]:
         """Which motions of one path go to one target; see `Program.visits`."""
         return self._whole.visits()

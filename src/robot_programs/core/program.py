@@ -417,6 +417,16 @@ class Program(ABC):
         """
         return None
 
+    def tabled(self, numbers: Collection[int]) -> "tuple[Source, ...] | None":
+        """The program's files with targets of loops in arrays, an element for each turn; None where there is none.
+
+        They do the same, without a longer loop.
+
+        Args:
+            numbers: of motions that have text in common with others.
+        """
+        return None
+
     def visits(self) -> Iterable[Visit]:
         """Which motions of one path go to one target, some of them to a place above it: all are corrected, or none.
 

@@ -8,13 +8,14 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core import se3
-from robot_programs.core.flow import Block, Loop, bodies_of, leaves_loop, lines_in, reached
+from robot_programs.core.flow import Block, Loop, Step, bodies_of, leaves_loop, lines_in, reached
 from robot_programs.core.program import Paths, Waypoint
 from robot_programs.core.source import FreshNames, Source
 
@@ -166,6 +167,12 @@ def written_out(
     return None if all(a is b for a, b in zip(kept, sources, strict=True)) else kept
 
 
+def with_texts(sources: Sequence[Source], named: Mapping[Path, Named], fresh: FreshNames) -> tuple[Source, ...] | None:
+    """Files with other text in place of characters, lines counted as those that they come from; None where one gets too long."""
+    made = [_written_out(one, _Plan(fresh=fresh, named=dict(named.get(one.path, {})))) for one in sources]
+    return None if None in made else tuple(source for source in made if source is not None)
+
+
 def _written_out(source: Source, plan: _Plan) -> Source | None:
     """The file with loops and copies written out, each line counted as the one that it comes from; None where it gets too long."""
     if not (plan.turns or plan.copies or plan.named):
@@ -226,6 +233,15 @@ class _Writer:
         self.fresh = bool(ends) and ends[-1] == len(text)
         self.lines += [self.source.line(at if inserted else at + end) for end in ends if end < len(text)]
         self.parts.append(text)
+
+
+def loops_around(nodes: Block, around: tuple[Loop, ...] = ()) -> Iterator[tuple[Any, tuple[Loop, ...]]]:
+    """Lines of a routine that are steps, each with the loops around it from the outermost on."""
+    for node in nodes:
+        if isinstance(node, Step):
+            yield node.line, around
+        for body in bodies_of(node):
+            yield from loops_around(body, (*around, node) if isinstance(node, Loop) else around)
 
 
 def loops_to_write(

@@ -6,6 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice, pairwise, zip_longest
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -37,8 +38,10 @@ from robot_programs.core.written_out import (
     Shared,
     Turns,
     least_worst,
+    loops_around,
     loops_to_write,
     reaching,
+    with_texts,
     written_out,
 )
 from robot_programs.rapid.changes import Use
@@ -653,9 +656,50 @@ class RapidProgram(Program):
             for routine, context in routines.items()
             for loop in _turns_of(routine, context.file.source, self.turns, reached.__contains__)
         )
+        return written_out(self.sources, turns, _repeated(routines, calls, {r for _, r in texts}), self._fresh_names())
+
+    def _fresh_names(self) -> FreshNames:
         words = (token.key for source in self.sources for token in tokenize(source.text) if token.kind == "name")
-        fresh = FreshNames(words, longest=MAX_NAME_LENGTH, usual=S4_NAME_LENGTH, reserved=RESERVED | set(DATA))
-        return written_out(self.sources, turns, _repeated(routines, calls, {r for _, r in texts}), fresh)
+        return FreshNames(words, longest=MAX_NAME_LENGTH, usual=S4_NAME_LENGTH, reserved=RESERVED | set(DATA))
+
+    def tabled(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
+        """The program's files with targets of loops in arrays; see `Program.tabled`."""
+        own: dict[Instruction, list[Site]] = defaultdict(list)
+        for site in self.sites:
+            own[site.instruction].append(site)
+        shared, fresh = {self.sites[i].instruction for i in numbers}, self._fresh_names()
+        named: dict[Path, dict[tuple[int, int], str]] = defaultdict(dict)
+        for context in self.everywhere:
+            routine, source = context.routine, context.file.source
+            if routine is None:
+                continue
+            found = [
+                (own[line], index)
+                for line, loops in loops_around(routine.nodes)
+                if line in shared and (index := _index_of(own[line], loops, self.turns, context.file)) is not None
+            ]
+            if not found:
+                continue
+            newline, declared = source.newline + source.indent(routine.start) + "  ", list[str]()
+            for sites, (index, sizes) in found:
+                name, argument = fresh.nearest(TABLE), sites[0].end.argument
+                elements = [meant_text(site.end, (None,) * len(site.end.meant)) for site in sites]
+                size = ",".join(map(str, sizes))
+                declared.append(f"{newline}CONST robtarget {name}{{{size}}}:={_listed(elements, sizes, newline)};")
+                named[source.path][argument.start, argument.end] = f"{name}{{{index}}}"
+            at = _behind_header(routine, source.text)
+            named[source.path][at, at] = "".join(declared)
+        sources = with_texts(self.sources, named, fresh) if named else None
+        return sources if sources is not None and self._does_the_same(sources) else None
+
+    def _does_the_same(self, sources: tuple[Source, ...]) -> bool:
+        """Whether other texts of the same files have motions to the same poses, in the same order."""
+        pairs = list(zip_longest(self.motions, self.reread(sources).motions))
+        return all(
+            a is not None and b is not None and a.place == b.place and a.kind == b.kind
+            and (a.end.T is None or b.end.T is None or bool(np.abs(a.end.T - b.end.T).max() < WANTED_TOLERANCE))
+            for a, b in pairs
+        )  # fmt: skip
 
     def wrap(
         self,
@@ -835,6 +879,65 @@ def _turns_of(
 
 COUNT_DECIMALS = 9
 """Of a counter."""
+
+TABLE = "TaskcalTargets"
+"""Name of an array of targets, an element for each turn of a loop."""
+
+MAX_DIMENSIONS = 3
+"""Of an array in RAPID."""
+
+
+def _index_of(
+    sites: Sequence[Site], loops: Sequence[Loop], turns: Mapping[Loop, tuple[float, ...] | None], file: File
+) -> tuple[str, list[int]] | None:
+    """Index by counters of loops that tells the motions of a line apart, and how many elements it has; None where none does."""
+    taken = [turns.get(loop) or () for loop in loops]
+    counters = [loop.line.counter for loop in loops]
+    if not 0 < len(loops) <= MAX_DIMENSIONS or None in counters or len({one.key for one in counters}) < len(counters):
+        return None
+    if len(sites) != math.prod(map(len, taken)) or any(count != int(count) for own in taken for count in own):
+        return None
+    for site in sites:
+        end = site.end
+        if (
+            site.via is not None
+            or end.type != "robtarget"
+            or end.passed
+            or end.root.passed
+            or end.argument_file is not file
+        ):
+            return None
+    parts = [_counted(one.text, own) for one, own in zip(counters, taken, strict=True)]
+    return ",".join(parts), [len(own) for own in taken]
+
+
+def _counted(counter: str, taken: Sequence[float]) -> str:
+    """The number of a turn, from 1 on, by the counter of a loop."""
+    first, step = int(taken[0]), int(taken[1] - taken[0]) if len(taken) > 1 else 1
+    if step == 1:
+        return counter if first == 1 else f"{counter}{1 - first:+d}"
+    if step == -1:
+        return f"{first + 1}-{counter}"
+    return f"({counter}{-first:+d}) DIV {step}+1" if step > 0 else f"({first}-{counter}) DIV {-step}+1"
+
+
+def _listed(elements: Sequence[str], sizes: Sequence[int], newline: str) -> str:
+    """An array, each element in a line of its own."""
+    if len(sizes) == 1:
+        return "[" + ",".join(f"{newline}  {one}" for one in elements) + "]"
+    inner = len(elements) // sizes[0]
+    rows = (_listed(elements[k : k + inner], sizes[1:], newline) for k in range(0, len(elements), inner))
+    return "[" + ",".join(rows) + "]"
+
+
+def _behind_header(routine: Routine, text: str) -> int:
+    """Place in front of what a routine declares: the end of its header's line, or of its header where more stands there."""
+    at = routine.name.end
+    if text[at : routine.end].lstrip().startswith("("):
+        at = text.index(")", at) + 1
+    line_end = text.find("\n", at)
+    rest = text[at:line_end].strip()
+    return at if rest and not rest.startswith("!") else at + len(text[at:line_end].rstrip("\r"))
 
 
 def _repeated(

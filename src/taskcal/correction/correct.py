@@ -715,18 +715,25 @@ def correct(
 
     first = best = corrected(program)
     written_out, of_text, written = program, best[1], program
+    ways, chosen = list[str](), tuple[str, ...]()
     for _ in range(MAX_WRITING_OUT if of_text else 0):
-        sources = written_out.written_out(of_text)
+        sources, way, together = written_out.written_out(of_text), WRITTEN_OUT, frozenset[int]()
+        if sources is None and TABLED not in ways:
+            way, together = TABLED, _together(written_out, of_text)
+            sources = written_out.tabled(of_text) if together else None
         if sources is None:
             break
+        ways.append(way)
         progress("writing out what several motions have in common")
         written_out = written_out.reread(sources)
         found, of_text = corrected(written_out)
+        if together & found.rejected.keys():
+            break  # an array has lost which motions go to a place above which others
         if len(of_text) * len(best[0].program.motions) < len(best[1]) * len(found.program.motions):
-            best, written = (found, of_text), written_out
+            best, written, chosen = (found, of_text), written_out, tuple(dict.fromkeys(ways))
         if not of_text:
             break
-    found = best[0] if best is first else _with_written_out(best[0], program)
+    found = best[0] if best is first else _with_written_out(best[0], program, chosen)
     if module is None:
         return found
     if best[1]:
@@ -741,15 +748,27 @@ MAX_WRITING_OUT = 4
 """Loops, routines that are called in their turns, loops in those, and routines again: who writes a program nests no deeper."""
 
 
-def _with_written_out(found: Correction, program: Program) -> Correction:
-    """The correction of a program written out, with a diagnostic that says so."""
+def _together(program: Program, of_text: frozenset[int]) -> frozenset[int]:
+    """Motions that are to be corrected together with some, themselves included; none where one of them was not resolved."""
+    visits = tuple(program.visits())
+    targets = {visit.target for visit in visits if visit.number in of_text}
+    numbers = {visit.number for visit in visits if visit.target in targets}
+    return frozenset[int]() if None in numbers else of_text.union(number for number in numbers if number is not None)
+
+
+WRITTEN_OUT = "loops are written turn by turn, or routines once for each call"
+TABLED = "targets of loops stand in arrays, an element for each turn"
+"""How text for several motions got numbers for each of them."""
+
+
+def _with_written_out(found: Correction, program: Program, ways: Sequence[str]) -> Correction:
+    """The correction of a program written out, with a diagnostic that says so, and how."""
     before = [source.text.count("\n") for source in program.sources]
     after = [source.text.count("\n") for source in found.program.sources]
     said = [
         Diagnostic(
             place=Place(path=source.path, line=1),
-            text=f"is {new - old} lines longer: loops are written turn by turn, or routines once for each call, where "
-            "their motions need different corrections",
+            text=f"is {new - old} lines longer: {', and '.join(ways)}, where their motions need different corrections",
         )
         for source, old, new in zip(program.sources, before, after, strict=True)
         if new != old
