@@ -153,9 +153,9 @@ def test_shared_number_gets_the_value_of_least_largest_error(language, rapid, kr
 
 @pytest.mark.parametrize(("zone", "corrected"), [("z10", set()), ("fine", {"p2"})])
 def test_path_with_a_motion_that_stays_is_left_whole(zone, corrected, rapid, calibration):  # noqa: F811
-    """A loop that hides its counter is not written out; a motion that follows without a stop stays with it."""
-    hides = "FOR i FROM 0 TO 0 DO\nh:=i;\nENDFOR\n"
-    loop = f"FOR i FROM 0 TO 2 DO\nMoveL Offs(p1,i*60,0,0),{SLOW.replace('fine', zone)}\n{hides}ENDFOR\n"
+    """A WHILE with a label is not written out, nor has it an array; a motion that follows without a stop stays with it."""
+    turn = f"MoveL Offs(p1,h*60,0,0),{SLOW.replace('fine', zone)}\nodd:\nh:=h+1;\n"
+    loop = f"h:=0;\nWHILE h<3 DO\n{turn}ENDWHILE\n"
     program = rapid(f"{loop}MoveL p2,{SLOW}")
     found = correct(calibration, program, bounds=FREE_AND_FINE)
     assert len(program.motions) == 4
