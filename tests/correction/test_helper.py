@@ -78,8 +78,9 @@ def test_computed_targets_alone_are_wrapped(program, calibration):
 
 
 def test_motions_whose_text_others_have_are_corrected_at_run_time(program, calibration, monkeypatch):
-    """Where it cannot be written out."""
-    monkeypatch.setattr(RapidProgram, "written_out", lambda self, numbers: None)
+    """Where it cannot be written out, nor has an array."""
+    for way in ("written_out", "tabled"):
+        monkeypatch.setattr(RapidProgram, way, lambda self, numbers: None)
     text = program.sources[0].text.split("  PROC")[0]
     text += "  PROC main()\n    VAR robtarget p;\n    MoveJ p10,v100,fine,tSpindle\\WObj:=wTable;\n    FOR i FROM 1 TO 3 DO\n"
     text += "      MoveJ Offs(p10,90*i,0,0),v100,fine,tSpindle\\WObj:=wTable;\n    ENDFOR\n  ENDPROC\nENDMODULE\n"
