@@ -12,7 +12,7 @@ from robot_programs import Frame, read_program
 from robot_programs.core import folded
 from robot_programs.core.folded import FoldedProgram
 from robot_programs.core.program import Program, Surroundings, Target
-from robot_programs.core.source import read_source
+from robot_programs.core.source import Source, read_source
 from robot_programs.languages import language_of
 from robot_programs.reading import parse_program
 
@@ -167,6 +167,28 @@ def test_folded_programs_are_what_all_lines_say(name: str, tmp_path: Path, monke
         if isinstance(one, FoldedProgram):
             assert list(one.visits()) or not list(other.visits())
     assert times > 5, "hardly any of these programs was folded"
+
+
+POINT = "GOTO/{}.,0.,0."
+MOVEL = "movel(p[0.5,{},0,0,3.1,0], a=1.2, v={}st)"
+
+
+@pytest.mark.parametrize(
+    ("name", "head", "lines"),
+    [
+        ("m.script", ["fast = 0.2", "Fast = 0.5"], [MOVEL.format(k / 9, "Fa" if k == 4 else "fa") for k in range(9)]),
+        ("m.apt", ["UNITS/INCHES"], [POINT.format(k % 4) for k in (4, *range(4, 9))]),
+        ("m.apt", [], [POINT.format(2000000000 if k == 4 else k) for k in range(9)]),
+    ],
+)
+def test_a_line_between_alike_ones_is_not_taken_for_them(name, head, lines, monkeypatch):
+    monkeypatch.setattr(folded, "MIN_RUN", 4)
+    monkeypatch.setattr(folded, "MIN_FOLDED", 1)
+    language, around = language_of(Path(name)), Surroundings(tool=TOOL)
+    sources = (Source.of(Path(name), "\n".join([*head, *lines, ""]).encode()),)
+    one, other = parse_program(sources, tool=TOOL), language.read(sources, around)
+    assert said(one) == said(other)
+    np.testing.assert_allclose([a.end.T for a in one.motions], [b.end.T for b in other.motions], atol=1e-12)
 
 
 def test_a_long_program_is_edited_as_a_short_one(tmp_path: Path):

@@ -23,6 +23,7 @@ from robot_programs.apt.syntax import (
     ENDING,
     FEEDS,
     HARMLESS,
+    MAX_NUMBER,
     UNITS,
     UNREAD_MOTIONS,
     Statement,
@@ -534,12 +535,12 @@ class Resolver:
 def literal_poses(rows: Float[np.ndarray, "n k"], like: Motion) -> Float[np.ndarray, "n 4 4"] | None:
     """The poses of points in the unit of a motion, which is that of the last one, with its tool axis where they state none."""
     T = like.end.T
-    if T is None or not np.isfinite(rows).all():
+    last = float(np.abs(rows[-1, :3]).max())  # of zeros no unit is known
+    if T is None or not last or np.abs(rows).max() > MAX_NUMBER:
         return None
     stated = len(rows[0]) > 3
     if stated and np.abs(np.linalg.norm(rows[:, 3:], axis=1) - 1.0).max() > 0.9 * UNIT_TOLERANCE:
         return None
-    last = float(np.abs(rows[-1, :3]).max())
     unit = min(UNITS.values(), key=lambda unit: abs(unit * last - np.abs(T[:3, 3]).max()))
     axes = (
         rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)

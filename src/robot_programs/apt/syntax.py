@@ -11,7 +11,7 @@ from robot_programs.core.source import lines_of
 SEPARATORS = "/,()="
 _TOKEN = re.compile(r"[/,()=]|[^/,()=]+")
 _NUMBER = re.compile(r"[+-]?(\d+(?:\.\d*)?|\.\d+)([eE][+-]?\d+)?")
-_MAX_NUMBER = 1e9
+MAX_NUMBER = 1e9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +28,7 @@ class Token:
         if not _NUMBER.fullmatch(self.text):
             return None
         value = float(self.text)
-        return value if abs(value) <= _MAX_NUMBER else None
+        return value if abs(value) <= MAX_NUMBER else None
 
 
 def tokenize(text: str, start: int, end: int) -> list[Token]:

@@ -117,7 +117,7 @@ def _alike(line: re.Match[str]) -> re.Pattern[str]:
     stated = [span for span in line.regs[1:] if span != (-1, -1)]
     spans = [(line.start(), line.start()), *stated, (line.end(), line.end())]
     texts = [re.escape(line.string[a[1] : b[0]]) for a, b in pairwise(spans)]
-    return re.compile(f"({NUMBER})".join(_BLANK.sub(r"[ \\t]+", text) for text in texts), re.IGNORECASE)
+    return re.compile(f"({NUMBER})".join(_BLANK.sub(r"[ \\t]+", text) for text in texts))
 
 
 def _shortened(source: Source, runs: Sequence[_Run]) -> Source:
