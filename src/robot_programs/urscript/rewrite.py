@@ -232,13 +232,16 @@ class UrscriptProgram(Program):
     ) -> dict[int, tuple[Waypoint, ...]]:
         """One value where motions share their numbers; see `Program.least_worst`."""
         groups: dict[object, list[Shared]] = defaultdict(list)
-        others = set[object]()
+        others, stated = set[object](), dict[object, Six]()
         for i, site in enumerate(self.sites):
             for point in site.points:
                 numbers_of = site.text if point.literal is None else point.literal
                 part = np.eye(4) if point.feature else point.T  # numbers count in the feature, or in the base
                 base, target = part.__matmul__, se3.inverse(part).__matmul__
-                if point.joints or len(site.points) > 1:
+                same = (
+                    stated.setdefault(numbers_of, point.values) == point.values
+                )  # else they are computed, turn by turn
+                if point.joints or len(site.points) > 1 or not same:
                     others.add(numbers_of)
                 groups[numbers_of].append(Shared(number=i, base=base, target=target))
         out: dict[int, tuple[Waypoint, ...]] = {}
