@@ -8,7 +8,9 @@ import pytest
 from taskcal.errors import TaskcalError, UnknownName
 from taskcal.live.devices import DeviceError, controllers, instrument_of, instruments
 from taskcal.live.folder import Folder
+from taskcal.live.hand import Hand
 from taskcal.live.lines import Columns
+from taskcal.robot.catalogue import load_robot
 
 HEADERS = [
     ("x_mm y_mm z_mm", "1.5 -2.5 3.5"),
@@ -47,7 +49,7 @@ def test_what_is_no_point_is_refused_or_lost() -> None:
 def test_lines_that_are_added_are_shots_once_they_are_whole(tmp_path: Path, stated: str) -> None:
     """What stood there before does not count; half a line waits; a new file of the folder is read, too."""
     first, second = tmp_path / "a.txt", tmp_path / "b.csv"
-    first.write_text("x_mm y_mm z_mm\n1 1 1\n")
+    first.write_text("x_mm y_mm z_mm\n1 1 1\nwhatever it was\n")
     with Folder.open(str(tmp_path), 0.0, stated) as folder:
         assert folder.read(0.0) is None
         with first.open("a") as file:
@@ -80,3 +82,13 @@ def test_registries_know_their_own() -> None:
     assert {"folder", "virtual"} <= set(instruments())
     with pytest.raises(DeviceError, match="instrument-address"):
         Folder.open("nowhere", 0.0)
+
+
+def test_joints_that_are_typed_are_those_of_the_pose() -> None:
+    """A value that is mistyped is asked for again, and not taken for another pose."""
+    typed = ["0 -90 90 0 0 0", "10 -90 95 0 0 0", "10,5 -91 90 0 0 0"]
+    asked: list[str] = []
+    hand = Hand(load_robot("ur5"), ask=lambda text: asked.append(text) or typed[len(asked) - 1])
+    hand.show(np.radians([10.0, -90.0, 90.0, 0.0, 0.0, 0.0]))
+    np.testing.assert_allclose(np.degrees(hand.read(1.0).joints), [10.5, -91.0, 90.0, 0.0, 0.0, 0.0])
+    assert ["J1_deg is 10.0 from" in asked[1], "J3_deg is 5.0 from" in asked[2]] == [True, True]

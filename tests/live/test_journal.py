@@ -79,6 +79,10 @@ def test_another_campaign_is_not_gone_on_with(tmp_path: Path) -> None:
     _begun(path)
     with pytest.raises(FileError, match="already"):
         Journal(path, ROBOT).begin({"seed": 1})
+    path.rename(tmp_path / "d.csv")
+    with pytest.raises(FileError, match="remove it"):
+        Journal(path, ROBOT).begin({"seed": 1})
+    (tmp_path / "d.csv").rename(path)
     with pytest.raises(FileError, match="another seed"):
         Journal(path, ROBOT).resume({"seed": 2})
     with pytest.raises(FileError, match="columns"):

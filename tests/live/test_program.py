@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import taskcal as tc
-from taskcal.errors import TaskcalError
+from taskcal.errors import FileError, TaskcalError
 from taskcal.live.devices import Instrument, Shot
 from taskcal.live.hand import Hand
-from taskcal.live.journal import Journal
+from taskcal.live.journal import Journal, Row
 from taskcal.live.program import NAMED_ROWS, Program, ProgramRunner
 from taskcal.live.runner import Answer, Event, Outcome, Question
 from taskcal.live.steering import Steering
@@ -40,6 +40,8 @@ class Session:
         self.asked: list[str] = []
         self.left: tuple[str, ...] = ()
         self.lies: set[int] = set()
+        self.busy: int | None = None
+        """Rows after which nothing is read for a while."""
         cell = VirtualController.open("3", ROBOT, 1.0).cell
         self.visited = deque(visits)
         """Those to come; the first is where the robot is."""
@@ -65,6 +67,9 @@ class Session:
             self.notes.append(event.text)
         if event.left is not None:
             self.left = event.left.ids
+        if event.state is not None and event.kind == "state" and event.state.rows == self.busy:
+            for _ in range(600):
+                self.taker.controller.read(1.0)
 
     def _ask(self, question: Question) -> Answer:
         self.asked.append(question.text)
@@ -114,8 +119,9 @@ def test_rows_of_a_program_are_those_of_the_joints_read(tmp_path: Path) -> None:
     order = np.concatenate([order[:10], order[5:6], order[10:]])
     session = Session(tmp_path / "c.csv", order)
     outcome = session.run()
-    assert (outcome.reason, session.asked, session.notes) == ("proven", [], [])
-    rows = session.journal.rows[1:]  # the first is where the robot stood before the program
+    assert (outcome.reason, session.asked) == ("proven", [])
+    rows = session.journal.rows[1:]  # the first is where the robot stood before the program, which is said
+    assert ["at no pose" in note for note in session.notes] == [True]
     for row, k in zip(rows, order, strict=False):
         assert np.abs(row.joints - PROGRAM.q[k]).max() < 1e-4
     said = [row.purpose for row in rows]
@@ -157,3 +163,34 @@ def test_a_robot_that_leaves_too_early_leaves_its_pose_over(tmp_path: Path, monk
     assert session.run().reason == "stopped"
     assert len(session.journal.rows) == 1
     assert "no row: the robot moved" in session.notes[0]
+
+
+def test_a_pose_that_the_robot_left_unread_is_said(tmp_path: Path) -> None:
+    """While a fit takes half a minute the program goes on."""
+    session = Session(tmp_path / "c.csv", np.arange(29))
+    session.aim, session.busy = replace(session.aim, most=5), 3
+    session.run()
+    assert ["went on while nothing was read" in note for note in session.notes] == [False, True]
+    assert PROGRAM.ids[2] in session.left
+
+
+def test_named_poses_are_judged_by_rows_of_their_station(tmp_path: Path) -> None:
+    """After a move by those of the new place alone, however few there were at the old one."""
+    session = Session(tmp_path / "c.csv", np.arange(6, 9), by_hand=True)
+    points = VirtualController.opened[0].points(PROGRAM.q)
+    row = Row(number=1, purpose="chosen", station=1, time_s=0.0, joints=PROGRAM.q[0], point=points[0, [1, 2, 0]])
+    session.journal.append(row)
+    session.journal.note({"moved": 2, "excluded": []})
+    for k in range(1, 1 + NAMED_ROWS):
+        session.journal.append(replace(row, number=k + 1, station=2, joints=PROGRAM.q[k], point=points[k]))
+    with pytest.raises(TaskcalError, match="the program has ended"):
+        session.run()
+    assert [PROGRAM.at(row.joints) for row in session.journal.rows[-3:]] == [6, 7, 8]
+    assert not session.asked
+
+
+def test_a_plan_that_the_robot_cannot_visit_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "plan.csv"
+    path.write_text("J1_deg,J2_deg,J3_deg,J4_deg,J5_deg,J6_deg\n0,-90,90,0,0,0\n0,-90,9000,0,0,0\n")
+    with pytest.raises(FileError, match=r":3.*J3 = 9000"):
+        Program.read(path, ROBOT)

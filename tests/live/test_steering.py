@@ -145,7 +145,11 @@ def test_a_look_is_made_where_expected_errors_pass_it(share: float, look: int) -
 
 def test_a_campaign_of_another_aim_is_refused(measured: Steering, tmp_path: Path) -> None:
     """Settings hold what the choice of poses depends on."""
-    other = replace(AIM, seed=4)
-    assert other.settings != AIM.settings
-    with pytest.raises(tc.TaskcalError, match="seed"):
-        Journal(measured.journal.path, ROBOT).resume(other.settings)
+    assert AIM.task.workspace is not None
+    larger = replace(AIM.task.workspace, size=AIM.task.workspace.size * 1.1)
+    for name, other in (
+        ("seed", replace(AIM, seed=4)),
+        ("task", replace(AIM, task=replace(AIM.task, workspace=larger))),
+    ):
+        with pytest.raises(tc.TaskcalError, match=f"another {name}"):
+            Journal(measured.journal.path, ROBOT).resume(other.settings)

@@ -51,8 +51,7 @@ class Folder(Instrument):
                 "tracker's software writes to (--instrument-address)"
             )
         out = cls(path, Columns.of(columns) if columns else None)
-        out._look()
-        out._shots.clear()
+        out._look(old=True)
         return out
 
     def read(self, timeout_s: float) -> Shot | None:
@@ -69,7 +68,7 @@ class Folder(Instrument):
     def close(self) -> None:
         """Nothing is open between two looks."""
 
-    def _look(self) -> None:
+    def _look(self, *, old: bool = False) -> None:
         """Take up the lines that were added since the look before, up to the last that is whole.
 
         Raises:
@@ -79,13 +78,13 @@ class Folder(Instrument):
             within = sorted(self._path.iterdir()) if self._path.is_dir() else [self._path]
             for path in within:
                 if path == self._path or (path.suffix.lower() in SUFFIXES and path.is_file()):
-                    self._follow(path)
+                    self._follow(path, old=old)
         except OSError as error:
             raise DeviceError(
                 f"{self._path} cannot be read any more: {error.strerror or error}; see that it is there, and resume"
             ) from error
 
-    def _follow(self, path: Path) -> None:
+    def _follow(self, path: Path, *, old: bool) -> None:
         followed = self._files.setdefault(path, _Followed(read=0, lines=Lines(self._columns, str(path))))
         size = path.stat().st_size
         if size < followed.read:
@@ -99,6 +98,6 @@ class Folder(Instrument):
             added = file.read()
         whole = added[: added.rfind(b"\n") + 1]
         for line in whole.decode("utf-8-sig", "replace").splitlines():
-            if shot := followed.lines.shot(line, time.monotonic()):
+            if shot := followed.lines.shot(line, time.monotonic(), old=old):
                 self._shots.append(shot)
         followed.read += len(whole)

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from taskcal.errors import shown
 from taskcal.live.devices import Controller, DeviceError, JointReading
+from taskcal.live.stillness import Rules
 from taskcal.robot.robot import Robot
 
 
@@ -21,7 +22,7 @@ class Hand(Controller):
     def __init__(self, robot: Robot, ask: Callable[[str], str] | None = None):
         self._robot, self._ask = robot, ask
         slides = robot.prismatic
-        self._shown = ""
+        self._shown, self._pose = "", np.full(len(slides), np.nan)
         self._names = [f"{name}_{'mm' if s else 'deg'}" for name, s in zip(robot.joint_names, slides, strict=True)]
         self._units = np.where(slides, 1e-3, np.pi / 180.0)
 
@@ -42,6 +43,7 @@ class Hand(Controller):
 
     def show(self, joints: Float[np.ndarray, " joints"]) -> None:
         """Remember the pose, to show it with the question."""
+        self._pose = joints
         self._shown = " ".join(
             f"{name}={value:.3f}" for name, value in zip(self._names, joints / self._units, strict=True)
         )
@@ -82,4 +84,8 @@ class Hand(Controller):
             return None, f"'{shown(text.strip())}' are not numbers alone.\n"
         if not np.isfinite(joints).all() or not self._robot.inside_limits(joints[None])[0]:
             return None, "beyond the robot's limits; see the order of the joints and their signs.\n"
+        off = np.abs(joints - self._pose) / self._units
+        if (off * self._units > Rules.arrived).any():
+            far = int(off.argmax())
+            return None, f"{self._names[far]} is {off[far]:.1f} from the pose; go nearer, or mend what was typed.\n"
         return joints, ""

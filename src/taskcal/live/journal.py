@@ -64,9 +64,12 @@ class Journal:
         Raises:
             FileError: a file is there already, or cannot be written.
         """
-        for path in (self.path, self.notes_path):
-            if path.exists():
-                raise FileError(path, "is there already; go on with it (--resume), or give another name")
+        if self.path.exists():
+            raise FileError(self.path, "is there already; go on with it (--resume), or give another name")
+        if self.notes_path.exists():
+            raise FileError(
+                self.notes_path, f"belongs to a campaign {self.path.name} that is gone; remove it, or give another name"
+            )
         _append(self.notes_path, json.dumps({"settings": dict(settings)}) + "\n")
         _append(self.path, self._lines([])[0])
         folder = os.open(self.path.resolve().parent, os.O_RDONLY)
@@ -82,12 +85,16 @@ class Journal:
         """
         if not self.path.exists() or not self.notes_path.exists():
             lacking = self.notes_path if self.path.exists() else self.path
-            raise FileError(lacking, "is not there, so that nothing can be gone on with; begin without --resume")
+            raise FileError(
+                lacking, "is not there, so that nothing can be gone on with; begin another one without --resume"
+            )
         try:
             self.notes = tuple(json.loads(line) for line in self._whole_lines(self.notes_path))
         except ValueError as error:
             raise FileError(self.notes_path, "is damaged; begin another campaign") from error
-        begun = self.notes[0].get("settings", {}) if self.notes else {}
+        if not self.notes or "settings" not in self.notes[0]:
+            raise FileError(self.notes_path, "does not state how the campaign was begun; begin another campaign")
+        begun = self.notes[0]["settings"]
         for name, value in settings.items():
             if begun.get(name) != value:
                 raise FileError(

@@ -80,7 +80,10 @@ class Columns:
             point = np.array([float(with_point(cell, "," if comma else ".")) for cell in own]) * self.metres
         except ValueError:
             wrong = next((cell for cell in own if not _NUMBER.fullmatch(cell)), own[0])
-            raise TaskcalError(f"'{shown(line)}': '{shown(wrong)}' is not a number") from None
+            raise TaskcalError(
+                f"'{shown(line)}': '{shown(wrong)}' is not a number; have points alone written, or # before other lines, and "
+                "resume (--resume)"
+            ) from None
         return point if point.any() and np.isfinite(point).all() else np.full(3, np.nan)
 
 
@@ -96,8 +99,8 @@ class Lines:
         """
         self._columns, self._source, self._begun = columns, source, False
 
-    def shot(self, line: str, time_s: float) -> Shot | None:
-        """The point of a line that arrived then; None for one without.
+    def shot(self, line: str, time_s: float, *, old: bool = False) -> Shot | None:
+        """The point of a line that arrived then; None for one without, or that is old, of which the header alone counts.
 
         Raises:
             DeviceError: the line is not as it was stated.
@@ -110,7 +113,7 @@ class Lines:
             if self._columns is None:
                 self._columns = Columns.of(line)
                 return None
-            if first and not any(_NUMBER.fullmatch(cell) for cell in _split(line)):
+            if old or (first and not any(_NUMBER.fullmatch(cell) for cell in _split(line))):
                 return None  # a header, beside the columns that were stated
             return shot_at(self._columns.point(line), time_s)
         except TaskcalError as error:

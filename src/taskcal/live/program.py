@@ -15,7 +15,6 @@ from taskcal.live.journal import Purpose, Row
 from taskcal.live.runner import Event, Left, Outcome, Runner
 from taskcal.live.steering import KEPT_OUT_EVERY, MIN_KEPT_OUT, REFERENCE_EVERY, State, Step, as_campaign
 from taskcal.live.stillness import MissedError, Rules, Taken
-from taskcal.reading.reader import read_campaign
 from taskcal.reading.readings import no_joint, read_joints
 from taskcal.robot.robot import Robot
 from taskcal.tables.forms import read_csv
@@ -44,7 +43,7 @@ class Program:
         """Read the table that ``taskcal plan`` wrote beside the program.
 
         Raises:
-            FileError: it has no joints of the robot, or no rows.
+            FileError: it has no joints of the robot, no rows, or a pose beyond the robot's limits.
         """
         table = read_csv(path)
         q = read_joints(table, robot)
@@ -52,6 +51,9 @@ class Program:
             raise table.header_error(no_joint(robot, 0))
         if not len(q):
             raise FileError(path, "has no poses; give the table that taskcal plan wrote with the program (-o)")
+        if beyond := robot.outside_limits(q):
+            row, reason = beyond[0]
+            raise table.error(f"{reason}; give the table that taskcal plan wrote for this robot", row)
         ids = table.texts("id") if "id" in table else [str(row + 1) for row in range(len(q))]
         return cls(ids=tuple(ids), q=q, within=Rules.arrived)
 
@@ -111,6 +113,8 @@ class ProgramRunner(Runner):
         self.taker = replace(self.taker, rules=replace(self.taker.rules, tries=1))
         self._leaves = True
         self._noted = ""
+        self._read_s: float | None = None
+        """When the joints of the last row were read, until the next are."""
         self._point: Float[np.ndarray, " 3"] | None = None
         if self._journal.rows:
             self._here, self._point = self._journal.rows[-1].joints, self._journal.rows[-1].point
@@ -160,12 +164,19 @@ class ProgramRunner(Runner):
 
     def _next(self) -> Row | None:
         """The row of the next standstill; None where it has none."""
+        self._see_whether_it_went_on()
         try:
             taken = self._taken()
         except MissedError as missed:
             self._note(f"no row: {missed}")
             return None
-        self._noted, self._leaves, self._point = "", True, taken.point
+        self._noted, self._leaves, self._point, self._read_s = "", True, taken.point, taken.time_s
+        if self.program.at(taken.joints) is None:
+            off = np.abs(self.program.q - taken.joints).max(axis=1)
+            self._note(
+                f"the robot stands at no pose of the program (the nearest, {self.program.ids[int(off.argmin())]}, is "
+                f"{np.degrees(off.min()):.0f}° off); what is measured here is taken as a row all the same"
+            )
         step = Step(len(self._journal.rows) + 1, self._purpose(taken.joints), taken.joints)
         row = self._row_of(step, taken)
         if step.purpose == "reference":
@@ -178,6 +189,19 @@ class ProgramRunner(Runner):
         except MissedError:
             self._note("the robot left before the row could be measured again, which is dropped")
             return None
+
+    def _see_whether_it_went_on(self) -> None:
+        """Tell of a time in which nothing was read, as in a fit, and in which the robot went on: it may have stood there."""
+        since, self._read_s = self._read_s, None
+        if since is None or self._here is None or not self.taker.controller.streams:
+            return
+        one = self.taker.controller.read(self.taker.rules.read_s)
+        away_s, moved = one.time_s - since, np.abs(one.joints - self._here) > self.taker.rules.left
+        if away_s > self.taker.rules.settle_s and moved.any():
+            self._note(
+                f"the robot went on while nothing was read for {away_s:.0f} s, as in a fit; a pose where it stood only then stays "
+                "left: let it wait longer (taskcal plan --wait-s)"
+            )
 
     def _purpose(self, joints: Float[np.ndarray, " joints"]) -> Purpose:
         """What a row is for, by where it was measured: a pose that was measured before shows whether anything has moved."""
@@ -269,15 +293,13 @@ class ProgramRunner(Runner):
         Raises:
             TaskcalError: rows that were measured are too far from there themselves.
         """
-        model, rows = self.steering.aim.model, [replace(self._journal.rows[k], station=1) for k in named]
-        campaign = read_campaign(self._journal.path, model.robot).take(np.array(named))
+        rows, campaign = [self._journal.rows[k] for k in named], self._journal.campaign(np.array(named))
         wrong = "the poses that were named do not fit their points: {}; begin another campaign, and name them anew"
         try:
-            nominal = fit_nominal(model, campaign, FitOptions())
+            nominal = fit_nominal(self.steering.aim.model, campaign, FitOptions())
         except CampaignError as error:
             raise TaskcalError(wrong.format(error)) from error
         own = np.linalg.norm(residuals_on(nominal, as_campaign(rows, nominal))[:, 0], axis=1)
         if own.max() > NOMINAL_WITHIN_M:
             raise TaskcalError(wrong.format(f"row {rows[int(own.argmax())].number} is {own.max() * 1e3:.0f} mm off"))
-        there = as_campaign([replace(one, station=1) for one in tried], nominal)
-        return np.linalg.norm(residuals_on(nominal, there)[:, 0], axis=1)
+        return np.linalg.norm(residuals_on(nominal, as_campaign(tried, nominal))[:, 0], axis=1)

@@ -3,10 +3,12 @@
 The same rows give the same next pose, whether the measurement went on without a stop or was resumed.
 """
 
+import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from hashlib import sha256
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,6 +68,12 @@ SAME_POSE = float(np.radians(3.0))
 """All joints nearer than that, radians or metres, are one pose, which is not chosen again."""
 
 
+def _digest(data: Task | Station) -> str:
+    """Changes with whatever it states, of which a name says nothing."""
+    text = json.dumps(asdict(data), default=lambda array: array.tolist(), sort_keys=True)
+    return sha256(text.encode()).hexdigest()[:16]
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Aim:
     """What is to be proven, and how far to go for it."""
@@ -87,9 +95,11 @@ class Aim:
     @property
     def settings(self) -> dict[str, Any]:
         """With which a campaign has to go on."""
+        task = _digest(replace(self.task, accuracy=None))
         return {
             "robot": self.model.robot.digest,
-            "task": self.task.name,
+            "task": f"{self.task.name} ({task})",
+            "station": None if self.station is None else _digest(self.station),
             "tolerance_mm": None if self.tolerance is None else self.tolerance * 1e3,
             "seed": self.seed,
             "candidates": self.candidates,

@@ -189,8 +189,13 @@ class VirtualTracker(Instrument):
         """See the robot of the virtual controller.
 
         Raises:
-            DeviceError: there is none.
+            DeviceError: there is none, or an address or columns are given.
         """
+        if address is not None or columns:
+            given = shown(columns if address is None else address)
+            raise DeviceError(
+                f"the instrument 'virtual' has no address and no columns, and '{given}' is given; leave it out"
+            )
         if not VirtualController.opened:
             raise DeviceError("the instrument 'virtual' measures the robot of --controller virtual, and none is open")
         return cls(VirtualController.opened[0])
