@@ -66,6 +66,11 @@ def test_the_true_tool_goes_to_the_targets_of_a_tp_program(program, calibration)
     assert np.linalg.norm(before - wanted, axis=1).min() > 2e-4
 
 
+def test_a_tp_program_that_was_read_without_its_robot_is_refused(program, calibration):
+    with pytest.raises(TaskcalError, match="read without its robot"):
+        correct(calibration, read_tp(program.sources), bounds=COARSE)
+
+
 def test_lines_and_arcs_are_divided_in_the_text(program, calibration):
     coarse = correct(calibration, program, bounds=COARSE)
     between = coarse.after.length[~coarse.after.at_target].max()

@@ -316,6 +316,8 @@ class Program(ABC):
     """Where the program's files say that the robot stands; None where they do not, and the world is taken for its base."""
     base_from: str = "the program's files"
     """What says it."""
+    base_missing: str = ""
+    """What the program counts from, where only the robot tells where that is and it was not given."""
     backup: Backup | None = None
     """The folder or zip file that it was found in; None of files that were named."""
     read: Callable[[tuple[Source, ...]], "Program"] | None = None

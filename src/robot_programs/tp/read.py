@@ -529,6 +529,7 @@ def read_tp(
         diagnostics=tuple(findings.diagnostics),
         T_world_base=None if robot is None else se3.inverse(T_base_world),
         base_from="FANUC's world frame, on axis 1 at the height of axis 2",
+        base_missing="FANUC's world frame" if robot is None else "",
         sites=tuple(findings.sites),
         unresolved=tuple(findings.unresolved),
         read=partial(read_tp, robot=robot, tool=tool, part=part),

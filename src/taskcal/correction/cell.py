@@ -423,8 +423,13 @@ def mount(program: Program, cell: Cell) -> Mounted:
     """Count a program's motions in the robot's base, by what the cell file says of base and external axes.
 
     Raises:
-        TaskcalError: cell file and program place the robot differently.
+        TaskcalError: cell file and program place the robot differently, or the program was read without the robot that it needs.
     """
+    if program.base_missing:
+        raise TaskcalError(
+            f"{program.sources[0].path} counts from {program.base_missing} and was read without its robot; "
+            "read it with read_program(…, robot=calibration.model.robot)"
+        )
     stated, said = program.T_world_base, cell.T_world_base
     if stated is not None and said is not None and np.abs(stated - said).max() > MAX_BASE_DIFFERENCE:
         raise TaskcalError(
