@@ -1,5 +1,6 @@
 """Points in lines: the format is stated once, half-written lines wait, and nothing is guessed."""
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -54,14 +55,16 @@ def test_lines_that_are_added_are_shots_once_they_are_whole(tmp_path: Path, stat
         assert folder.read(0.0) is None
         with first.open("a") as file:
             file.write("2 2 2\n3 3")
+        time.sleep(0.4)
         shot = folder.read(0.0)
         assert shot is not None
+        assert shot.time_s < time.monotonic() - 0.2  # added before it was asked for, as while the robot moved
         np.testing.assert_allclose(shot.point, 0.002)
         assert folder.read(0.0) is None
         with first.open("a") as file:
             file.write(" 3\n0 0 0\n")
         second.write_text("# run 2\nx_mm y_mm z_mm\n4 4 4\n")
-        read = [folder.read(0.0) for _ in range(4)]
+        read = [folder.read(1.0) for _ in range(3)] + [folder.read(0.0)]
         assert [
             None if one is None else (one.valid, round(one.point[0] * 1e3, 9))
             for one in read
@@ -73,7 +76,7 @@ def test_lines_that_are_added_are_shots_once_they_are_whole(tmp_path: Path, stat
         ]
         first.write_text("x_mm y_mm z_mm\n")
         with pytest.raises(DeviceError, match="shorter"):
-            folder.read(0.0)
+            folder.read(1.0)
 
 
 def test_registries_know_their_own() -> None:

@@ -1,13 +1,15 @@
 """The instrument ``folder``: a file or a folder to which any tracker software appends a line for each measurement."""
 
-import time
-from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Event
+from time import monotonic
 from typing import ClassVar
 
 from taskcal.live.devices import DeviceError, Instrument, Shot
 from taskcal.live.lines import Columns, Lines
+from taskcal.live.network import Feed
 
 SUFFIXES = frozenset({".asc", ".csv", ".dat", ".log", ".pts", ".txt", ".xyz"})
 """Of the files of a folder that are read."""
@@ -35,7 +37,10 @@ class Folder(Instrument):
     def __init__(self, path: Path, columns: Columns | None):
         self._path, self._columns = path, columns
         self._files: dict[Path, _Followed] = {}
-        self._shots: deque[Shot] = deque()
+        self._closed = Event()
+        for _ in self._look(old=True):
+            pass
+        self._feed = Feed(self._added(), self._closed.set)
 
     @classmethod
     def open(cls, address: str | None, timeout_s: float, columns: str = "") -> "Folder":
@@ -50,25 +55,21 @@ class Folder(Instrument):
                 f"the instrument 'folder' watches a file or a folder, and '{address or ''}' is none; state the one that the "
                 "tracker's software writes to (--instrument-address)"
             )
-        out = cls(path, Columns.of(columns) if columns else None)
-        out._look(old=True)
-        return out
+        return cls(path, Columns.of(columns) if columns else None)
 
     def read(self, timeout_s: float) -> Shot | None:
-        """The next line that was added."""
-        until = time.monotonic() + timeout_s
-        while not self._shots:
-            self._look()
-            if not self._shots:
-                if time.monotonic() >= until:
-                    return None
-                time.sleep(POLL_S)
-        return self._shots.popleft()
+        """The next line that was added, stamped when it was."""
+        return self._feed.next(timeout_s)
 
     def close(self) -> None:
-        """Nothing is open between two looks."""
+        """Watch no longer."""
+        self._feed.close()
 
-    def _look(self, *, old: bool = False) -> None:
+    def _added(self) -> Iterator[Shot]:
+        while not self._closed.wait(POLL_S):
+            yield from self._look()
+
+    def _look(self, *, old: bool = False) -> Iterator[Shot]:
         """Take up the lines that were added since the look before, up to the last that is whole.
 
         Raises:
@@ -78,13 +79,13 @@ class Folder(Instrument):
             within = sorted(self._path.iterdir()) if self._path.is_dir() else [self._path]
             for path in within:
                 if path == self._path or (path.suffix.lower() in SUFFIXES and path.is_file()):
-                    self._follow(path, old=old)
+                    yield from self._follow(path, old=old)
         except OSError as error:
             raise DeviceError(
                 f"{self._path} cannot be read any more: {error.strerror or error}; see that it is there, and resume"
             ) from error
 
-    def _follow(self, path: Path, *, old: bool) -> None:
+    def _follow(self, path: Path, *, old: bool) -> Iterator[Shot]:
         followed = self._files.setdefault(path, _Followed(read=0, lines=Lines(self._columns, str(path))))
         size = path.stat().st_size
         if size < followed.read:
@@ -97,7 +98,7 @@ class Folder(Instrument):
             file.seek(followed.read)
             added = file.read()
         whole = added[: added.rfind(b"\n") + 1]
-        for line in whole.decode("utf-8-sig", "replace").splitlines():
-            if shot := followed.lines.shot(line, time.monotonic(), old=old):
-                self._shots.append(shot)
         followed.read += len(whole)
+        for line in whole.decode("utf-8-sig", "replace").splitlines():
+            if shot := followed.lines.shot(line, monotonic(), old=old):
+                yield shot

@@ -54,6 +54,8 @@ def test_measuring_stops_resumes_and_ends_with_a_calibration(
         ("-c hand -i virtual --drive", "--drive"),
         ("-c hand -i folder --instrument-address nowhere", "--instrument-address"),
         ("-c virtual --controller-address here -i virtual", "seed"),
+        ("-c virtual -i virtual --instrument-address 4", "no address"),
+        ("-c hand -i folder --instrument-address .", "would be read as points"),
     ],
 )
 def test_devices_that_are_not_there_are_named(

@@ -123,6 +123,8 @@ def command(
     files = {name: output.with_suffix(suffix) for suffix, name in beside.items()}
     inputs = [robot, station, devices.program, *files_of_task(task)]
     check_outputs("measure", [("--output", output)], inputs, updated=["--output"])
+    if (watched := devices.instrument_address) is not None:
+        _check_apart(output, Path(watched))
     from taskcal.live.journal import Journal
     from taskcal.live.program import Program
     from taskcal.live.steering import Steering
@@ -147,6 +149,20 @@ def command(
             ).run()
     result = _finish(steering, outcome, files)
     _give(result, outcome, aim, output, as_json=as_json)
+
+
+def _check_apart(campaign: Path, watched: Path) -> None:
+    """See that the campaign is not where an instrument reads, which would take its rows for measurements.
+
+    Raises:
+        FileError: it is.
+    """
+    from taskcal.errors import FileError
+
+    if watched.resolve() in (campaign.resolve(), campaign.resolve().parent):
+        raise FileError(
+            campaign, "would be read as points, where --instrument-address looks for them; write it to another folder"
+        )
 
 
 def _runner(devices: DeviceOptions, program: "Program | None", **session: Any) -> "Runner":
@@ -265,7 +281,7 @@ class _Terminal:
             meant: list[Answer] = [answer for answer in answers if text and answer.startswith(text)]
             if len(meant) == 1:
                 return meant[0]
-            asked = "> "
+            asked = f"answer one of: {', '.join(answers)}\n> "
         info("nobody is there to answer: stopped; --resume goes on")
         return "stop"
 
