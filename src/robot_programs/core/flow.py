@@ -682,7 +682,7 @@ class Walk(ABC, Generic[S, R]):
                     continue
                 case Label():
                     state = self._at_label(node, state)
-                    if state.reached and node.name in self.body.backward:
+                    if node.name in self.body.backward:
                         behind = _behind_jumps(nodes, number - 1)
                         state = self._again_from(nodes[number:behind], node, state)
                         number = behind
@@ -745,6 +745,9 @@ class Walk(ABC, Generic[S, R]):
     def _again_from(self, nodes: Block, label: Label, state: S) -> S:
         """State after the lines between a label and the last one that leads back to it."""
         flow = self.flow
+        if not state.reached:  # a jump from before the label may lead into these lines, and they back to it
+            end, back = self._once_from(nodes, label, state)
+            return self.merged([end, self._again_from(nodes, label, back)], JUMPED) if back.reached else end
         if flow.scouting or flow.all_ways:
             return self._once_from(nodes, label, self.widened(state, nodes, JUMPED))[0]
         cost = 1 + sum(1 for _ in lines_in(nodes))

@@ -38,6 +38,7 @@ def heights(body: str, dat: str = POINTS, more: str = "") -> list[float]:
         (f"P={POSE}\nFOR I=1 TO 3\nP.Z=P.Z+1\nLIN P\nENDFOR", [801, 802, 803]),
         ("I=2\nSWITCH I\nCASE 1\nLIN Q[1]\nCASE 2,3\nLIN Q[2]\nDEFAULT\nLIN Q[3]\nENDSWITCH", [810, 820, 830]),
         ("I=0\nAGAIN:\nI=I+1\nIF I<3 THEN\nGOTO AGAIN\nENDIF\nLIN Q[1]", [810]),
+        ("I=1\nGOTO ON\nAGAIN:\nI=I+1\nON:\nLIN Q[I]\nIF I<3 THEN\nGOTO AGAIN\nENDIF", [810, 820, 830]),
         (f"P={POSE}\nIF $IN[1] THEN\nGOTO ON\nENDIF\nHALT\nON:\nLIN P", [800]),
         (f"P={POSE}\nAGAIN:\nLIN P\nIF $IN[1] THEN\nGOTO AGAIN\nENDIF", [800]),
         (f"P={POSE}\nWHILE $IN[1]\nLIN P\nP={POSE}\nENDWHILE", [800]),
