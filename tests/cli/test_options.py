@@ -1,5 +1,6 @@
 """Options: groups of them, what is checked of their values, and what commands get of them."""
 
+import shlex
 from dataclasses import dataclass, fields
 from inspect import signature
 from pathlib import Path
@@ -128,6 +129,17 @@ def test_no_command_takes_a_number_of_no_things(run: Run) -> None:
         assert ended.status == 2, (name, counting)
         assert counting in ended.err
         assert "Missing" not in ended.err
+
+
+def test_command_of_the_report_reads_the_campaign_alike() -> None:
+    """Names with spaces are quoted, and what was not given is not there."""
+    given = CampaignOptions(board=Path("b.toml"), images=Path("my shots"), rows="0:20", camera_exact=True)
+    words = shlex.split(given.named_images([Path("a.csv")]))
+    assert words[:2] == ["--campaign", "a.csv"]
+    assert sorted(words[2:]) == sorted(
+        ["--board", "b.toml", "--rows", "0:20", "--camera-exact", "--images", "my shots"]
+    )
+    assert CampaignOptions(rows="0:20").named_images([Path("a.csv")]) == ""
 
 
 def test_option_names_have_their_unit() -> None:

@@ -25,6 +25,8 @@ WRONG = {
     "no size": ("a.yaml", ROS.replace("image_width: 1600\n", ""), "states no image_width"),
     "rational": ("a.yaml", ROS.replace("-0.0008, 0.0]", "-0.0008, 0.0, 0.1, 0.0, 0.2]"), "8 distortion"),
     "skew": ("a.yaml", ROS.replace("[1450.0, 0.0", "[1450.0, 2.0"), "is not fx 0 cx"),
+    "two cameras": ("a.yaml", f"{ROS}---\n{ROS}", "has 2 documents"),
+    "no distortion": ("a.yaml", ROS[: ROS.index("distortion_coefficients")], "without distortion are zeros"),
     "another model": ("a.yaml", ROS.replace("plumb_bob", "omni"), "distortion model 'omni'"),
     "a text": ("a.yaml", ROS.replace("1450.0", "wide"), "camera_matrix with numbers"),
     "no YAML": ("a.yaml", "a: [1\n", "is not YAML"),
@@ -42,7 +44,7 @@ def test_what_no_fit_has_is_refused_with_the_reason(tmp_path, case):
 
 
 def test_yaml_of_ros_is_read_over_lines(tmp_path):
-    (tmp_path / "a.yaml").write_text(ROS)
+    (tmp_path / "a.yaml").write_text(f"{ROS}---\n")  # as ros2 topic echo ends
     found = read_camera(tmp_path / "a.yaml")
     assert found.numbers.tolist() == [1.45, 1.452, 0.81, 0.6, -0.12, 0.08, 0.0005, -0.0008, 0.0]
     assert (found.lens.width, found.lens.height, found.uncertainty) == (1600, 1200, None)

@@ -96,6 +96,13 @@ def test_images_of_other_sizes_are_refused(folder):
         detect_corners(folder, [BOARD])
 
 
+@pytest.mark.parametrize("content", [b"", b"junk"])
+def test_files_that_are_no_images_are_refused(folder, content):
+    (folder / "3.png").write_bytes(content)
+    with pytest.raises(FileError, match=r"3\.png: is not an image"):
+        detect_corners(folder, [BOARD])
+
+
 def test_folders_of_several_cameras_are_named(tmp_path):
     (tmp_path / "left").mkdir()
     (tmp_path / "left" / "0.png").touch()

@@ -76,6 +76,28 @@ def test_another_clock_and_a_log_that_goes_back_are_refused(folder):
         read(folder, joints(time[[0, 2, 1, *range(3, len(time))]], q), times)
     with pytest.raises(FileError, match=r"the name 0\.png has no time"):
         read(folder, joints(time, q), "names")
+    write(folder / "times.csv", {"image": ["0.png", "1.png", "0.JPG"], "time_s": [taken(0), taken(1), taken(2)]})
+    with pytest.raises(FileError, match=r"times\.csv:4: .* '0\.JPG' has two times"):
+        read(folder, joints(time, q), times)
+    with pytest.raises(FileError, match=r"'2026-05-03 02:33:10 PM' is not a date"):
+        read(folder, {"stamp": ["2026-05-03 02:33:10 PM"] * len(q), **joints(time, q)}, times)
+
+
+@pytest.mark.parametrize(("whole", "moves"), [("rows", -2.3), ("images", 2.2)])
+def test_whole_seconds_pair_no_image_of_a_moving_robot(folder, whole, moves):
+    """Dates without fractions, of the log just before it stands, and of images just after."""
+
+    def stamps(t, own):
+        return np.datetime_as_string((t * 1e3).astype("datetime64[ms]"), unit="s" if own == whole else "ms").tolist()
+
+    time, q = log()
+    at = np.array([taken(k) for k in range(len(SEEN.q))])
+    time, at = (START + 0.5 + 4.0 * (t - START) for t in (time, at))
+    at[[2, 4, 6]] += moves
+    images = {"image": [f"{k}.png" for k in range(len(at))], "stamp": stamps(at, "images")}
+    columns = {**joints(time, q), "time_s": stamps(time, "rows")}
+    campaign = read(folder, columns, write(folder / "times.csv", images))
+    np.testing.assert_allclose(campaign.q, SEEN.q[[0, 1, 3, 5, 7]], atol=1e-9)
 
 
 def test_names_of_cameras_have_times():
@@ -85,10 +107,13 @@ def test_names_of_cameras_have_times():
         "left_1777811590250",
         "1777811590250000000",
         "2026-05-03T12-33-10.25",
+        "2026-05-03T12:33:10.250Z",
+        "2026-05-03 14:33:10.25 +0200",
+        "20260503_110310.25-01:30",
     ):
         assert stamp_of(name).seconds == pytest.approx(START + 0.25, abs=1e-6), name
         assert stamp_of(name).unsure <= 0.01
-    assert stamp_of("IMG_20260503_123310") == (START, 1.0)
+    assert stamp_of("IMG_20260503_123310") == stamp_of("2026-05-03_12-33-10-0042") == (START, 1.0)
     assert [stamp_of(name) for name in ("0001", "12345678901", "20261303_996110")] == [None] * 3
 
 

@@ -114,6 +114,12 @@ def test_images_without_a_board_are_named_and_their_rows_not_used(folder):
     assert "no board is seen in 3.png" in campaign.notes
 
 
+def test_rows_and_images_without_each_other_are_named(folder):
+    campaign = read(folder, {"image": [f"shots\\{k}.png" if k != 3 else "" for k in range(8)], **JOINTS})
+    assert campaign.valid[:, 0].tolist() == [k != 3 for k in range(8)]
+    assert campaign.notes == ("no image is named in line 5: not used", "no row names 3.png: not used")
+
+
 WRONG = {
     "no such image": ({"image": ["x.png", *(f"{k}.png" for k in range(1, 8))], **JOINTS}, {}, "no image x.png"),
     "image twice": ({"image": ["1.png", *(f"{k}.png" for k in range(1, 8))], **JOINTS}, {}, "named in two rows"),
@@ -164,7 +170,11 @@ def test_lens_of_the_other_model_is_named(folder):
     assert read(folder, columns, lens="fisheye").notes == ()
 
 
-def test_swapped_columns_and_rows_of_a_board_are_named(folder):
+@pytest.mark.parametrize("count", [len(CORNERS), 6])
+def test_swapped_columns_and_rows_of_a_board_are_named(folder, count):
+    """Whether a camera fits such a board or, of few corners in each image, none does."""
+    seen = np.argsort(np.random.default_rng(0).random((8, len(CORNERS)))).ravel() < count
+    write(folder / "seen.corners.csv", {name: np.array(cells)[seen] for name, cells in corners().items()})
     text = (folder / "board.toml").read_text().replace(f"columns = {COLUMNS}", f"columns = {ROWS}")
     (folder / "board.toml").write_text(text.replace(f"rows = {ROWS}\n", f"rows = {COLUMNS}\n"))
     with pytest.raises(TaskcalError, match=r"columns and rows of board 'floor' are swapped: .* 10 columns and 7 rows"):

@@ -238,7 +238,10 @@ def calibrate_camera(
     for focal in [*_focal_lengths(lens, homographies), *FOCAL_GUESSES]:
         start = lens.start(focal)
         posed = replace(blank, camera=start, T_camera_board=_poses(start, homographies), _last=[])
-        trial, cost = refine_camera(posed, rounds=10)
+        try:
+            trial, cost = refine_camera(posed, rounds=10)
+        except np.linalg.LinAlgError:  # corners that do not lie on a plane lead to boards at infinity
+            continue
         if cost < least:
             best, least = trial, cost
     if not np.isfinite(least):

@@ -139,7 +139,7 @@ def _of_yaml(path: Path) -> StatedCamera:
     stated = [next((content[k] for k in (f"image_{side}", side) if k in content), None) for side in ("width", "height")]
     size = [value for value in stated if isinstance(value, int) and 0 < value <= MAX_PIXELS]
     if len(size) < 2:
-        raise FileError(path, "states no image_width and image_height; add the size of an image, pixels")
+        raise FileError(path, "states no image_width and image_height; add the size of an image, whole pixels")
     named = str(content.get("distortion_model", content.get("lens", "plumb_bob")))
     if named not in MODELS:
         raise FileError(path, f"has the distortion model '{shown(named)}'; a fit has plumb_bob and equidistant")
@@ -185,12 +185,18 @@ def _load_yaml(path: Path) -> dict[str, Any]:
         return loader.construct_mapping(node, deep=True)
 
     Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", matrix)
+    documents = list[Any]()
     try:
-        content: Any = Loader(text).get_single_data()
+        loader = Loader(text)
+        while loader.check_data():
+            documents.append(loader.get_data())
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = None if mark is None else mark.line + 1
         raise FileError(path, f"is not YAML: {getattr(error, 'problem', error)}", line=line) from error
+    content, *others = [one for one in documents if one is not None] or [None]  # ROS ends a message with ---
+    if others:
+        raise FileError(path, f"has {len(others) + 1} documents, which --- divides; leave one camera in it")
     if not isinstance(content, dict):
         raise FileError(path, "is not the YAML of a camera, which has image_width, camera_matrix and others")
     return {str(key): value for key, value in cast("dict[Any, Any]", content).items()}
@@ -205,7 +211,8 @@ def _matrix(path: Path, content: dict[str, Any], names: Sequence[str]) -> Float[
     except (TypeError, ValueError):
         values = np.array([np.nan])
     if found is None or not np.isfinite(values).all():
-        raise FileError(path, f"has no {names[0]} with numbers, as rows, cols and data")
+        none = "; those of a lens without distortion are zeros" if names is DISTORTIONS else ""
+        raise FileError(path, f"has no {names[0]} with numbers, as rows, cols and data{none}")
     return values
 
 

@@ -150,7 +150,8 @@ def _has_images(folder: Path) -> bool:
 
 def _read(path: Path) -> np.ndarray:
     cv2 = _opencv()
-    image = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+    data = np.fromfile(path, dtype=np.uint8)
+    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION) if data.size else None
     if image is None:
         raise FileError(path, "is not an image that OpenCV reads; save it as PNG")
     return image

@@ -36,7 +36,8 @@ _UNIX = re.compile(r"(?<!\d)(?P<whole>\d{10})(?:[._](?P<part>\d{1,9})|(?P<more>\
 """Seconds since 1970 with a fraction behind a point, or milli-, micro- or nanoseconds."""
 
 _DATE = re.compile(
-    r"(?<!\d)(\d{4})-?(\d\d)-?(\d\d)[T _-]?(\d\d)[-:_.h]?(\d\d)[-:_.m]?(\d\d)(?:[._,](?P<part>\d{1,9}))?(?!\d)"
+    r"(?<!\d)(\d{4})-?(\d\d)-?(\d\d)[T _-]?(\d\d)[-:_.h]?(\d\d)[-:_.m]?(\d\d)(?:[._,](?P<part>\d{1,9}))?"
+    r"(?: ?(?:Z|(?P<zone>\+\d\d:?\d\d|-\d\d:\d\d)))?(?!\d)"
 )
 
 
@@ -50,7 +51,7 @@ class Stamp(NamedTuple):
 
 
 def stamp_of(text: str) -> Stamp | None:
-    """The time in a text, such as a file's name: seconds since 1970, or a date, as UTC. None where it has neither."""
+    """The time in a text, such as a file's name: seconds since 1970, or a date, as UTC unless it states an offset; None without."""
     found = _UNIX.search(text)
     if found is not None:
         part = found["part"] or found["more"] or ""
@@ -62,8 +63,9 @@ def stamp_of(text: str) -> Stamp | None:
         when = datetime(*(int(part) for part in found.groups()[:6]), tzinfo=UTC)
     except ValueError:
         return None
-    part = found["part"] or ""
-    return Stamp(when.timestamp() + float(f"0.{part or '0'}"), 10.0 ** -len(part))
+    part, zone = found["part"] or "", found["zone"] or "+0000"
+    ahead = float(f"{zone[0]}60") * (60 * int(zone[1:3]) + int(zone[-2:]))
+    return Stamp(when.timestamp() - ahead + float(f"0.{part or '0'}"), 10.0 ** -len(part))
 
 
 EXIF_HEADS = {b"II*\0": "<", b"MM\0*": ">"}
@@ -99,14 +101,10 @@ def exif_stamp(data: bytes) -> Stamp | None:
     try:
         main = entries(struct.unpack_from(f"{order}I", block, 4)[0])
         own = entries(struct.unpack_from(f"{order}I", block, main[EXIF_IFD][1])[0]) if EXIF_IFD in main else {}
-        date, part, zone = text(TAKEN), text(TAKEN_PART), re.fullmatch(r"([+-])(\d\d):(\d\d)", text(TAKEN_ZONE))
+        date, part, zone = text(TAKEN), text(TAKEN_PART), text(TAKEN_ZONE)
     except struct.error:
         return None
-    found = stamp_of(f"{date.replace(':', '-', 2)}{'.' if part else ''}{part}")
-    if found is None or zone is None:
-        return found
-    ahead = (1 if zone[1] == "+" else -1) * 60.0 * (60 * int(zone[2]) + int(zone[3]))
-    return Stamp(found.seconds - ahead, found.unsure)
+    return stamp_of(f"{date.replace(':', '-', 2)}{'.' if part else ''}{part}{zone}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -115,6 +113,8 @@ class Times:
 
     column: str
     seconds: Float[np.ndarray, " n"]
+    unsure: float
+    """As `Stamp.unsure`: a second where none has a fraction."""
 
 
 def times_of(table: Table) -> Times:
@@ -131,13 +131,18 @@ def times_of(table: Table) -> Times:
     name, match = found[0]
     texts = table.texts(name)
     if any(re.search(r"\d[-:T]\d", text) for text in texts):
-        stamps = [stamp_of(text) for text in texts]
+        stamps = [stamp_of(text) if _DATE.fullmatch(text.strip()) else None for text in texts]
         for row, one in enumerate(stamps):
             if one is None:
-                raise table.error(f"'{shown(texts[row])}' is not a date such as 2026-05-03T12:33:10.5", row, name)
-        return Times(column=name, seconds=np.array([one.seconds for one in stamps if one is not None]))
-    unit = _UNITS[(match["unit"] or "s").lower()]
-    return Times(column=name, seconds=unit * table.numbers(name, largest=np.inf))
+                raise table.error(f"'{shown(texts[row])}' is not a date such as 2026-05-03T12:33:10.5+02:00", row, name)
+        dates = [one for one in stamps if one is not None]
+        return Times(
+            column=name,
+            seconds=np.array([one.seconds for one in dates]),
+            unsure=min(one.unsure for one in dates),  # some programs leave the fraction out where it is zero
+        )
+    seconds = _UNITS[(match["unit"] or "s").lower()] * table.numbers(name, largest=np.inf)
+    return Times(column=name, seconds=seconds, unsure=float((seconds == np.floor(seconds)).all()))
 
 
 def image_times(images: Sequence[str], stated: str | Path, folder: Path | None = None) -> list[Stamp]:
@@ -174,12 +179,15 @@ def image_times(images: Sequence[str], stated: str | Path, folder: Path | None =
     table = read_table(Path(stated))
     if "image" not in table:
         raise FileError(table.path, "has no column image, the names of the files", line=1)
-    seconds = times_of(table).seconds
-    known = {Path(name).stem.casefold(): float(t) for name, t in zip(table.texts("image"), seconds, strict=True)}
+    times, known = times_of(table), dict[str, Stamp]()
+    for row, (name, seconds) in enumerate(zip(table.texts("image"), times.seconds.tolist(), strict=True)):
+        one = known.setdefault(Path(name).stem.casefold(), Stamp(seconds, times.unsure))
+        if one.seconds != seconds:
+            raise table.error(f"image '{shown(name)}' has two times; an image is taken at one", row, "image")
     missing = [name for name in images if Path(name).stem.casefold() not in known]
     if missing:
         raise ValueError(f"{table.path.name} has no image {shown(missing[0])}, and {len(missing) - 1} others")
-    return [Stamp(known[Path(name).stem.casefold()]) for name in images]
+    return [known[Path(name).stem.casefold()] for name in images]
 
 
 def _exif_of(path: Path) -> Stamp | None:

@@ -1,7 +1,7 @@
 """Pictures of a campaign: the corners that they show, from a folder or a file, and which row each of them belongs to."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -28,7 +28,7 @@ from taskcal.observations.camera import (
 from taskcal.observations.camera_file import StatedCamera
 from taskcal.observations.flatness import find_bend
 from taskcal.observations.pixels import FEWEST, Apart
-from taskcal.reading.image_times import Stamp, pair_by_time
+from taskcal.reading.image_times import Stamp, Times, pair_by_time
 from taskcal.reading.readings import Readings
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -209,7 +209,7 @@ def with_images(readings: Readings, robot: Robot, corners: Corners) -> Readings:
     """
     readings = _joints_alone(readings, robot)
     if readings.observed is not None and "image" in readings.observed:
-        return readings
+        return readings.noted(*_unpaired(readings, corners))
     ids = readings.ids or ()
     cells, names = ids, {Path(name).stem.casefold() for name in corners.images}
     if not any(Path(text).stem.casefold() in names for text in ids):
@@ -224,14 +224,31 @@ def with_images(readings: Readings, robot: Robot, corners: Corners) -> Readings:
         readings = readings.noted(
             f"no column image: rows and images are paired in their order, from {cells[0]} to {cells[-1]}"
         )
-    return _naming(readings, cells)
+    readings = _naming(readings, cells)
+    return readings.noted(*_unpaired(readings, corners))
+
+
+def _unpaired(readings: Readings, corners: Corners) -> list[str]:
+    """What is to be said of rows that name no image, and of images that no row names."""
+    assert readings.observed is not None
+    cells = readings.observed.texts("image")
+    lines = [str(line) for line, text in zip(readings.lines, cells, strict=True) if not text.strip()]
+    named = {_stem(text) for text in cells}
+    images = [name for name in corners.images if _stem(name) not in named]
+    notes = [f"no image is named in line {in_words(lines)}: not used"] if lines else []
+    return [*notes, f"no row names {in_words(images)}: not used"] if images else notes
+
+
+def _stem(text: str) -> str:
+    """Name of an image without its folder and suffix."""
+    return Path(text.replace("\\", "/")).stem.casefold()
 
 
 def at_standstill(
     readings: Readings,
     robot: Robot,
     corners: Corners,
-    rows: Float[np.ndarray, " n"],
+    times: Times,
     images: Sequence[Stamp],
 ) -> Readings:
     """Readings of a log, a row for each sharp image before and after which the robot stood.
@@ -240,7 +257,7 @@ def at_standstill(
         readings: of joints, or of poses of the wrist.
         robot: the robot.
         corners: in the images.
-        rows: times of the readings, seconds.
+        times: of the readings.
         images: times of the images.
 
     Raises:
@@ -248,13 +265,15 @@ def at_standstill(
     """
     readings = _joints_alone(readings, robot)
     assert readings.q is not None
+    rows = times.seconds
     for back in np.flatnonzero(np.diff(rows) < 0.0)[:1]:
         raise FileError(
             readings.path,
             f"its time goes back by {rows[back] - rows[back + 1]:.3g} s; a log must be in the order of time",
             line=int(readings.lines[back + 1]),
         )
-    found = pair_by_time(robot, readings.q, rows, images)
+    of_rows = [Stamp(one.seconds - times.unsure, one.unsure + times.unsure) for one in images]
+    found = pair_by_time(robot, readings.q, rows, of_rows)
     sharp = np.array([corners.images[k] not in corners.blurred for k in found.image], dtype=bool)
     if not sharp.any():
         taken = np.array([one.seconds for one in images])
@@ -263,7 +282,8 @@ def at_standstill(
         raise FileError(
             readings.path,
             f"the robot stood at none of {len(images)} images of {corners.source}: {why}. Its times are {first[0]:.3f} to "
-            f"{first[1]:.3f} s, those of the images {last[0]:.3f} to {last[1]:.3f} s; both must be of one clock",
+            f"{first[1]:.3f} s, those of the images {last[0]:.3f} to {last[1]:.3f} s; both must be of one clock, "
+            "and the name of the column has their unit, such as time_ms",
         )
     names = [tuple(corners.images[k] for k in which) for which in (found.moving, found.outside, found.image[~sharp])]
     reasons = "the robot moved just before or after", "there are no joints before and after", "blurred:"
@@ -342,7 +362,7 @@ def with_pictures(
     by_name = {board.name: k for k, board in enumerate(boards)}
     shown_board = np.array([_board(name, by_name, corners) for name in corners.board], dtype=int)
     places = [(dict(zip(board.ids().tolist(), board.corners(), strict=True))) for board in boards]
-    shapes: list[tuple[str, int, np.ndarray, np.ndarray]] = []
+    shapes: list[Shape] = []
     of, twice, few = np.full(len(campaign), -1), list[str](), list[str]()
     for row in np.flatnonzero(number >= 0):
         own = np.flatnonzero(corners.image == number[row])
@@ -373,16 +393,7 @@ def with_pictures(
             f"{lens.width} × {lens.height}: a camera has other numbers for another size; leave out --camera, or give the one of "
             "this size"
         )
-    pictures = calibrate_camera(
-        lens,
-        tuple(name for name, *_ in shapes),
-        np.array([board for _, board, *_ in shapes]),
-        np.concatenate([[0], np.cumsum([len(corner) for _, _, corner, _ in shapes])]),
-        np.concatenate([corner for _, _, corner, _ in shapes]),
-        np.concatenate([pixel for *_, pixel in shapes]),
-    )
-    if pictures.noise > MAX_NOISE_PX:
-        _refuse_swapped_counts(pictures, corners, boards)
+    pictures = _calibrate(lens, shapes, corners, boards)
     notes = list(corners.notes)
     other = next(name for name in LENSES if name != model)
     noise = noise_with(pictures, other)
@@ -436,28 +447,58 @@ def with_pictures(
     return pictured
 
 
-def _refuse_swapped_counts(pictures: Pictures, corners: Corners, boards: Sequence[Board]) -> None:
-    """See that corners do not lie on a plane far better where columns and rows of a board are exchanged."""
+Shape = tuple[str, int, Float[np.ndarray, "c 3"], Float[np.ndarray, "c 2"]]
+"""Name of an image, number of the board in it, and places and pixels of its corners."""
+
+
+def _calibrate(lens: Lens, shapes: Sequence[Shape], corners: Corners, boards: Sequence[Board]) -> Pictures:
+    """The camera that the images alone have.
+
+    Raises:
+        CampaignError: none fits them, or columns and rows of a board are swapped.
+    """
+    seen = {name: board for name, board, *_ in shapes}
+    try:
+        pictures = calibrate_camera(
+            lens,
+            tuple(name for name, *_ in shapes),
+            np.array([board for _, board, *_ in shapes]),
+            np.concatenate([[0], np.cumsum([len(corner) for _, _, corner, _ in shapes])]),
+            np.concatenate([corner for _, _, corner, _ in shapes]),
+            np.concatenate([pixel for *_, pixel in shapes]),
+        )
+    except CampaignError:
+        _refuse_swapped_counts(seen, corners, boards)
+        raise
+    if pictures.noise > MAX_NOISE_PX:
+        _refuse_swapped_counts(seen, corners, boards)
+    return pictures
+
+
+def _refuse_swapped_counts(seen: Mapping[str, int], corners: Corners, boards: Sequence[Board]) -> None:
+    """See that corners do not lie on a plane far better where columns and rows of a board are exchanged.
+
+    Args:
+        seen: number of the board in each image, by its name.
+        corners: in the images.
+        boards: that were printed.
+    """
     number = {name: k for k, name in enumerate(corners.images)}
 
-    def off(board: Board, images: Sequence[int]) -> float:
+    def off(board: Board, images: Sequence[str]) -> float:
         places = dict(zip(board.ids().tolist(), board.drawn_corners(), strict=True))
         out: list[float] = []
-        for k in images:
-            own = [
-                c for c in np.flatnonzero(corners.image == number[pictures.names[k]]) if int(corners.id[c]) in places
-            ]
-            if len(own) >= FEWEST_CORNERS:
+        for name in images:
+            own = [c for c in np.flatnonzero(corners.image == number[name]) if int(corners.id[c]) in places]
+            if len(own) > FEWEST_CORNERS:  # four lie on any plane
                 plane, pixel = np.stack([places[int(c)] for c in corners.id[own]]), corners.pixel[own]
                 seen = np.column_stack([plane, np.ones(len(own))]) @ homography(plane, pixel).T
                 out.append(float(np.linalg.norm(seen[:, :2] / seen[:, 2:] - pixel, axis=1).mean()))
         return float(np.median(out)) if out else np.inf
 
     for b, board in enumerate(boards):
-        swapped, images = (
-            replace(board, columns=board.rows, rows=board.columns),
-            np.flatnonzero(pictures.board == b).tolist(),
-        )
+        swapped = replace(board, columns=board.rows, rows=board.columns)
+        images = [name for name, own in seen.items() if own == b]
         if FAR_BETTER * off(swapped, images) < off(board, images):
             raise CampaignError(
                 f"{corners.source}: columns and rows of board '{board.name}' are swapped: its corners lie on a plane if it has "

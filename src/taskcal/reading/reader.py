@@ -220,7 +220,7 @@ def _at_standstill(table: Table, robot: Robot, corners: Corners, options: ReadOp
     log = pictures.without_columns(table, (rows.column,))
     readings = _of_file(log, robot, options.form, options.angles)
     seconds = rows.seconds[np.searchsorted(table.lines, readings.lines)]
-    return pictures.at_standstill(readings, robot, corners, seconds, images)
+    return pictures.at_standstill(readings, robot, corners, replace(rows, seconds=seconds), images)
 
 
 def _joined(parts: Sequence[tuple[str, Campaign]], robot: Robot) -> Campaign:

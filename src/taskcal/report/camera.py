@@ -212,8 +212,9 @@ def camera_section(
         return Section(
             "Camera and hand-eye",
             *own,
-            "The corners are not kept in a calibration: with --campaign, --images and --board the report shows their residuals, "
-            "which part of the image they cover, and what the usual two steps give.",
+            "The corners are not kept in a calibration. Their residuals, the part of the image they cover, and what the usual two "
+            "steps give, are shown by taskcal report CAL.json --campaign CAMPAIGN.csv --images FOLDER --board BOARD.toml, with the "
+            f"files that were fitted ({calibration.provenance.campaign}).",
         )
     kind = _seen(calibration, campaign, t)[0]
     camera = np.array([found["camera"][name] for name in kind.lens.unknowns]) if kind.lens else np.zeros(0)

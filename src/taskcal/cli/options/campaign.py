@@ -1,6 +1,7 @@
 """Options of reading a campaign: form of its table, rows, targets, reference points, drift."""
 
 import re
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -89,21 +90,6 @@ class TableOptions:
         from taskcal.reading.detection import detect_corners
 
         return detect_corners(self.images, read_boards(self.board))
-
-    def named_images(self, campaign: Sequence[Path]) -> str:
-        """Options with which a report shows the images of a campaign; empty without images."""
-        if self.board is None:
-            return ""
-        given = {
-            "campaign": campaign[0],
-            "images": self.images,
-            "board": self.board,
-            "image-times": self.image_times,
-            "camera": self.camera,
-            "lens": None if self.lens == "pinhole" else self.lens,
-        }
-        exact = " --camera-exact" if self.camera_exact else ""
-        return "".join(f" --{name} {value}" for name, value in given.items() if value is not None) + exact
 
     @property
     def read_options(self) -> "taskcal.reading.ReadOptions":
@@ -200,6 +186,17 @@ class CampaignOptions(TableOptions):
     def __post_init__(self) -> None:
         split_names(self.targets, "--targets")
         split_names(self.reference_points, "--reference-points")
+
+    def named_images(self, campaign: Sequence[Path]) -> str:
+        """Options with which a report shows the images of a campaign, read as they were; empty without images."""
+        if self.board is None:
+            return ""
+        words = ["--campaign", str(campaign[0])]
+        for one in fields(CampaignOptions):
+            value = getattr(self, one.name)
+            if value != one.default:
+                words += [f"--{one.name.replace('_', '-')}", *([] if value is True else [str(value)])]
+        return f" {shlex.join(words)}"
 
     def read(
         self,
