@@ -120,3 +120,24 @@ def test_a_standstill_is_shown_while_an_instrument_takes_long(taker: Taker) -> N
 
     taker.instrument.read = read
     assert taker.take(None).shots == RULES.shots
+
+
+class Written(VirtualTracker):
+    """A line that was measured on the way, and is there just after the robot has stopped; then others."""
+
+    name = ""
+    streams = False
+    late = True
+
+    def read(self, timeout_s: float) -> Shot | None:
+        shot, self.late, late = super().read(timeout_s), False, self.late
+        return Shot(time_s=self._cell.arrives + 0.1, point=np.zeros(3)) if late else shot
+
+
+def test_a_line_that_is_late_is_no_shot_of_the_standstill(taker: Taker) -> None:
+    assert isinstance(taker.controller, VirtualController)
+    cell = taker.controller.cell
+    taker.instrument = Written(cell)
+    taker.controller.show(POSE)
+    taken = taker.take(POSE)
+    assert np.linalg.norm(taken.point - cell.points(taken.joints[None])[0]) < 1e-3

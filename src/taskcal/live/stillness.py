@@ -43,6 +43,9 @@ class Rules:
     """For a shot that is valid, before the person is asked."""
     read_s: float = 5.0
     """Limit of each read of a stream."""
+    late_share: float = 0.5
+    """Of `settle_s`, by which a measurement that a person or software makes may be read late; those before are of the way. A
+    convention: half the time to settle is more than files and networks take, and software that waits for a standstill is later."""
     left: float = 2e-3
     """From where it stood, beyond which the robot has left, radians or metres: twenty times what a robot that stands may move in
     `settle_s`, and a hundredth of what lies between two poses. A convention."""
@@ -216,7 +219,9 @@ class Taker:
     def _shots(self, readings: list[JointReading]) -> list[Shot] | None:
         """Valid shots, one after another, while the robot stands, whose readings are added; None where it moves."""
         rules, shots = self.rules, list[Shot]()
-        since = readings[-1].time_s if self.instrument.streams else readings[0].time_s
+        since = (
+            readings[-1].time_s if self.instrument.streams else readings[0].time_s + rules.late_share * rules.settle_s
+        )
         if not (self.instrument.streams or self.controller.streams):
             since = -np.inf  # a person makes both, in any order
         waited, lost_since = 0.0, readings[-1].time_s
