@@ -195,12 +195,12 @@ class PlanOptions:
     )
     candidates: int = option(10_000, "N", "Candidate poses.", min=1)
     stations: int = option(1, "N", "Places that the tracker is moved to, as many poses at each.", min=1)
-    kept_out: int = option(
-        0,
+    kept_out: int | None = option(
+        None,
         "N",
         "Poses of the task that chance chooses, beside the others, to judge by; and every tenth is the first one again. For "
         "taskcal measure --program, which needs 6 or more to prove a tolerance.",
-        min=0,
+        min=1,
     )
     model_error_mm: ModelErrorOption = None
     target_within_mm: TargetWithinOption = TARGET_WITHIN_MM
