@@ -1,11 +1,15 @@
 """One text for many motions: written out where their corrections differ, as if the pallet had been written so."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
 from robot_programs.core.program import Waypoint
 from robot_programs.core.written_out import Shared, least_worst
+from robot_programs.krl.read import read_krl
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Bounds, Correction
 from taskcal.geometry import se3
@@ -107,6 +111,52 @@ def test_krl_loop_is_corrected_as_if_written_out(lines, cells, end, krl, calibra
     assert not found.rejected
     assert not expected.rejected
     assert positions(found) == positions(expected)
+
+
+KRL_TABLED = [
+    "DECL INT I,J,H", "H=0", "FOR J=0 TO 1", "  FOR I={} TO {} STEP {}", "    LIN XP1:{{X {},Y J*-50,Z 40,A 0,B 0,C 0}}",
+    "    LIN XP1:{{X {},Y J*-50,Z 0,A 0,B 0,C 0}}", *(f"    H=H+{k}" for k in range(9)), "  ENDFOR", "ENDFOR",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("turns", "listed"), [((1, 1, "(I-1)*60"), True), ((3, -1, "(3-I)*60"), True), ((2, 2, "I*30-60"), False)]
+)
+def test_krl_targets_of_a_long_loop_stand_in_an_array(turns, listed, krl, calibration, monkeypatch):  # noqa: F811
+    """In the data list of the module, or in the routine where that is not given."""
+    first, step, place = turns
+    monkeypatch.setattr("robot_programs.core.written_out.MAX_NEW_LINES", 30)
+    program = krl(
+        *(line.format(*((first, first + 2 * step, step) if "STEP" in line else [place])) for line in KRL_TABLED)
+    )
+    if not listed:
+        source, data = program.sources
+        text = data.text.replace("DEFDAT P", "DEFDAT $CONFIG")
+        program = read_krl([source, replace(data, path=Path("$config.dat"), text=text)])
+    found = correct(calibration, program, bounds=FREE_AND_FINE)
+    bare = [f"LIN XP1:{{X {i * 60},Y {j}*-50,Z {z},A 0,B 0,C 0}}" for i, j in PALLET for z in (40, 0)]
+    expected = correct(calibration, krl(*bare), bounds=FREE_AND_FINE)
+    assert (len(found.corrected), found.rejected) == (12, {})
+    assert len(positions(found)) == 12
+    assert positions(found) <= positions(expected)
+    lines, changed = [set("\n".join(s.text for s in one.sources).split("\n")) for one in (found, program)]
+    assert all(line in lines or "LIN XP1:" in line for line in changed)
+
+
+@pytest.mark.parametrize(
+    "turn",
+    [
+        ["PTP XP1:{X I*60,Y 0,Z 0,A 0,B 0,C 0}"],  # without status and turn, which an element would have
+        ["I=I+1", "LIN XP1:{X I*60,Y 0,Z 0,A 0,B 0,C 0}", "I=I-1"],
+        ["LIN XP1:{X I*60,Y 0,Z 0,A 0,B 0,C 0}", "IF I==2 THEN", "I=4", "ENDIF"],
+        ["FOR J=1 TO I", "LIN XP1:{X J*60,Y 0,Z 0,A 0,B 0,C 0}", "ENDFOR"],
+        ["LIN XP1:{X I*60,Y 0,Z 0,A 0,B 0,C 0}", "LIN XP1:{X $ANIN[1],Y 0,Z 0,A 0,B 0,C 0}"],  # of one path
+    ],
+)
+def test_krl_target_that_the_counters_do_not_tell_gets_no_array(turn, krl):  # noqa: F811
+    program = krl("DECL INT I,J", "FOR I=1 TO 5", *turn, "ENDFOR")
+    assert len(program.motions) > 1
+    assert program.tabled(range(len(program.motions))) is None
 
 
 SET_RAPID = (

@@ -9,7 +9,7 @@ are counted, too; with ``each`` a line for each program.
 import re
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +20,7 @@ from jaxtyping import Float
 
 from robot_programs.apt.syntax import parse as parse_apt
 from robot_programs.core.errors import InputError
-from robot_programs.core.program import Frame, Motion, Program, Waypoint, keep_together, missing_from
+from robot_programs.core.program import Frame, Motion, Program, Visit, Waypoint, keep_together, missing_from
 from robot_programs.core.source import Place, Source, read_source
 from robot_programs.krl.data import BUILT_IN
 from robot_programs.krl.syntax import lines_of_words
@@ -141,29 +141,42 @@ def written_in(program: Program, robot: Robot) -> tuple[set[Place], set[Place], 
 
     `correct` would ask the kinematics, too.
 
-    As there, text that several motions have in common is written out as often as that lets more of them be corrected.
+    As there, text that several motions have in common is written out as often as that lets more of them be corrected, and at last
+    their targets get arrays.
     """
-    best, left = _written_as_it_is(program, robot)
+    best, left, of_text = _written_as_it_is(program, robot, program.visits())
     while left and (sources := program.written_out(left)) is not None:
         program = program.reread(sources)
-        written, left = _written_as_it_is(program, robot)
+        written, left, of_text = _written_as_it_is(program, robot, program.visits())
         if len(written) <= len(best):
             break
         best = written
+    if of_text and (sources := program.tabled(of_text)) is not None:
+        visits, program = tuple(program.visits()), program.reread(sources)
+        written, left, _ = _written_as_it_is(program, robot, visits)
+        best = max(best, written, key=len)
     at_run_time: set[Place] = set()
     with suppress(InputError):  # a language without such a function
         at_run_time |= set(program.wrap("TaskcalCorrected", None, rejected=left).wrapped)
     return best, at_run_time, Counter(f"not written: {plain(why)}" for why in left.values())
 
 
-def _written_as_it_is(program: Program, robot: Robot) -> tuple[set[Place], dict[int, str]]:
+def _written_as_it_is(
+    program: Program, robot: Robot, visits: Iterable[Visit]
+) -> tuple[set[Place], dict[int, str], set[int]]:
+    """Places that are written, motions that are not and why, and those of them that others share their text with."""
     wanted = {i: (corrected(motion),) for i, motion in enumerate(program.motions)}
     left: dict[int, str] = {}
-    visits = tuple(program.visits())
+    visits, of_text = tuple(visits), set[int]()
     exact = dict(wanted)
     if stuck := program.unwritable(robot, wanted, TOLERANCE_M):
         wanted |= program.least_worst(robot, wanted, stuck, TOLERANCE_M)
-    while more := program.unwritable(robot, wanted, TOLERANCE_M) or keep_together(visits, left, wanted):
+    while True:
+        more = program.unwritable(robot, wanted, TOLERANCE_M)
+        of_text.update(more)
+        more = more or keep_together(visits, left, wanted)
+        if not more:
+            break
         left |= more
         wanted = {i: path for i, path in wanted.items() if i not in more}
     again = program.reread(program.rewrite(robot, wanted))
@@ -174,7 +187,7 @@ def _written_as_it_is(program: Program, robot: Robot) -> tuple[set[Place], dict[
         if waypoint.T is not None and end.T is not None:
             assert np.abs(end.T[:3, 3] - waypoint.T[:3, 3]).max() < TOLERANCE_M + 1e-5, str(program.motions[i])
     stay = {program.motions[i].place for i in left}
-    return {program.motions[i].place for i in wanted} - stay, left
+    return {program.motions[i].place for i in wanted} - stay, left, of_text
 
 
 def corrected(motion: Motion) -> Waypoint:

@@ -1,13 +1,14 @@
 """One text for several motions that need different numbers: one value that is good enough, or the text written out.
 
 Written out are loops turn by turn, and a copy of a routine for each of its calls. The program does the same as before, and each
-motion has numbers of its own.
+motion has numbers of its own. Of loops that would get too long, targets stand in an array, an element for each turn.
 """
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from jaxtyping import Float
 
 from robot_programs.core import se3
 from robot_programs.core.flow import Block, Loop, Step, bodies_of, leaves_loop, lines_in, reached
-from robot_programs.core.program import Paths, Waypoint
+from robot_programs.core.program import Motion, Paths, Visit, Waypoint
 from robot_programs.core.source import FreshNames, Source
 
 # One value for several motions: of the least largest error.
@@ -167,12 +168,6 @@ def written_out(
     return None if all(a is b for a, b in zip(kept, sources, strict=True)) else kept
 
 
-def with_texts(sources: Sequence[Source], named: Mapping[Path, Named], fresh: FreshNames) -> tuple[Source, ...] | None:
-    """Files with other text in place of characters, lines counted as those that they come from; None where one gets too long."""
-    made = [_written_out(one, _Plan(fresh=fresh, named=dict(named.get(one.path, {})))) for one in sources]
-    return None if None in made else tuple(source for source in made if source is not None)
-
-
 def _written_out(source: Source, plan: _Plan) -> Source | None:
     """The file with loops and copies written out, each line counted as the one that it comes from; None where it gets too long."""
     if not (plan.turns or plan.copies or plan.named):
@@ -235,15 +230,6 @@ class _Writer:
         self.parts.append(text)
 
 
-def loops_around(nodes: Block, around: tuple[Loop, ...] = ()) -> Iterator[tuple[Any, tuple[Loop, ...]]]:
-    """Lines of a routine that are steps, each with the loops around it from the outermost on."""
-    for node in nodes:
-        if isinstance(node, Step):
-            yield node.line, around
-        for body in bodies_of(node):
-            yield from loops_around(body, (*around, node) if isinstance(node, Loop) else around)
-
-
 def loops_to_write(
     nodes: Block, turns: Mapping[Loop, tuple[float, ...] | None], is_shared: Callable[[Any], bool],
     counts: Callable[[Loop], bool],
@@ -275,3 +261,127 @@ def reaching(texts: Iterable[tuple[Any, Any]], calls: Mapping[Any, Sequence[tupl
         calls: by routine, the lines that call it, with their own routines.
     """
     return {line for line, _ in reached(texts, lambda one: calls.get(one[1], ()))}
+
+
+# Targets of loops in arrays.
+
+MAX_DIMENSIONS = 3
+"""Of an array, in RAPID and in KRL."""
+
+SAME_POSE = 2e-6
+"""Poses that differ by no more, metres and parts of a rotation matrix, are the same as written with the digits of programs."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Table:
+    """Motions of one text in counted loops, of which each has the target of another turn."""
+
+    numbers: tuple[int, ...]
+    """Of the motions, in the order of the turns."""
+    counters: tuple[str, ...]
+    """Of the loops, from the outermost on."""
+    turns: tuple[tuple[float, ...], ...]
+    """Values of each counter, evenly spaced."""
+
+    @property
+    def size(self) -> tuple[int, ...]:
+        """Of the array."""
+        return tuple(map(len, self.turns))
+
+    def index(self, divided: str) -> str:
+        """The element of a turn by the counters, each from 1 on.
+
+        Args:
+            divided: the operator of whole quotients.
+        """
+        return ",".join(_counted(*one, divided) for one in zip(self.counters, self.turns, strict=True))
+
+
+def _counted(counter: str, taken: Sequence[float], divided: str) -> str:
+    first, step = int(taken[0]), int(taken[1] - taken[0]) if len(taken) > 1 else 1
+    if step == 1:
+        return counter if first == 1 else f"{counter}{1 - first:+d}"
+    if step == -1:
+        return f"{first + 1}-{counter}"
+    if step < 0:
+        return f"({first}-{counter}){divided}{-step}+1"
+    return f"({counter}{-first:+d}){divided}{step}+1" if first else f"{counter}{divided}{step}+1"
+
+
+def tables(
+    nodes: Block,
+    own: Callable[[Any], Sequence[int]],
+    turns: Mapping[Loop, tuple[float, ...] | None],
+    counter: Callable[[Loop], str],
+) -> Iterator[Table]:
+    """Texts of motions in counted loops that have as many targets as these have turns.
+
+    Args:
+        nodes: of a routine.
+        own: numbers of the motions of a line whose targets an array may hold; none of other lines.
+        turns: see `Flow.turns`.
+        counter: name of a loop's counter; empty without one.
+    """
+    for line, around in _loops_around(nodes):
+        numbers = tuple(own(line))
+        for first in range(len(around)) if len(numbers) > 1 else ():  # a motion may depend on the inner ones alone
+            loops = around[first:]
+            taken, counters = tuple(turns.get(loop) or () for loop in loops), tuple(map(counter, loops))
+            if (
+                len(numbers) == math.prod(map(len, taken))
+                and all(counters)
+                and len({one.lower() for one in counters}) == len(counters) <= MAX_DIMENSIONS
+                and all(map(_evenly_spaced, taken))
+            ):
+                yield Table(numbers=numbers, counters=counters, turns=taken)
+                break
+
+
+def _loops_around(nodes: Block, around: tuple[Loop, ...] = ()) -> Iterator[tuple[Any, tuple[Loop, ...]]]:
+    """Lines of a routine that are steps, each with the loops around it from the outermost on."""
+    for node in nodes:
+        if isinstance(node, Step):
+            yield node.line, around
+        for body in bodies_of(node):
+            yield from _loops_around(body, (*around, node) if isinstance(node, Loop) else around)
+
+
+def _evenly_spaced(taken: Sequence[float]) -> bool:
+    steps = {after - before for before, after in pairwise(taken)}
+    return all(count == int(count) for count in taken) and len(steps) <= 1 and 0.0 not in steps
+
+
+def of_whole_paths(found: Sequence[Table], stuck: Collection[int], visits: Iterable[Visit]) -> list[Table]:
+    """Tables whose motions can be corrected with all others that go to their targets.
+
+    Args:
+        found: for all texts that can have one.
+        stuck: numbers of motions that stay without one.
+        visits: of the program.
+    """
+    visits = tuple(visits)
+    while True:
+        freed = {number for one in found for number in one.numbers}
+        stays = {v.target for v in visits if v.number is None or (v.number in stuck and v.number not in freed)}
+        lost = {v.number for v in visits if v.target in stays}
+        kept = [one for one in found if lost.isdisjoint(one.numbers)]
+        if len(kept) == len(found):
+            return kept
+        found = kept
+
+
+def with_texts(sources: Sequence[Source], named: Mapping[Path, Named], fresh: FreshNames) -> tuple[Source, ...] | None:
+    """Files with other text in place of characters, lines counted as those that they come from; None where one gets too long."""
+    made = [_written_out(one, _Plan(fresh=fresh, named=dict(named.get(one.path, {})))) for one in sources]
+    return None if None in made else tuple(source for source in made if source is not None)
+
+
+def same_motions(some: Sequence[Motion], others: Sequence[Motion]) -> bool:
+    """Whether the motions of two texts of a program go to the same poses, in the same order."""
+    return len(some) == len(others) and all(
+        (a.place, a.kind, a.end.posture) == (b.place, b.kind, b.end.posture)
+        and np.array_equal(a.external, b.external, equal_nan=True)
+        and (a.end.T is None) == (b.end.T is None)
+        and (a.end.T is None or b.end.T is None or bool(np.abs(a.end.T - b.end.T).max() < SAME_POSE))
+        for a, b in zip(some, others, strict=True)
+    )

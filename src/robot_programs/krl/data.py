@@ -1,7 +1,7 @@
 """Data lists: the points, frames and parameter sets that a KRL program names."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import isfinite, nan
@@ -155,6 +155,8 @@ class Datum:
     """None for an element of an array, which has no declaration of its own."""
     start: int
     """First character of its name."""
+    beside: Set[int] = frozenset()
+    """First characters at which a routine declares arrays of its own, and sets elements of this one."""
 
     @property
     def aggregate(self) -> Aggregate:
@@ -198,6 +200,25 @@ def stated(file: File) -> Iterator[Datum]:
                     declaration=declaration,
                     start=start,
                 )
+
+
+def set_once(routine: Routine) -> Iterator[Datum]:
+    """Elements of a routine's own arrays whose lines set each of them once, to a structure of numbers."""
+    lines = defaultdict[str, list[Assignment]](list)
+    for line in routine.lines:
+        if isinstance(line, Assignment) and line.index is not None and line.variable in routine.declared:
+            lines[line.variable].append(line)
+    declared = {v.start for line in routine.lines if isinstance(line, Declaration) for v in line.variables}
+    for own in lines.values():
+        values = {line.name: value for line in own if (value := aggregate_of(line.value)) is not None}
+        known = all(word.text == "," or word.text.isdecimal() for line in own for word in line.index or ())
+        if not known or len(values) < len(own):
+            continue
+        for line in own:
+            yield Datum(
+                file=routine.file, name=line.name, value=values[line.name], shared=False, declaration=None,
+                start=line.start, beside=declared.union(one.start for one in own),
+            )  # fmt: skip
 
 
 GIVEN = Path("given.dat")
@@ -442,6 +463,12 @@ class Data:
             for routine in file.sections
             for name in routine.own
         }
+
+    @cached_property
+    def set_once(self) -> Mapping[tuple[Routine, str], Datum]:
+        """Elements of arrays that routines set once, by routine and name."""
+        routines = (routine for file in self.files if not file.holds_data for routine in file.sections)
+        return {(routine, datum.name): datum for routine in routines for datum in set_once(routine)}
 
     @cached_property
     def always(self) -> frozenset[str]:

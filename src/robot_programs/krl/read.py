@@ -92,6 +92,7 @@ from robot_programs.krl.values import (
     name_of,
     number_of,
     structure,
+    values_of,
     with_values,
     without_own,
     without_places,
@@ -441,7 +442,8 @@ class Resolver:
             return self.frames.data.find(name, self.routine.file.module, self.routine.name)
         if not isinstance(assigned, Aggregate):
             raise Unresolved(f"{name} is set to something that is not a position")
-        return assigned
+        datum = self.frames.data.set_once.get((self.routine, name))
+        return assigned if datum is None or values_of(datum.aggregate) != values_of(assigned) else datum
 
     def _target(self, written: Written, kind: MotionKind, line: MotionLine, before: Motion | None) -> Target:
         first, last = written.aggregates[0], written.aggregates[-1]

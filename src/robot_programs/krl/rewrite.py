@@ -5,6 +5,7 @@ from collections import Counter, defaultdict
 from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isnan
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,15 +26,20 @@ from robot_programs.core.program import (
     reject_in_turn,
     wrapping,
 )
-from robot_programs.core.robot import Robot, arm_bends
+from robot_programs.core.robot import NO_ROBOT, Robot, arm_bends
 from robot_programs.core.source import FreshNames, Place, Source, TextEdit, numeral
 from robot_programs.core.written_out import (
     Repeated,
     Shared,
+    Table,
     Turns,
     least_worst,
     loops_to_write,
+    of_whole_paths,
     reaching,
+    same_motions,
+    tables,
+    with_texts,
     written_out,
 )
 from robot_programs.krl.computed import calls_function, wrap
@@ -54,6 +60,7 @@ from robot_programs.krl.data import (
 )
 from robot_programs.krl.routines import calls_of
 from robot_programs.krl.syntax import (
+    BLOCKS,
     Aggregate,
     Assignment,
     Call,
@@ -330,8 +337,38 @@ class KrlProgram(Program):
             for routine, nodes in self.bodies.items()
             for loop in _turns_of(routine, nodes, self.turns, reached, by_name)
         )
-        fresh = FreshNames((name for file in self.files for name in file.mentions), longest=MAX_NAME_LENGTH)
-        return written_out(self.sources, turns, _repeated(calls, {routine for _, routine in motions}), fresh)
+        repeated = _repeated(calls, {routine for _, routine in motions})
+        return written_out(self.sources, turns, repeated, _fresh_names(self.files))
+
+    def tabled(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
+        """The program's files with targets of loops in arrays, of the data list where one is given; see `Program.tabled`."""
+        own: dict[Text, list[int]] = defaultdict(list)
+        for i, site in enumerate(self.sites):
+            own[site.text].append(i)
+        shared, fresh = {self.sites[i].text for i in numbers}, _fresh_names(self.files)
+        of_table: dict[Table, Routine] = {}
+        for routine, nodes in self.bodies.items():
+
+            def listable(line: Statement, number: int = routine.file.number) -> Sequence[int]:
+                same = own[number, line.start] if (number, line.start) in shared else ()
+                return same if all(_is_listable(self.sites[i], self.motions[i]) for i in same) else ()
+
+            of_table |= dict.fromkeys(tables(nodes, listable, self.turns, _counter), routine)
+        lists = {file.module: file for file in self.files if file.holds_data and not file.serves_all}
+        writing = _Rewriting(robot=NO_ROBOT, files=())
+        named: dict[Path, dict[tuple[int, int], str]] = defaultdict(lambda: defaultdict(str))
+        for one in of_whole_paths(tuple(of_table), numbers, self.visits()):
+            routine, name = of_table[one], fresh.nearest(TABLE)
+            texts = [writing.aggregate(self.sites[i].written[-1], self.motions[i].own_waypoint()) for i in one.numbers]
+            places = (",".join(str(k + 1) for k in place) for place in np.ndindex(one.size))
+            declared = f"DECL E6POS {name}[{','.join(map(str, one.size))}]"
+            elements = [f"{name}[{place}]={_TYPE.sub('{', text)}" for place, text in zip(places, texts, strict=True)]
+            for file, at, lines in _behind(routine, lists.get(routine.file.module), declared, elements):
+                named[file.source.path][at, at] += "".join(f"{line}{file.source.newline}" for line in lines)
+            operand = self.sites[one.numbers[0]].written[-1].operand
+            named[routine.file.source.path][operand.start, operand.end] = f"{name}[{one.index('/')}]"
+        sources = with_texts(self.sources, named, fresh) if named else None
+        return sources if sources and same_motions(self.motions, self.reread(sources).motions) else None
 
     def visits(self) -> Iterator[Visit]:
         """Motions of one routine that name one point, or a variable that was last set by it, and those that lean on each other.
@@ -397,8 +434,8 @@ def _turns_of(
             continue
         sets = ["" for _ in taken]
         after = ""
-        if loop.kind == "counted":
-            counter, upper = opening.words[0].text, [word.upper for word in opening.words]
+        if counter := _counter(loop):
+            upper = [word.upper for word in opening.words]
             step = text[opening.words[upper.index("STEP") + 1].start : opening.end] if "STEP" in upper else "1"
             indent = source.indent(opening.start)
             sets = [f"{indent}{counter}={count:.0f}{source.newline}" for count in taken]
@@ -451,6 +488,46 @@ def _repeated(
                 (file.source, (line.start, line.start + len(name[0]))) for line in own[len(own) == len(everywhere) :]
             ),
         )  # fmt: skip
+
+
+def _counter(loop: Loop) -> str:
+    return loop.line.words[0].text if loop.kind == "counted" else ""
+
+
+def _fresh_names(files: Iterable[File]) -> FreshNames:
+    return FreshNames((name for file in files for name in file.mentions), longest=MAX_NAME_LENGTH)
+
+
+# Targets of loops in arrays.
+
+TABLE = "TASKCAL_TARGETS"
+"""Name of an array of targets, an element for each turn of a loop."""
+
+_TYPE = re.compile(r"^\{\s*\w+\s*:\s*")
+"""With which a position in braces may begin."""
+
+
+def _is_listable(site: Site, motion: Motion) -> bool:
+    """Whether an element of an array may hold the target of a motion, with all that counts of it there."""
+    last = site.written[-1].aggregates[-1]
+    stated = motion.kind == "linear" or (whole(last, "S") is not None and whole(last, "T") is not None)
+    return stated and len(site.written) == 1 and motion.end.T is not None and not site.leans
+
+
+def _behind(
+    routine: Routine, data: File | None, declared: str, elements: list[str]
+) -> Iterator[tuple[File, int, list[str]]]:
+    """Places for the lines of an array: in the data list, or in a routine without one; none where there is none."""
+    file, head = routine.file, routine.head
+    if data is not None:
+        end = next((line for line in reversed(data.statements) if isinstance(line, End)), None)
+        if end is not None:
+            yield data, data.source.text.rfind("\n", 0, end.start) + 1, [declared, *elements]
+    elif head is not None:
+        text = file.source.text
+        block = next(line for line in routine.lines if isinstance(line, Control) and line.keyword in BLOCKS)
+        yield file, text.find("\n", head.end) + 1, [declared]
+        yield file, text.rfind("\n", 0, block.start) + 1, elements
 
 
 def _files(sites: Sequence[Site]) -> tuple[File, ...]:
@@ -508,9 +585,9 @@ class _Rewriting:
         if spline:
             # a line in its stead would change the spline
             keyword = "SPL" if site.motion.keyword == "SPL" else f"S{keyword}"
-        points = [self._aggregate(site.written[-1], waypoint)]
+        points = [self.aggregate(site.written[-1], waypoint)]
         if waypoint.via is not None:
-            points.insert(0, self._aggregate(site.written[-1], waypoint.via))
+            points.insert(0, self.aggregate(site.written[-1], waypoint.via))
         behind = site.motion.angle[-1].end if site.motion.angle else site.written[-1].operand.end
         rest = site.file.source.text[behind : site.motion.end]
         if site.motion.along:
@@ -536,11 +613,9 @@ class _Rewriting:
                 return
             if not changes and len(operand.parts) < 2:
                 return
-        self._edit(
-            written.file, TextEdit(start=operand.start, end=operand.end, text=self._aggregate(written, waypoint))
-        )
+        self._edit(written.file, TextEdit(start=operand.start, end=operand.end, text=self.aggregate(written, waypoint)))
 
-    def _aggregate(self, written: Written, waypoint: Waypoint) -> str:
+    def aggregate(self, written: Written, waypoint: Waypoint) -> str:
         """A waypoint in braces: as the point is written, if it states the same kind of position completely, in numbers."""
         first = written.aggregates[0]
         values = values_at(self.robot, written, waypoint)
@@ -568,7 +643,7 @@ class _Rewriting:
         """Change variables where all motions that use one agree, and copy them where they do not."""
         if not self.uses:
             return
-        names = FreshNames((name for file in self.files for name in file.mentions), longest=MAX_NAME_LENGTH)
+        names = _fresh_names(self.files)
         modules: dict[str, list[File]] = defaultdict(list)
         for file in self.files:
             modules[file.module].append(file)
@@ -731,7 +806,7 @@ def _other_reading(sites: Sequence[Site], datum: Datum, own: set[tuple[int, int]
     for file in _files(sites):
         mentions = file.mentions.get(array, ()) if file.module == datum.file.module and not file.holds_data else ()
         for position in mentions:
-            if (file.number, position) not in own:
+            if (file.number, position) not in own and (file is not datum.file or position not in datum.beside):
                 return file.source.place(position)
     return None
 

@@ -36,11 +36,14 @@ from robot_programs.core.written_out import (
     MAX_SHARED_TURN_RAD,
     Repeated,
     Shared,
+    Table,
     Turns,
     least_worst,
-    loops_around,
     loops_to_write,
+    of_whole_paths,
     reaching,
+    same_motions,
+    tables,
     with_texts,
     written_out,
 )
@@ -664,42 +667,33 @@ class RapidProgram(Program):
 
     def tabled(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
         """The program's files with targets of loops in arrays; see `Program.tabled`."""
-        own: dict[Instruction, list[Site]] = defaultdict(list)
-        for site in self.sites:
-            own[site.instruction].append(site)
+        own: dict[Instruction, list[int]] = defaultdict(list)
+        for i, site in enumerate(self.sites):
+            own[site.instruction].append(i)
         shared, fresh = {self.sites[i].instruction for i in numbers}, self._fresh_names()
-        named: dict[Path, dict[tuple[int, int], str]] = defaultdict(dict)
+        of_table: dict[Table, Context] = {}
         for context in self.everywhere:
-            routine, source = context.routine, context.file.source
-            if routine is None:
+            if context.routine is None:
                 continue
-            found = [
-                (own[line], index)
-                for line, loops in loops_around(routine.nodes)
-                if line in shared and (index := _index_of(own[line], loops, self.turns, context.file)) is not None
-            ]
-            if not found:
-                continue
-            newline, declared = source.newline + source.indent(routine.start) + "  ", list[str]()
-            for sites, (index, sizes) in found:
-                name, argument = fresh.nearest(TABLE), sites[0].end.argument
-                elements = [meant_text(site.end, (None,) * len(site.end.meant)) for site in sites]
-                size = ",".join(map(str, sizes))
-                declared.append(f"{newline}CONST robtarget {name}{{{size}}}:={_listed(elements, sizes, newline)};")
-                named[source.path][argument.start, argument.end] = f"{name}{{{index}}}"
-            at = _behind_header(routine, source.text)
-            named[source.path][at, at] = "".join(declared)
-        sources = with_texts(self.sources, named, fresh) if named else None
-        return sources if sources is not None and self._does_the_same(sources) else None
 
-    def _does_the_same(self, sources: tuple[Source, ...]) -> bool:
-        """Whether other texts of the same files have motions to the same poses, in the same order."""
-        pairs = list(zip_longest(self.motions, self.reread(sources).motions))
-        return all(
-            a is not None and b is not None and a.place == b.place and a.kind == b.kind
-            and (a.end.T is None or b.end.T is None or bool(np.abs(a.end.T - b.end.T).max() < WANTED_TOLERANCE))
-            for a, b in pairs
-        )  # fmt: skip
+            def listable(line: Instruction, file: File = context.file) -> Sequence[int]:
+                same = own[line] if line in shared else ()
+                return same if all(_is_listable(self.sites[i], file) for i in same) else ()
+
+            counter = lambda loop: "" if loop.line.counter is None else loop.line.counter.text  # noqa: E731
+            of_table |= dict.fromkeys(tables(context.routine.nodes, listable, self.turns, counter), context)
+        named: dict[Path, dict[tuple[int, int], str]] = defaultdict(lambda: defaultdict(str))
+        for one in of_whole_paths(tuple(of_table), numbers, self.visits()):
+            routine, source = of_table[one].routine, of_table[one].file.source
+            assert routine is not None
+            ends = [self.sites[i].end for i in one.numbers]
+            name, newline = fresh.nearest(TABLE), source.newline + source.indent(routine.start) + "  "
+            elements = _listed([meant_text(end, (None,) * len(end.meant)) for end in ends], one.size, newline)
+            at, size = _behind_header(routine, source.text), ",".join(map(str, one.size))
+            named[source.path][at, at] += f"{newline}CONST robtarget {name}{{{size}}}:={elements};"
+            named[source.path][ends[0].argument.start, ends[0].argument.end] = f"{name}{{{one.index(' DIV ')}}}"
+        sources = with_texts(self.sources, named, fresh) if named else None
+        return sources if sources and same_motions(self.motions, self.reread(sources).motions) else None
 
     def wrap(
         self,
@@ -883,42 +877,11 @@ COUNT_DECIMALS = 9
 TABLE = "TaskcalTargets"
 """Name of an array of targets, an element for each turn of a loop."""
 
-MAX_DIMENSIONS = 3
-"""Of an array in RAPID."""
 
-
-def _index_of(
-    sites: Sequence[Site], loops: Sequence[Loop], turns: Mapping[Loop, tuple[float, ...] | None], file: File
-) -> tuple[str, list[int]] | None:
-    """Index by counters of loops that tells the motions of a line apart, and how many elements it has; None where none does."""
-    taken = [turns.get(loop) or () for loop in loops]
-    counters = [loop.line.counter for loop in loops]
-    if not 0 < len(loops) <= MAX_DIMENSIONS or None in counters or len({one.key for one in counters}) < len(counters):
-        return None
-    if len(sites) != math.prod(map(len, taken)) or any(count != int(count) for own in taken for count in own):
-        return None
-    for site in sites:
-        end = site.end
-        if (
-            site.via is not None
-            or end.type != "robtarget"
-            or end.passed
-            or end.root.passed
-            or end.argument_file is not file
-        ):
-            return None
-    parts = [_counted(one.text, own) for one, own in zip(counters, taken, strict=True)]
-    return ",".join(parts), [len(own) for own in taken]
-
-
-def _counted(counter: str, taken: Sequence[float]) -> str:
-    """The number of a turn, from 1 on, by the counter of a loop."""
-    first, step = int(taken[0]), int(taken[1] - taken[0]) if len(taken) > 1 else 1
-    if step == 1:
-        return counter if first == 1 else f"{counter}{1 - first:+d}"
-    if step == -1:
-        return f"{first + 1}-{counter}"
-    return f"({counter}{-first:+d}) DIV {step}+1" if step > 0 else f"({first}-{counter}) DIV {-step}+1"
+def _is_listable(site: Site, file: File) -> bool:
+    """Whether an array in a routine of a file may hold the target of a motion."""
+    end, here = site.end, site.end.argument_file is file
+    return here and site.via is None and end.type == "robtarget" and not (end.passed or end.root.passed)
 
 
 def _listed(elements: Sequence[str], sizes: Sequence[int], newline: str) -> str:

@@ -1,13 +1,22 @@
 """Correcting a program: every target becomes the pose at which a nominal controller moves to the joints the true robot needs."""
 
-from collections.abc import Callable, Container, Mapping, Sequence, Set
+from collections.abc import Callable, Container, Hashable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from robot_programs.core.program import Diagnostic, Motion, Program, Waypoint, Wrapping, keep_together, missing_names
+from robot_programs.core.program import (
+    Diagnostic,
+    Motion,
+    Program,
+    Visit,
+    Waypoint,
+    Wrapping,
+    keep_together,
+    missing_names,
+)
 from robot_programs.core.source import Place, Source, uncollected
 from robot_programs.languages import language_of
 from robot_programs.reading import compose_program, parse_program
@@ -166,6 +175,7 @@ def choose_waypoints(
     *,
     keep_joints: bool,
     program: Program | None,
+    visits: Sequence[Visit] | None = None,
 ) -> Chosen:
     """Choose the waypoints to write, and the motions that are left unchanged.
 
@@ -179,6 +189,7 @@ def choose_waypoints(
         bounds: how far they may be moved.
         keep_joints: leave motions to joint positions as they are.
         program: the one whose own text is rewritten; None where a new one is written.
+        visits: of the program, where its own text does not tell them.
     """
     motions, robot = problem.motions, problem.robot
     joint_motions = {i for i, move in enumerate(motions) if keep_joints and move.kind == "axes"}
@@ -188,7 +199,7 @@ def choose_waypoints(
     of_text, eased = set[int](), dict[int, tuple[Waypoint, ...]]()
     exact = dict(waypoints)
     if program is not None:
-        visits = tuple(program.visits())
+        visits = tuple(program.visits()) if visits is None else visits
         while True:
             more = program.unwritable(robot, waypoints, subdivision.tolerance)
             if more and not of_text and not eased:
@@ -707,31 +718,29 @@ def correct(
         why = "".join(f"; {text}" for text in list(said)[:MAX_REASONS])
         raise TaskcalError(f"{program.sources[0].path} has no motion that could be resolved{why}")
 
-    def corrected(program: Program) -> tuple[Correction, frozenset[int]]:
+    def corrected(program: Program, visits: Sequence[Visit] | None = None) -> tuple[Correction, frozenset[int]]:
         return _correct(
             calibration, program, cell, bounds, into=into, keep_joints=keep_joints, accept_uncertain=accept_uncertain,
-            progress=progress,
+            visits=visits, progress=progress,
         )  # fmt: skip
 
     first = best = corrected(program)
-    written_out, of_text, written = program, best[1], program
+    written_out, of_text, written, told = program, best[1], program, None
     ways, chosen = list[str](), tuple[str, ...]()
     for _ in range(MAX_WRITING_OUT if of_text else 0):
-        sources, way, together = written_out.written_out(of_text), WRITTEN_OUT, frozenset[int]()
-        if sources is None and TABLED not in ways:
-            way, together = TABLED, _together(written_out, of_text)
-            sources = written_out.tabled(of_text) if together else None
+        sources, way, visits = written_out.written_out(of_text), WRITTEN_OUT, None
+        if sources is None:  # an array does not tell which motions go to a place above which others
+            way, visits = TABLED, tuple(written_out.visits())
+            sources = written_out.tabled(of_text)
         if sources is None:
             break
         ways.append(way)
         progress("writing out what several motions have in common")
         written_out = written_out.reread(sources)
-        found, of_text = corrected(written_out)
-        if together & found.rejected.keys():
-            break  # an array has lost which motions go to a place above which others
+        found, of_text = corrected(written_out, visits)
         if len(of_text) * len(best[0].program.motions) < len(best[1]) * len(found.program.motions):
-            best, written, chosen = (found, of_text), written_out, tuple(dict.fromkeys(ways))
-        if not of_text:
+            best, written, told, chosen = (found, of_text), written_out, visits, tuple(dict.fromkeys(ways))
+        if not of_text or way == TABLED:
             break
     found = best[0] if best is first else _with_written_out(best[0], program, chosen)
     if module is None:
@@ -740,7 +749,8 @@ def correct(
         declared = bool(wrappings[0].wrapped)
         wrappings.append(module.wrap(written, best[1], declared=declared, keep_joints=keep_joints))
         if wrappings[1].wrapped:
-            found, _ = corrected(wrappings[1].program)
+            wrapped = wrappings[1].program
+            found, _ = corrected(wrapped, None if told is None else _at_places(told, wrapped.motions))
     return module.told(found, wrappings)
 
 
@@ -748,12 +758,12 @@ MAX_WRITING_OUT = 4
 """Loops, routines that are called in their turns, loops in those, and routines again: who writes a program nests no deeper."""
 
 
-def _together(program: Program, of_text: frozenset[int]) -> frozenset[int]:
-    """Motions that are to be corrected together with some, themselves included; none where one of them was not resolved."""
-    visits = tuple(program.visits())
-    targets = {visit.target for visit in visits if visit.number in of_text}
-    numbers = {visit.number for visit in visits if visit.target in targets}
-    return frozenset[int]() if None in numbers else of_text.union(number for number in numbers if number is not None)
+def _at_places(visits: Sequence[Visit], motions: Sequence[Motion]) -> list[Visit]:
+    """Visits by the motions of a program some of whose lines are none any longer, at the same places."""
+    by_place: dict[Place, dict[Hashable, Visit]] = {}
+    for visit in visits:
+        by_place.setdefault(visit.place, {})[visit.target] = visit
+    return [replace(visit, number=i) for i, one in enumerate(motions) for visit in by_place.get(one.place, {}).values()]
 
 
 WRITTEN_OUT = "loops are written turn by turn, or routines once for each call"
@@ -785,6 +795,7 @@ def _correct(
     into: str | Path | None,
     keep_joints: bool,
     accept_uncertain: bool,
+    visits: Sequence[Visit] | None,
     progress: Callable[[str], None],
 ) -> tuple[Correction, frozenset[int]]:
     """Correct a program as its text is; says also which motions stay because others have their text."""
@@ -812,7 +823,13 @@ def _correct(
     subdivision = subdivide(problem)
     changes = target_changes(robot, subdivision, trajectory)
     chosen = choose_waypoints(
-        problem, subdivision, changes, bounds, keep_joints=keep_joints, program=program if into is None else None
+        problem,
+        subdivision,
+        changes,
+        bounds,
+        keep_joints=keep_joints,
+        program=program if into is None else None,
+        visits=visits,
     )
     waypoints, rejected = chosen.waypoints, chosen.rejected
     rewritten = rewrite_program(
