@@ -159,6 +159,18 @@ def test_krl_target_that_the_counters_do_not_tell_gets_no_array(turn, krl):  # n
     assert program.tabled(range(len(program.motions))) is None
 
 
+def test_krl_loop_that_is_left_at_a_known_turn_has_an_array(krl):  # noqa: F811
+    counted = ["H=H+1", "IF H>=5 THEN", "GOTO READY", "ENDIF"]
+    turn = ["LIN XP1:{X I*30,Y 0,Z 0,A 0,B 0,C 0}", *counted]
+    program = krl("DECL INT I,H", "H=0", "FOR I=1 TO 9", *turn, "ENDFOR", "READY:")
+    assert program.written_out(range(5)) is None
+    sources = program.tabled(range(5))
+    assert "TASKCAL_TARGETS[5]" in sources[1].text
+    ends = [[motion.end.T for motion in one.motions] for one in (program, program.reread(sources))]
+    np.testing.assert_allclose(*ends, atol=1e-7)
+    assert len(ends[0]) == 5
+
+
 SET_RAPID = (
     f"FOR i FROM 0 TO 2 DO\n  put:=p1;\n  put.trans.x:=put.trans.x+i*60;\n  MoveL put,{SLOW}\nENDFOR\n"
     f"put:=CRobT();\nMoveL put,{SLOW}"

@@ -422,6 +422,8 @@ class Flow(ABC, Generic[S, R]):
     """Of routines that are being summarised, the innermost last: the motion before, and those that come right behind it."""
     unclear: int = 0
     """How often something depended on more than by what summaries are found."""
+    begun: "dict[Loop, tuple[float, ...] | None]" = field(default_factory=dict[Any, Any])
+    """By counted loop, the counts with which its turns begin, as many as any run of it has; None where these differ."""
     turns: "dict[Loop, tuple[float, ...] | None]" = field(default_factory=dict[Any, Any])
     """By loop that was gone through turn by turn: its counter in each turn, the same each time; None where that is not so."""
 
@@ -515,6 +517,13 @@ class Flow(ABC, Generic[S, R]):
 
     def link(self, number: int, before: int | None) -> None:
         """Note the number of the motion before one."""
+
+    def began(self, loop: "Loop", counts: tuple[float, ...]) -> None:
+        """Note the counts with which turns of a loop began, whether or not it was left in the last one."""
+        before = self.begun.get(loop, counts)
+        if before is not None:
+            shorter, longer = sorted((before, counts), key=len)
+            self.begun[loop] = longer if longer[: len(shorter)] == shorter else None
 
     def took(self, loop: "Loop", turns: tuple[float, ...] | None) -> None:
         """Note the turns that a loop took; None where they are not decided."""
@@ -825,6 +834,7 @@ class Walk(ABC, Generic[S, R]):
             count = first + k * counts.step
             state = self.counting(loop, state, count)
             if not state.reached or counts.beyond(count):
+                self.flow.began(loop, tuple(taken))
                 self.flow.took(loop, tuple(taken) if state.reached else None)
                 return state
             taken.append(count)

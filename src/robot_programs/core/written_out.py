@@ -319,7 +319,7 @@ def tables(
     Args:
         nodes: of a routine.
         own: numbers of the motions of a line whose targets an array may hold; none of other lines.
-        turns: see `Flow.turns`.
+        turns: see `Flow.begun`.
         counter: name of a loop's counter; empty without one.
     """
     for line, around in _loops_around(nodes):

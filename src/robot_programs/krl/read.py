@@ -1063,7 +1063,7 @@ class _Reading:
         self._warn()
         self._say_set_elsewhere(data)
         bodies = {routine: flow.body(routine).nodes for routine in everywhere}
-        return replace(self._ordered(data), bodies=bodies, turns=flow.turns)
+        return replace(self._ordered(data), bodies=bodies, turns=flow.turns, begun=flow.begun)
 
     def _flow(self, routines: Mapping[str, list[Routine]], data: Data, effects: Effects[str, str]) -> _Flow:
         changes, volatile = effects.within, effects.unseen

@@ -228,6 +228,8 @@ class KrlProgram(Program):
     """Nodes of the routines."""
     turns: Mapping[Loop, tuple[float, ...] | None] = field(default_factory=dict[Loop, tuple[float, ...] | None])
     """See `Flow.turns`."""
+    begun: Mapping[Loop, tuple[float, ...] | None] = field(default_factory=dict[Loop, tuple[float, ...] | None])
+    """See `Flow.begun`."""
     unresolved: frozenset[Text] = frozenset()
     """Motions that are not understood on some way that leads to them."""
 
@@ -353,7 +355,7 @@ class KrlProgram(Program):
                 same = own[number, line.start] if (number, line.start) in shared else ()
                 return same if all(_is_listable(self.sites[i], self.motions[i]) for i in same) else ()
 
-            of_table |= dict.fromkeys(tables(nodes, listable, self.turns, _counter), routine)
+            of_table |= dict.fromkeys(tables(nodes, listable, self.begun, _counter), routine)
         lists = {file.module: file for file in self.files if file.holds_data and not file.serves_all}
         writing = _Rewriting(robot=NO_ROBOT, files=())
         named: dict[Path, dict[tuple[int, int], str]] = defaultdict(lambda: defaultdict(str))

@@ -699,10 +699,8 @@ def _meaning(target: TargetArgument) -> tuple[object, ...]:
 # Where a RAPID program begins, and what holds there.
 
 
-def follow_program(
-    everywhere: Sequence[Context], effects: Effects, values: Values, findings: Findings
-) -> Mapping[form.Loop, tuple[float, ...] | None]:
-    """Go through a program from each routine that nothing calls, and find its motions; gives `form.Flow.turns`."""
+def follow_program(everywhere: Sequence[Context], effects: Effects, values: Values, findings: Findings) -> "_Flow":
+    """Go through a program from each routine that nothing calls, and find its motions."""
     contexts = {context.routine: context for context in everywhere if context.routine is not None}
     size = sum(1 for routine in contexts for _ in routine.lines)
     flow = _Flow(
@@ -715,7 +713,7 @@ def follow_program(
     flow.follow(routines, roots)
     findings.close()
     flow.follow_rest(routines, roots)
-    return flow.turns
+    return flow
 
 
 def _lent(effects: Effects) -> dict[Routine, dict[Symbol, str]]:
@@ -800,7 +798,7 @@ def read_rapid(
     values = Values(assigned=changed.assigned)
     settings = replace(_settings(everywhere), T_world_base=T_world_base)
     findings = Findings(settings=settings, files=files)
-    turns = follow_program(everywhere, effects_of(everywhere, changed), values, findings)
+    flow = follow_program(everywhere, effects_of(everywhere, changed), values, findings)
     sites = findings.sites()
     diagnostics += findings.diagnostics(sites)
     for context in everywhere:
@@ -811,7 +809,7 @@ def read_rapid(
     diagnostics.sort(key=lambda diagnostic: (order[diagnostic.place.path], diagnostic.place.line))
     return RapidProgram(
         sources=tuple(sources), motions=tuple(motion.move for motion in sites), diagnostics=tuple(diagnostics),
-        sites=tuple(sites), uses=uses(everywhere, values), everywhere=everywhere, turns=turns,
+        sites=tuple(sites), uses=uses(everywhere, values), everywhere=everywhere, turns=flow.turns, begun=flow.begun,
         read=partial(read_rapid, tools=tools, parts=parts),
         T_world_base=T_world_base,
         shift=settings.shift, unresolved=frozenset(findings.reasons).difference(motion.instruction for motion in sites),

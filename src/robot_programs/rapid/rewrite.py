@@ -413,6 +413,8 @@ class RapidProgram(Program):
     """As in `Settings`."""
     turns: Mapping[Loop, tuple[float, ...] | None] = field(default_factory=dict[Loop, tuple[float, ...] | None])
     """See `Flow.turns`."""
+    begun: Mapping[Loop, tuple[float, ...] | None] = field(default_factory=dict[Loop, tuple[float, ...] | None])
+    """See `Flow.begun`."""
 
     def rewrite(self, robot: Robot, waypoints: Paths) -> tuple[Source, ...]:
         """The program's files with some motions rewritten.
@@ -681,7 +683,7 @@ class RapidProgram(Program):
                 return same if all(_is_listable(self.sites[i], file) for i in same) else ()
 
             counter = lambda loop: "" if loop.line.counter is None else loop.line.counter.text  # noqa: E731
-            of_table |= dict.fromkeys(tables(context.routine.nodes, listable, self.turns, counter), context)
+            of_table |= dict.fromkeys(tables(context.routine.nodes, listable, self.begun, counter), context)
         named: dict[Path, dict[tuple[int, int], str]] = defaultdict(lambda: defaultdict(str))
         for one in of_whole_paths(tuple(of_table), numbers, self.visits()):
             routine, source = of_table[one].routine, of_table[one].file.source
