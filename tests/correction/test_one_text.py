@@ -149,7 +149,7 @@ def test_krl_targets_of_a_long_loop_stand_in_an_array(turns, listed, krl, calibr
         ["PTP XP1:{X I*60,Y 0,Z 0,A 0,B 0,C 0}"],  # without status and turn, which an element would have
         ["I=I+1", "LIN XP1:{X I*60,Y 0,Z 0,A 0,B 0,C 0}", "I=I-1"],
         ["LIN XP1:{X I*60,Y 0,Z 0,A 0,B 0,C 0}", "IF I==2 THEN", "I=4", "ENDIF"],
-        ["FOR J=1 TO I", "LIN XP1:{X J*60,Y 0,Z 0,A 0,B 0,C 0}", "ENDFOR"],
+        ["FOR J=1 TO I", "LIN XP1:{X J*60,Y I*20,Z 0,A 0,B 0,C 0}", "ENDFOR"],
         ["LIN XP1:{X I*60,Y 0,Z 0,A 0,B 0,C 0}", "LIN XP1:{X $ANIN[1],Y 0,Z 0,A 0,B 0,C 0}"],  # of one path
     ],
 )
