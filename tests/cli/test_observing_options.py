@@ -96,7 +96,7 @@ def test_what_is_measured_is_filled_into_the_plan(
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--cone-deg", "30"], "--cone-deg: this is of --observe board or camera or socket or wire"),
+        (["--cone-deg", "30"], "--cone-deg: this is of --observe board or camera or pixels or socket or wire"),
         (["--observe", "wire", "--sockets", "sockets.csv"], "--sockets: this is of --observe socket"),
         (
             ["--observe", "wire", "--distances", "sockets.csv"],

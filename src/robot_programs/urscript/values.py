@@ -247,8 +247,10 @@ MAX_WHOLE = 2**31
 
 def _quotient(a: float, b: float) -> float:
     whole = isinstance(a, int) and isinstance(b, int)
-    if not b or (whole and a % b):
-        raise Unresolved(f"what {a:g} / {b:g} is, whose whole quotient may be cut off, the manual does not tell")
+    if not b:
+        raise Unresolved(f"{a:g} is divided by zero")
+    if whole and a % b:
+        raise Unresolved(f"the manual does not say whether the quotient of the whole numbers {a:g} / {b:g} is cut off")
     return a // b if whole else a / b
 
 
