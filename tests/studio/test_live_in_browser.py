@@ -142,22 +142,22 @@ def test_questions_and_joints_are_answered_on_the_page(chromium: Any, project: P
         project.folder,
         reach_task(ErrorModel(ROBOT), load_task(project.folder / "tasks/box.toml"), 12, seed=1).q,
     )
-    plan, points = Program.of(q, q[:0]), VirtualCell.drawn(ROBOT, 1).points(q) * 1e3
+    plan, cell = Program.of(q, q[:0]), VirtualCell.drawn(ROBOT, 1)
     (folder / "plans").mkdir()
     (folder / "plans" / "visit.csv").write_text(joints_text(plan.q, ROBOT, {"id": plan.ids}))
     (folder / "points.txt").write_text("x_mm y_mm z_mm\n")
     devices = {"controller": "hand", "instrument": "folder", "instrument-address": "points.txt"}
     project.choose(live={**devices, "program": "plans/visit.csv"})
 
-    def measure(row: int) -> None:
+    def measure(joints: Any) -> None:
         with (folder / "points.txt").open("a") as file:
-            file.write(" ".join(f"{value:.4f}" for value in points[row]) + "\n")
+            file.write(" ".join(f"{value:.4f}" for value in cell.points(joints[None])[0] * 1e3) + "\n")
 
     with served(folder) as address, open_tab(chromium, address) as tab:
         page = tab.open("live")
         page.get_by_role("button", name="Start a new campaign").click()
         page.get_by_text("12 poses of the program are left").wait_for()
-        measure(1)
+        measure(q[1])
         page.get_by_text("is the robot at pose 1?").wait_for()
         assert serious(page) == []
         tab.picture("live-question")
@@ -171,15 +171,23 @@ def test_questions_and_joints_are_answered_on_the_page(chromium: Any, project: P
         page = tab.open("live")
         page.get_by_role("button", name="Go on with").click()
         field = page.get_by_label("The joints as they are")
-        for typed in ("10 20", " ".join(f"J{k + 1}_deg={value:.4f}" for k, value in enumerate(np.degrees(q[2])))):
-            field.fill(typed)
+        field.wait_for()
+        shown = page.locator(".go-to td:last-child").all_inner_texts()
+        degrees = np.array([float(value.strip("°").replace("−", "-")) for value in shown])
+        for joints, wrong in (
+            ("10 20", "2 values; 6 are needed, in this order."),
+            (degrees + [3.0, 0.0, 0.0, 0.0, 0.0, 0.0], "J1_deg is 3.0 from the pose"),
+            (degrees, None),
+        ):
+            numbers = joints if isinstance(joints, str) else " ".join(f"{value:.4f}" for value in joints)
+            field.fill(numbers)
             page.get_by_role("button", name="The robot stands there").click()
-            if typed == "10 20":
-                page.get_by_text("2 values; 6 are needed, in this order.").wait_for()
-        measure(2)
+            if wrong is not None:
+                page.get_by_text(wrong).wait_for()
+        measure(np.radians(degrees))
         page.locator("dd", has_text="2; of the last one 1 shots").wait_for()
         page.get_by_role("button", name="Stop after this row").click()
         page.get_by_text("Stopped; every row is in the file.").wait_for()
         campaign = read_campaign(folder / "campaigns" / "live-box.csv", ROBOT)
-        np.testing.assert_allclose(campaign.q, q[1:3], atol=1e-5)
+        np.testing.assert_allclose(campaign.q, [q[1], np.radians(degrees)], atol=1e-5)
         assert tab.complaints == []
