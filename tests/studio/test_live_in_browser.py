@@ -176,7 +176,7 @@ def test_questions_and_joints_are_answered_on_the_page(chromium: Any, project: P
         degrees = np.array([float(value.strip("°").replace("−", "-")) for value in shown])
         for joints, wrong in (
             ("10 20", "2 values; 6 are needed, in this order."),
-            (degrees + [3.0, 0.0, 0.0, 0.0, 0.0, 0.0], "J1_deg is 3.0 from the pose"),
+            (degrees + 3.0 * np.eye(6)[0], "J1_deg is 3.0 from the pose"),
             (degrees, None),
         ):
             numbers = joints if isinstance(joints, str) else " ".join(f"{value:.4f}" for value in joints)
