@@ -128,14 +128,14 @@ class TestRos:
     def test_refuses_what_is_not_this_robots_joint_state(self, message, reason):
         def messages(topic):
             yield message
-            time.sleep(0.2)
+            time.sleep(0.8)
 
         with (
             rosbridge(messages) as at,
             RosJoints.open(at, UR5, PATIENCE_S) as ros,
             pytest.raises(DeviceError, match=reason),
         ):
-            ros.read(0.1)
+            ros.read(0.4)
 
     def test_a_message_sent_again_is_not_a_new_reading(self):
         names = list(UR5.joint_names)
