@@ -144,7 +144,7 @@ def test_points_say_which_pose_of_a_program_they_are(tmp_path: Path) -> None:
     assert len(session.asked) == NAMED_ROWS
     measured = [PROGRAM.at(row.joints) for row in session.journal.rows]
     assert measured == [k for k in order if k not in (18, 20)]
-    assert set(session.notes) == {"no row: the target may be at pose 19 or pose 21; not taken"}
+    assert set(session.notes) == {"no row: the target may be at one of the poses 19, 21; not taken"}
     assert set(session.left) == {"7", "19", "21"}
 
 

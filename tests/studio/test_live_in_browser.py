@@ -72,7 +72,7 @@ def test_only_what_is_stated_is_an_option_and_nothing_drives(project: Project) -
 
 
 def test_a_question_waits_until_it_is_answered() -> None:
-    question = '{"question": "moved?", "answers": ["again", "stop"]}'
+    question = '{"question": "moved?", "answers": ["again", "stop"], "said": {"template": "moved?", "values": {}}}'
     asked = Measured.of([question]).question
     assert asked is not None
     assert asked["answers"] == ["again", "stop"]

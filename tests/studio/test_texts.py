@@ -1,16 +1,22 @@
 """Every text stands in every language, is used, and has the same places to fill."""
 
+import ast
+import json
 import re
 from pathlib import Path
 from string import Formatter
 
+import taskcal.live
 import taskcal.studio
+from taskcal.cli.commands import measure
 from taskcal.diagnosis.diagnose import MISTAKES
+from taskcal.live.devices import Said
+from taskcal.live.stillness import MissedError
 from taskcal.observations.point import Tracker
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.studio.pages.measurements_page import mend
-from taskcal.studio.texts import LANGUAGES, Texts, catalogue, preferred
+from taskcal.studio.texts import LANGUAGES, LIBRARY_LANGUAGE, Texts, catalogue, preferred, sentences
 from taskcal.task.default_task import default_task, task_text
 from taskcal.task.task import load_task
 
@@ -57,6 +63,32 @@ def test_why_poses_fall_away_is_said_in_the_page_s_language(tmp_path: Path) -> N
     lost = Tracker().find(model, load_task(tmp_path / "task.toml"), 20, 0).lost
     assert lost
     assert [reason for reason in lost if Texts("de").named("lost", reason) == reason] == []
+
+
+def test_every_sentence_of_the_live_loop_is_in_every_language() -> None:
+    """Templates stand as literals where they are said; none is left untranslated, and none is translated that nobody says."""
+    said = [
+        call.args[0]
+        for path in (*Path(taskcal.live.__file__).parent.glob("*.py"), Path(measure.__file__))
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(call, ast.Call) and getattr(call.func, "id", "") in ("Said", "MissedError")
+    ]
+    templates = {one.value for one in said if isinstance(one, ast.Constant)}
+    assert len([one for one in said if not isinstance(one, ast.Constant)]) == 1  # in MissedError itself
+    assert templates == sentences().keys()
+    for template, other in sentences().items():
+        assert set(other) == set(LANGUAGES) - {LIBRARY_LANGUAGE}, template
+        assert {frozenset(places(text)) for text in other.values()} == {frozenset(places(template))}, template
+
+
+def test_a_sentence_is_said_with_the_comma_of_the_language() -> None:
+    missed = MissedError("no valid shot for {waited_s:.0f} s; see that the tracker sees the target", waited_s=31.4)
+    beyond = Said("{joint} is {off:.1f} from the pose; go nearer, or mend what was typed.", joint="J1_deg", off=3.04)
+    row = json.loads(json.dumps(Said("no row: {reason}", reason=missed.said).parts))
+    assert Texts("en").sentence(row) == f"no row: {missed}"
+    assert Texts("de").sentence(row).startswith("Keine Zeile: kein gültiger Messwert seit 31 s")
+    assert "3,0" in Texts("de").sentence(beyond.parts)
+    assert Texts("de").sentence(Said("of another package").parts) == "of another package"
 
 
 def test_a_finding_s_line_stands_beside_its_translation() -> None:

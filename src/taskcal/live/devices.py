@@ -16,6 +16,26 @@ from taskcal.plugins import load_plugins, state_faults
 from taskcal.robot.robot import Robot
 
 
+class Said(str):
+    """What a person is told or asked in words, with its values in their places, so that a page can say it in its language."""
+
+    template: str
+    """English, with places to fill as `str.format` has them; catalogues of other languages have it as their key."""
+    values: Mapping[str, "str | float"]
+
+    def __new__(cls, template: str, **values: str | float) -> "Said":
+        """Fill the places in; a value may be a sentence itself."""
+        whole = super().__new__(cls, template.format(**values))
+        whole.template, whole.values = template, values
+        return whole
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """Template and values, for lines of JSON."""
+        values = {name: value.parts if isinstance(value, Said) else value for name, value in self.values.items()}
+        return {"template": self.template, "values": values}
+
+
 class DeviceError(TaskcalError):
     """A controller or an instrument that cannot be reached, or was lost; the message has its address and what would work."""
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import shown
-from taskcal.live.devices import Controller, DeviceError, JointReading
+from taskcal.live.devices import Controller, DeviceError, JointReading, Said
 from taskcal.live.stillness import Rules
 from taskcal.robot.robot import Robot
 
@@ -56,17 +56,18 @@ class Hand(Controller):
         """
         if self._ask is None:
             raise DeviceError("the controller 'hand' asks for joints, and nobody is there to answer")
-        wrong = ""
+        pose = Said("Move to {pose}\nand enter the joints as they are:", pose=self._shown)
+        asked = pose
         while True:
-            text = self._ask(f"{wrong}Move to {self._shown}\nand enter the joints as they are: ")
-            joints, wrong = self._parse(text)
-            if joints is not None:
-                return JointReading(time_s=time.monotonic(), joints=joints, moving=False)
+            read = self._parse(self._ask(asked))
+            if not isinstance(read, Said):
+                return JointReading(time_s=time.monotonic(), joints=read, moving=False)
+            asked = Said("{wrong}\n{pose}", wrong=read, pose=pose)
 
     def close(self) -> None:
         """Nothing is open."""
 
-    def _parse(self, text: str) -> tuple[Float[np.ndarray, " joints"] | None, str]:
+    def _parse(self, text: str) -> Float[np.ndarray, " joints"] | Said:
         """Joints of a line, in order or as ``NAME=VALUE``; or what is wrong with it."""
         cells = text.replace(";", " ").replace("\t", " ").replace(", ", " ").split()
         if len(cells) == 1:
@@ -74,18 +75,24 @@ class Hand(Controller):
         named = dict(cell.split("=", 1) for cell in cells if "=" in cell)
         if named:
             if missing := [name for name in self._names if name not in named]:
-                return None, f"{missing[0]} is missing, or is called otherwise.\n"
+                return Said("{joint} is missing, or is called otherwise.", joint=missing[0])
             cells = [named[name] for name in self._names]
         if len(cells) != len(self._names):
-            return None, f"{len(cells)} values; {len(self._names)} are needed, in this order.\n"
+            return Said(
+                "{count} values; {needed} are needed, in this order.", count=len(cells), needed=len(self._names)
+            )
         try:
             joints = np.array([float(cell.replace(",", ".")) for cell in cells]) * self._units
         except ValueError:
-            return None, f"'{shown(text.strip())}' are not numbers alone.\n"
+            return Said("'{text}' are not numbers alone.", text=shown(text.strip()))
         if not np.isfinite(joints).all() or not self._robot.inside_limits(joints[None])[0]:
-            return None, "beyond the robot's limits; see the order of the joints and their signs.\n"
+            return Said("beyond the robot's limits; see the order of the joints and their signs.")
         off = np.abs(joints - self._pose) / self._units
         if (off * self._units > Rules.arrived).any():
             far = int(off.argmax())
-            return None, f"{self._names[far]} is {off[far]:.1f} from the pose; go nearer, or mend what was typed.\n"
-        return joints, ""
+            return Said(
+                "{joint} is {off:.1f} from the pose; go nearer, or mend what was typed.",
+                joint=self._names[far],
+                off=float(off[far]),
+            )
+        return joints

@@ -11,6 +11,7 @@ from taskcal.errors import CampaignError, FileError, TaskcalError
 from taskcal.identification.calibration import residuals_on
 from taskcal.identification.identify import fit_nominal
 from taskcal.identification.options import FitOptions
+from taskcal.live.devices import Said
 from taskcal.live.journal import Purpose, Row
 from taskcal.live.runner import Event, Left, Outcome, Runner
 from taskcal.live.steering import KEPT_OUT_EVERY, MIN_KEPT_OUT, REFERENCE_EVERY, State, Step, as_campaign
@@ -112,7 +113,7 @@ class ProgramRunner(Runner):
         super().__post_init__()
         self.taker = replace(self.taker, rules=replace(self.taker.rules, tries=1))
         self._leaves = True
-        self._noted = ""
+        self._noted: Said | None = None
         self._read_s: float | None = None
         """When the joints of the last row were read, until the next are."""
         self._point: Float[np.ndarray, " 3"] | None = None
@@ -124,16 +125,20 @@ class ProgramRunner(Runner):
         out = int(self.program.ids_for("kept-out").sum())
         if self.steering.aim.tolerance is not None and out < MIN_KEPT_OUT:
             self._note(
-                f"the program keeps {out} poses out, so that it alone proves nothing; {MIN_KEPT_OUT} or more do (taskcal plan "
-                "--kept-out)"
+                Said(
+                    "the program keeps {out} poses out, so that it alone proves nothing; {needed} or more do (taskcal plan "
+                    "--kept-out)",
+                    out=out,
+                    needed=MIN_KEPT_OUT,
+                )
             )
         self.taker.controller.visits(self.program.q)
         return super().run()
 
-    def _note(self, text: str) -> None:
+    def _note(self, text: Said) -> None:
         """Tell something, once while it stays the same."""
         if text != self._noted:
-            self.tell(Event(kind="note", text=text))
+            super()._note(text)
         self._noted = text
 
     def _pose(self, state: State) -> Outcome | None:
@@ -168,14 +173,18 @@ class ProgramRunner(Runner):
         try:
             taken = self._taken()
         except MissedError as missed:
-            self._note(f"no row: {missed}")
+            self._note(Said("no row: {reason}", reason=missed.said))
             return None
-        self._noted, self._leaves, self._point, self._read_s = "", True, taken.point, taken.time_s
+        self._noted, self._leaves, self._point, self._read_s = None, True, taken.point, taken.time_s
         if self.program.at(taken.joints) is None:
             off = np.abs(self.program.q - taken.joints).max(axis=1)
             self._note(
-                f"the robot stands at no pose of the program (the nearest, {self.program.ids[int(off.argmin())]}, is "
-                f"{np.degrees(off.min()):.0f}° off); what is measured here is taken as a row all the same"
+                Said(
+                    "the robot stands at no pose of the program (the nearest, {pose}, is {off_deg:.0f}° off); what is measured "
+                    "here is taken as a row all the same",
+                    pose=self.program.ids[int(off.argmin())],
+                    off_deg=float(np.degrees(off.min())),
+                )
             )
         step = Step(len(self._journal.rows) + 1, self._purpose(taken.joints), taken.joints)
         row = self._row_of(step, taken)
@@ -187,7 +196,7 @@ class ProgramRunner(Runner):
         try:
             return self._checked(step, row)
         except MissedError:
-            self._note("the robot left before the row could be measured again, which is dropped")
+            self._note(Said("the robot left before the row could be measured again, which is dropped"))
             return None
 
     def _see_whether_it_went_on(self) -> None:
@@ -199,8 +208,11 @@ class ProgramRunner(Runner):
         away_s, moved = one.time_s - since, np.abs(one.joints - self._here) > self.taker.rules.left
         if away_s > self.taker.rules.settle_s and moved.any():
             self._note(
-                f"the robot went on while nothing was read for {away_s:.0f} s, as in a fit; a pose where it stood only then stays "
-                "left: let it wait longer (taskcal plan --wait-s)"
+                Said(
+                    "the robot went on while nothing was read for {away_s:.0f} s, as in a fit; a pose where it stood only then "
+                    "stays left: let it wait longer (taskcal plan --wait-s)",
+                    away_s=away_s,
+                )
             )
 
     def _purpose(self, joints: Float[np.ndarray, " joints"]) -> Purpose:
@@ -259,11 +271,14 @@ class ProgramRunner(Runner):
         if not len(fits):
             near = int(off.argmin())
             raise MissedError(
-                f"the target is at no pose of the program; pose {ids[near]}, the nearest, is {off[near] * 1e3:.1f} mm away"
+                "the target is at no pose of the program; pose {pose}, the nearest, is {off_mm:.1f} mm away",
+                pose=ids[near],
+                off_mm=float(off[near] * 1e3),
             )
         first = int(fits[0])
         if not self.program.near(self.program.q[first])[fits].all():
-            raise MissedError(f"the target may be at {' or '.join(f'pose {ids[k]}' for k in fits[:4])}; not taken")
+            poses = ", ".join(ids[k] for k in fits[:4])
+            raise MissedError("the target may be at one of the poses {poses}; not taken", poses=poses)
         return first
 
     def _in_order(self) -> list[int]:
@@ -275,17 +290,23 @@ class ProgramRunner(Runner):
 
     def _asked(self, among: Sequence[int], point: Float[np.ndarray, " 3"], *, sure: bool = False) -> int:
         """The pose that a person names; without a question where it can be one alone."""
-        x, y, z = point * 1e3
-        place = f"the target stands at {x:.1f} {y:.1f} {z:.1f} mm"
+        place = dict(zip(("x_mm", "y_mm", "z_mm"), (point * 1e3).tolist(), strict=True))
         if sure and len(among) and self.program.near(self.program.q[among[0]])[list(among)].all():
             return among[0]
         for k in among:
-            answer = self._decide(f"{place}: is the robot at pose {self.program.ids[k]}?", "yes", "no", "skip")
+            asked = Said(
+                "the target stands at {x_mm:.1f} {y_mm:.1f} {z_mm:.1f} mm: is the robot at pose {pose}?",
+                pose=self.program.ids[k],
+                **place,
+            )
+            answer = self._decide(asked, "yes", "no", "skip")
             if answer == "yes":
                 return k
             if answer == "skip":
                 break
-        raise MissedError(f"{place}, and its pose is not known; not taken")
+        raise MissedError(
+            "the target stands at {x_mm:.1f} {y_mm:.1f} {z_mm:.1f} mm, and its pose is not known; not taken", **place
+        )
 
     def _off_nominal(self, named: Sequence[int], tried: Sequence[Row]) -> Float[np.ndarray, " n"]:
         """How far a point is from where the nominal robot has the target at each pose, metres.

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.kinematics.clearance import clear_of_boxes, clear_of_itself, place_links
-from taskcal.live.devices import Controller
+from taskcal.live.devices import Controller, Said
 from taskcal.live.journal import Journal, Row
 from taskcal.live.steering import Aim, State, Steering, Step
 from taskcal.live.stillness import MissedError, StoppedError, Taken, Taker
@@ -35,7 +35,7 @@ class Event:
     """What happened; of some kinds one field has it."""
 
     kind: Literal["pose", "left", "row", "state", "note"]
-    text: str = ""
+    text: Said | None = None
     """In words, of a note."""
     step: Step | None = None
     taken: Taken | None = None
@@ -63,7 +63,7 @@ class Left:
 class Question:
     """Asked where a person has to decide."""
 
-    text: str
+    text: Said
     answers: tuple[Answer, ...]
 
 
@@ -148,7 +148,7 @@ class Runner:
             TaskcalError: a connection is lost, the disk refuses, or no pose is left; what was measured stays.
         """
         if self._journal.dropped:
-            self.tell(Event(kind="note", text="a line that was half-written when the last session ended was taken off"))
+            self._note(Said("a line that was half-written when the last session ended was taken off"))
         state = State(rows=0)
         try:
             while True:
@@ -157,6 +157,10 @@ class Runner:
                     return outcome
         except StoppedError:
             return Outcome(state=state, reason="stopped")
+
+    def _note(self, text: Said) -> None:
+        """Tell something in words."""
+        self.tell(Event(kind="note", text=text))
 
     def _pose(self, state: State) -> Outcome | None:
         """One pose, from its choice to its row; or how it ended."""
@@ -190,7 +194,7 @@ class Runner:
         times = [row.time_s for row in self._journal.rows[-PACE_ROWS - 1 :]]
         return median(np.diff(times)) if len(times) > 1 else None
 
-    def _decide(self, text: str, *answers: Answer) -> Answer:
+    def _decide(self, text: Said, *answers: Answer) -> Answer:
         """The person's answer.
 
         Raises:
@@ -208,7 +212,7 @@ class Runner:
             try:
                 row = self._measured(step, go=go)
             except MissedError as missed:
-                if self._decide(str(missed), "again", "skip") == "skip":
+                if self._decide(missed.said, "again", "skip") == "skip":
                     self._doubt = False
                     return None
                 continue
@@ -254,20 +258,13 @@ class Runner:
         off = self.steering.surprise(row)
         if off is None:
             return row
-        self.tell(
-            Event(kind="note", text=f"the target is {off * 1e3:.3f} mm from where it is expected: measured again")
-        )
+        self._note(Said("the target is {off_mm:.3f} mm from where it is expected: measured again", off_mm=off * 1e3))
         again = self._measured(step, go=False)
         if (still := self.steering.surprise(again)) is None:
-            self.tell(
-                Event(kind="note", text="the second measurement is as expected; the first was wrong, and is dropped")
-            )
+            self._note(Said("the second measurement is as expected; the first was wrong, and is dropped"))
             return again
-        self.tell(
-            Event(
-                kind="note",
-                text=f"twice the same: kept, {still * 1e3:.3f} mm off; the first pose is measured again next",
-            )
+        self._note(
+            Said("twice the same: kept, {off_mm:.3f} mm off; the first pose is measured again next", off_mm=still * 1e3)
         )
         self._journal.note({"surprise": row.number})
         self._doubt = True
@@ -287,10 +284,15 @@ class Runner:
             self._asked_again = False
             return "keep"
         answer = self._decide(
-            f"at the first pose, measured again, the target is {off * 1e3:.3f} mm from where it was: reflector or tracker was "
-            "moved, or the robot",
-            "again", "moved", "keep",
-        )  # fmt: skip
+            Said(
+                "at the first pose, measured again, the target is {off_mm:.3f} mm from where it was: reflector or tracker was "
+                "moved, or the robot",
+                off_mm=off * 1e3,
+            ),
+            "again",
+            "moved",
+            "keep",
+        )
         self._asked_again = answer == "again"
         if answer == "moved":
             self._journal.note({"moved": row.number, "excluded": self._surprises()})

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.live.devices import Controller, Instrument, JointReading, Shot
+from taskcal.live.devices import Controller, Instrument, JointReading, Said, Shot
 
 
 class StoppedError(Exception):
@@ -15,6 +15,10 @@ class StoppedError(Exception):
 
 class MissedError(Exception):
     """A row that could not be taken, with the reason in words; the person decides what to do."""
+
+    def __init__(self, template: str, **values: str | float):
+        self.said = Said(template, **values)
+        super().__init__(self.said)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,10 +134,12 @@ class Taker:
                     scatter=scatter,
                     shots=len(points),
                 )
-        times = f"{self.rules.tries} times " if self.rules.tries > 1 else ""
         raise MissedError(
-            f"{times}the robot moved, or {self.rules.shots} shots scattered by more than "
-            f"{self.rules.max_scatter_m * 1e3:g} mm; see that robot, target and tracker stand firmly"
+            "the robot moved, or {shots} shots scattered by more than {limit_mm:g} mm (tries: {tries}); see that robot, target and "
+            "tracker stand firmly",
+            shots=self.rules.shots,
+            limit_mm=self.rules.max_scatter_m * 1e3,
+            tries=self.rules.tries,
         )
 
     def take_point(self, after: Float[np.ndarray, " 3"] | None) -> Taken:
@@ -168,14 +174,20 @@ class Taker:
                 few, shots = len(shots), [shot]
                 if rules.shots > 1:
                     raise MissedError(
-                        f"{few} of {rules.shots} shots before the target moved on; measure it again there"
+                        "{few} of {shots} shots before the target moved on; measure it again there",
+                        few=few,
+                        shots=rules.shots,
                     )
             else:
                 shots.append(shot)
             if self.instrument.streams or len(shots) == rules.shots:
                 points = np.stack([one.point for one in shots])
                 if (scatter := scatter_of(points)) > rules.max_scatter_m:
-                    raise MissedError(f"{len(shots)} shots scattered by {scatter * 1e3:.3f} mm; measure them again")
+                    raise MissedError(
+                        "{shots} shots scattered by {scatter_mm:.3f} mm; measure them again",
+                        shots=len(shots),
+                        scatter_mm=scatter * 1e3,
+                    )
                 return Taken(
                     time_s=shot.time_s, joints=np.zeros(0), point=points.mean(axis=0), scatter=scatter, shots=len(shots)
                 )
@@ -207,10 +219,14 @@ class Taker:
                 raise StoppedError
             if one.time_s - begun > self.rules.wait_s:
                 if pose is None:
-                    raise MissedError(f"the robot has not stood anywhere else for {self.rules.wait_s:g} s")
+                    raise MissedError(
+                        "the robot has not stood anywhere else for {wait_s:g} s", wait_s=self.rules.wait_s
+                    )
                 off = float(np.degrees(np.abs(one.joints - pose).max()))
                 raise MissedError(
-                    f"the robot does not stand at the pose after {self.rules.wait_s:g} s ({off:.1f}° off)"
+                    "the robot does not stand at the pose after {wait_s:g} s ({off_deg:.1f}° off)",
+                    wait_s=self.rules.wait_s,
+                    off_deg=off,
                 )
 
     def _arrived(self, reading: JointReading, pose: Float[np.ndarray, " joints"]) -> bool:
@@ -244,7 +260,9 @@ class Taker:
                 shots.append(shot)
                 waited, lost_since = 0.0, shot.time_s
             if waited > patience:
-                raise MissedError(f"no valid shot for {waited:.0f} s; see that the tracker sees the target")
+                raise MissedError(
+                    "no valid shot for {waited_s:.0f} s; see that the tracker sees the target", waited_s=waited
+                )
             if self.stopped() and waited > rules.settle_s and not shots:
                 raise StoppedError
         return shots

@@ -5,6 +5,7 @@ import tomllib
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from taskcal.report.chart import plain
 
@@ -16,10 +17,24 @@ LIBRARY_LANGUAGE = "en"
 
 
 @cache
+def _content() -> Mapping[str, Mapping[str, Mapping[str, str]]]:
+    return tomllib.loads((Path(__file__).parent / "texts.toml").read_text(encoding="utf-8"))
+
+
+@cache
 def catalogue() -> Mapping[str, Mapping[str, str]]:
     """Texts by language, by key."""
-    content = tomllib.loads((Path(__file__).parent / "texts.toml").read_text(encoding="utf-8"))
-    return {f"{page}.{key}": languages for page, texts in content.items() for key, languages in texts.items()}
+    return {
+        f"{page}.{key}": languages
+        for page, texts in _content().items()
+        if page != "said"
+        for key, languages in texts.items()
+    }
+
+
+def sentences() -> Mapping[str, Mapping[str, str]]:
+    """Sentences of the library's own in other languages, by their English templates."""
+    return _content()["said"]
 
 
 class Texts:
@@ -38,10 +53,41 @@ class Texts:
         said = plain(value, form)
         return said.replace(".", ",") if self.language == "de" else said
 
+    def sentence(self, parts: Mapping[str, Any]) -> str:
+        """A sentence that the library says, by its English template and values; in English where the catalogue lacks it.
+
+        Args:
+            parts: as `taskcal.live.devices.Said` has them.
+        """
+        template = parts["template"]
+        values = {
+            name: self.sentence(value)
+            if isinstance(value, dict)
+            else _Spoken(value, self)
+            if isinstance(value, float)
+            else value
+            for name, value in parts["values"].items()
+        }
+        return sentences().get(template, {}).get(self.language, template).format(**values)
+
     def named(self, group: str, name: str, **values: object) -> str:
         """The text of what the library names, such as a finding of the doctor; its own name where the catalogue has none."""
         key = f"{group}.{re.sub('[^a-z]+', '_', name)}"
         return self(key, **values) if key in catalogue() else name
+
+
+class _Spoken(float):
+    """A number that is put into a text by the text's own format, with the comma of the language."""
+
+    _texts: Texts
+
+    def __new__(cls, value: float, texts: Texts) -> "_Spoken":
+        number = super().__new__(cls, value)
+        number._texts = texts
+        return number
+
+    def __format__(self, form: str) -> str:
+        return self._texts.number(float(self), form)
 
 
 def preferred(accepted: str) -> str:

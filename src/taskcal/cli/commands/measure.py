@@ -19,7 +19,7 @@ from taskcal.cli.options.common import JsonOption, RobotOption, SeedOption, Task
 from taskcal.cli.output import check_outputs, files_of_task, info, plain, say, show_facts, tell
 
 if TYPE_CHECKING:
-    from taskcal.live.devices import Controller, Device
+    from taskcal.live.devices import Controller, Device, Said
     from taskcal.live.program import Program
     from taskcal.live.runner import Answer, Event, Left, Outcome, Question, Runner
     from taskcal.live.steering import Aim, State, Steering
@@ -125,6 +125,7 @@ def command(
     check_outputs("measure", [("--output", output)], inputs, updated=["--output"])
     if (watched := devices.instrument_address) is not None:
         _check_apart(output, Path(watched))
+    from taskcal.live.devices import Said
     from taskcal.live.journal import Journal
     from taskcal.live.program import Program
     from taskcal.live.steering import Steering
@@ -132,16 +133,22 @@ def command(
     aim = _aim(robot, task, station, accuracy_mm, rows, seed)
     program = Program.read(devices.program, aim.model.robot) if devices.program is not None else None
     target = "tool" if aim.station is None else aim.station.reflectors[0].name
-    journal = Journal(output, aim.model.robot, target)
+    journal, terminal = Journal(output, aim.model.robot, target), _Terminal(aim=aim, as_json=as_json)
+    if aim.tolerance is None:
+        terminal.note(
+            Said(
+                "the task states no accuracy: {most} rows are measured, and nothing is proven (--accuracy-mm states one)",
+                most=aim.most,
+            )
+        )
     with devices.opened(aim.model.robot) as (controller, instrument):
         if resume:
             journal.resume(aim.settings)
-            info(f"{output}: {len(journal.rows)} rows are there; going on")
+            terminal.note(Said("{file}: {rows} rows are there; going on", file=str(output), rows=len(journal.rows)))
         else:
             journal.begin({**aim.settings, "begun": time.time()})
-        with _finishing_the_row(controller) as stopped:
+        with _finishing_the_row(controller, as_json=as_json) as stopped:
             steering = Steering(aim, journal)
-            terminal = _Terminal(aim=aim, as_json=as_json)
             controller.asks(terminal.joints)
             taker = rows_taker(rows, controller, instrument, stopped)
             outcome = _runner(
@@ -200,16 +207,11 @@ def _aim(robot: str, task: Path, station: Path | None, accuracy_mm: float | None
     stood = None if station is None else taskcal.load_station(station)
     if station is not None and stood is not None and len(stood.reflectors) != 1:
         raise FileError(station, f"has {len(stood.reflectors)} reflectors; one is measured live: leave the others out")
-    tolerance = metres(accuracy_mm) or described.accuracy
-    if tolerance is None:
-        info(
-            f"the task states no accuracy: {rows.most} rows are measured, and nothing is proven (--accuracy-mm states one)"
-        )
     return Aim(
         model=model,
         task=described,
         station=stood,
-        tolerance=tolerance,
+        tolerance=metres(accuracy_mm) or described.accuracy,
         most=rows.most,
         seed=seed,
         effects=rows.effects == "auto",
@@ -217,7 +219,7 @@ def _aim(robot: str, task: Path, station: Path | None, accuracy_mm: float | None
 
 
 @contextmanager
-def _finishing_the_row(controller: "Device") -> Generator[Callable[[], bool]]:
+def _finishing_the_row(controller: "Device", *, as_json: bool) -> Generator[Callable[[], bool]]:
     """Let Ctrl-C end the measurement after the row in hand, and a second one at once; joints that are typed are no row yet."""
     from taskcal.live.stillness import StoppedError
 
@@ -232,7 +234,8 @@ def _finishing_the_row(controller: "Device") -> Generator[Callable[[], bool]]:
         asked.set()
         if not controller.streams:
             raise StoppedError
-        info("stopping after the row in hand; Ctrl-C again stops at once, without it")
+        if not as_json:  # a program that asks for it knows
+            info("stopping after the row in hand; Ctrl-C again stops at once, without it")
 
     earlier, before = signal.set_wakeup_fd(-1), signal.signal(signal.SIGINT, hear)
     try:
@@ -251,8 +254,8 @@ class _Terminal:
 
     def tell(self, event: "Event") -> None:
         """Show an event."""
-        if event.kind == "note":
-            info(event.text)
+        if event.text is not None:
+            self.note(event.text)
         elif self.as_json:
             if (line := _line(self.aim, event)) is not None:
                 print(json.dumps(plain(line), allow_nan=False), flush=True)
@@ -269,20 +272,29 @@ class _Terminal:
             for line in _in_words(event.state, self.aim, event.pose_s):
                 say(line)
 
+    def note(self, text: "Said") -> None:
+        """Tell something in words."""
+        if self.as_json:
+            print(json.dumps({"note": text, "said": text.parts}), flush=True)
+        else:
+            info(text)
+
     def ask(self, question: "Question") -> "Answer":
         """The answer to a question; where nobody is there to give one, it is to stop."""
+        from taskcal.live.devices import Said
         from taskcal.live.runner import MEANINGS
 
         answers = question.answers
         listed = "".join(f"  {answer}: {MEANINGS[answer]}\n" for answer in answers)
         asked = f"{question.text}\n{listed}> "
-        while (line := self._line(asked, {"question": question.text, "answers": list(answers)})) is not None:
+        event = {"question": question.text, "answers": list(answers), "said": question.text.parts}
+        while (line := self._line(asked, event)) is not None:
             text = line.strip().casefold()
             meant: list[Answer] = [answer for answer in answers if text and answer.startswith(text)]
             if len(meant) == 1:
                 return meant[0]
             asked = f"answer one of: {', '.join(answers)}\n> "
-        info("nobody is there to answer: stopped; --resume goes on")
+        self.note(Said("nobody is there to answer: stopped; --resume goes on"))
         return "stop"
 
     def joints(self, text: str) -> str:
@@ -291,9 +303,10 @@ class _Terminal:
         Raises:
             DeviceError: the input has ended.
         """
-        from taskcal.live.devices import DeviceError
+        from taskcal.live.devices import DeviceError, Said
 
-        line = self._line(text, {"question": text, "answers": None})
+        said = text.parts if isinstance(text, Said) else None
+        line = self._line(f"{text} ", {"question": text, "answers": None, "said": said})
         if line is None:
             raise DeviceError("the input has ended, and no more joints can be typed; resume (--resume)")
         return line

@@ -59,6 +59,8 @@ class Measured:
     """Shots of the last row."""
     question: Mapping[str, Any] | None = None
     """That waits for an answer."""
+    notes: Sequence[Mapping[str, Any]] = ()
+    """What it told in words."""
 
     @classmethod
     def of(cls, lines: Sequence[str]) -> "Measured":
@@ -70,6 +72,7 @@ class Measured:
             left=next((one for one in reversed(said) if "left" in one), None),
             taken=next((one for one in reversed(said) if "measured" in one), None),
             question=next((one if "question" in one else None for one in reversed(said) if _ASKED & one.keys()), None),
+            notes=[one for one in said if "note" in one],
         )
 
     @property
@@ -304,7 +307,7 @@ class _Shown:
                 for part in (notes, where, place):
                     part.clear()
                 with notes:
-                    for note in run.messages[-MAX_NOTES:]:
+                    for note in [*run.messages, *notes_of(measured, texts)][-MAX_NOTES:]:
                         message(note, fine=True)
                 if measured.go_to is not None and view is None:
                     with drawn:
@@ -331,8 +334,11 @@ class _Shown:
         timer = ui.timer(POLL_S, look)
 
     def show(self) -> None:
-        """Show what was known in the end."""
-        self._known(Measured.of(self._run.lines))
+        """Show what was told, and known in the end."""
+        measured = Measured.of(self._run.lines)
+        for note in notes_of(measured, self._texts)[-MAX_NOTES:]:
+            message(note, fine=True)
+        self._known(measured)
 
     def _postures(self, measured: Measured) -> Float[np.ndarray, "n joints"]:
         """What the first view shows as a whole: the pose to go to, those measured, and the robot stretched out."""
@@ -351,13 +357,15 @@ class _Shown:
             return
         with place:
             if question["answers"]:
-                message(question["question"])
+                message(texts.sentence(question["said"]))
                 with ui.element("div").classes("row"):
                     for number, answer in enumerate(question["answers"]):
                         button(texts.named("live", f"answer_{answer}"), partial(run.answer, answer), plain=number > 0)
                 return
-            if wrong := "\n".join(question["question"].splitlines()[:-2]):  # what it asks for is said below
-                message(wrong)
+            if question["said"] is None:  # of a controller of another package
+                message(question["question"])
+            elif wrong := question["said"]["values"].get("wrong"):  # what it asks for is said below
+                message(texts.sentence(wrong))
             names = " ".join(str(name) for name in (measured.go_to or {"go_to": ()})["go_to"])
             typed = ""
 
@@ -412,6 +420,11 @@ MAX_LEFT = 8
 def _purpose(name: str) -> str:
     """What a pose of a program is for, by its id."""
     return name.partition("-")[2] or "chosen"
+
+
+def notes_of(measured: Measured, texts: Texts) -> list[str]:
+    """What was told in words, in the page's language."""
+    return [texts.sentence(note["said"]) for note in measured.notes]
 
 
 def facts_of(measured: Measured, last: Mapping[str, Any], texts: Texts) -> list[tuple[str, str]]:
