@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_programs.languages import languages
 from taskcal.errors import TaskcalError
 from taskcal.report.page import read_header
-from taskcal.studio.pages import identify_page, program_page, report_page
+from taskcal.studio.pages import identify_page, plan_page, program_page, report_page
 from taskcal.studio.project import Choices, Project
 from taskcal.studio.task_box import read_together
 
@@ -42,6 +43,27 @@ def test_values_from_the_project_s_file_are_no_options(tmp_path: Path) -> None:
         *("report", "calibrations/c.json", "--output", "reports/c.html", "--certificate", "reports/c-certificate.html"),
         "--json",
     ]
+
+
+def test_a_plan_is_in_any_language_and_for_what_measures() -> None:
+    """Programs as every language has them, each beside the plan's table; options of images only where images are taken."""
+    choices = Choices(
+        name="x", task="tasks/a.toml", board="boards/b.toml", camera="cameras/c.toml", observing={"roll-deg": "5"}
+    )
+    written = {}
+    for language in ("", *(one.name for one in languages())):
+        arguments = plan_page.arguments_of(choices.model_copy(update={"language": language}))
+        written[language] = [Path(one.partition("=")[2]).name for one in arguments if one.startswith("--program=")]
+        assert not [one for one in arguments if one.startswith(("--board", "--camera", "--roll"))]
+    assert {Path(name).suffix for names in written.values() for name in names} == {
+        *(".mod", ".src", ".ls", ".script", ".csv")
+    }
+    assert written[""] == written["APT"] == []
+    assert written["CSV"] == ["m_a_60_path.csv"]
+    images = plan_page.arguments_of(choices.model_copy(update={"observe": "pixels", "kept_out": 6}))
+    assert {"--observe=pixels", "--board=boards/b.toml", "--camera=cameras/c.toml", "--roll-deg=5"} <= set(images)
+    assert "--program=plans/m_a_60_px.mod" in images
+    assert not [one for one in images if one.startswith(("--kept-out", "--landmarks"))]
 
 
 def test_a_fit_replaces_no_calibration(tmp_path: Path) -> None:

@@ -415,7 +415,7 @@ def test_a_plan_is_shown_pose_by_pose(own) -> None:
     result = {
         "expected_error_mm": 0.21, "random_expected_error_mm": 0.32, "grid_expected_error_mm": 0.43, "by_count_mm": [2, 1, 0.21],
         "before_mm": 3.0, "count": 3, "lost": {"unseen": 5, "unreachable": 0}, "candidates": 77, "plan": "plans/m_box_3.csv",
-        "clearance_mm": {"between_links": [11.2, 22.4, 33.1], "to_keep_out": None},
+        "clearance_mm": {"between_links": [11.2, 22.4, 33.1], "to_keep_out": None}, "programs": ["plans/m_box_3.mod"],
     }  # fmt: skip
     (own / "plans" / "m_box_3.csv.result.json").write_text(json.dumps(result))
 

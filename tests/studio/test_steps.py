@@ -38,6 +38,7 @@ FILES = {
     "program": "programs/a.mod",
     "cell": "cells/a.toml",
     "header": LAYOUT.header,
+    "camera": "cameras/a.toml",
 }
 
 PRODUCTS = {"plans": "plan", "calibrations": "identify", "corrected": "program", "reports": "report"}
@@ -65,7 +66,7 @@ def whole(tmp_path: Path) -> Project:
     project = Project(tmp_path)
     for path in FILES.values():
         put(project, path, "")
-    project.choose(robot="ur5", **{role: path for role, path in FILES.items() if role != "header"})
+    project.choose(robot="ur5", observe="pixels", **{role: path for role, path in FILES.items() if role != "header"})
     for folder in MADE_FROM:
         product = product_of(project, folder)
         put(project, product, "{}")

@@ -14,8 +14,10 @@ from taskcal.errors import TaskcalError, shown
 from taskcal.robot.importers.urdf import read_looks
 from taskcal.studio.project import (
     BOARD_ENDINGS,
+    CAMERA_ENDINGS,
     CAMPAIGN_ENDINGS,
     CELL_ENDINGS,
+    FIXTURE_ENDINGS,
     LAYOUT,
     PROGRAM_ENDINGS,
     ROBOT_ENDINGS,
@@ -111,6 +113,8 @@ KINDS: Mapping[str, Kind] = {
     "points": Kind(folder=LAYOUT.campaigns, endings=CAMPAIGN_ENDINGS, choice="points"),
     "task": Kind(folder=LAYOUT.tasks, endings=TASK_ENDINGS, choice="task"),
     "board": Kind(folder=LAYOUT.boards, endings=BOARD_ENDINGS, choice="board"),
+    "camera": Kind(folder=LAYOUT.cameras, endings=CAMERA_ENDINGS, choice="camera"),
+    "fixtures": Kind(folder=LAYOUT.fixtures, endings=FIXTURE_ENDINGS, choice="fixtures"),
     "station": Kind(folder=LAYOUT.stations, endings=STATION_ENDINGS, choice="station"),
     "cell": Kind(folder=LAYOUT.cells, endings=CELL_ENDINGS, choice="cell"),
     "program": Kind(folder=LAYOUT.programs, endings=PROGRAM_ENDINGS, choice="program"),

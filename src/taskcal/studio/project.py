@@ -80,6 +80,8 @@ class Layout:
     tasks: str = "tasks"
     stations: str = "stations"
     boards: str = "boards"
+    cameras: str = "cameras"
+    fixtures: str = "fixtures"
     plans: str = "plans"
     calibrations: str = "calibrations"
     programs: str = "programs"
@@ -99,6 +101,8 @@ CELL_ENDINGS = (".toml",)
 TASK_ENDINGS = (".toml",)
 STATION_ENDINGS = (".toml",)
 BOARD_ENDINGS = (".toml",)
+CAMERA_ENDINGS = (".toml", ".yaml", ".yml")
+FIXTURE_ENDINGS = (".csv",)
 RESULT = ".result.json"
 """Ending of what the command line said of a calibration, beside it."""
 
@@ -137,6 +141,12 @@ LiveOption = Literal[
 """Of ``taskcal measure``."""
 
 
+PlanOption = Literal[
+    "mounted-mm", "mounted-axis", "roll-deg", "cone-deg", "range-mm", "in-view", "place-mm", "place-deg", "noise-px"
+]
+"""Of ``taskcal plan --observe pixels``."""
+
+
 class Choices(Section):
     """Current choices of a project, as in ``project.toml``."""
 
@@ -170,6 +180,16 @@ class Choices(Section):
     seed: int = Field(default=0, ge=0)
     poses: int = Field(default=60, ge=1, le=2000)
     """To be planned."""
+    observe: Literal["tracker", "pixels"] = "tracker"
+    """What measures at the planned poses: a tracker, or a camera that takes images of boards."""
+    camera: ProjectFile = ""
+    """What is known of that camera."""
+    fixtures: ProjectFile = ""
+    """Where the boards stand, or the camera does; empty for before the task."""
+    observing: dict[PlanOption, Annotated[str, Field(max_length=200)]] = Field(default_factory=dict)
+    """Options of a plan for images that are stated, by their names."""
+    language: str = Field(default="RAPID", max_length=50)
+    """Of the program that visits the planned poses; empty for none."""
     kept_out: int = Field(default=0, ge=0, le=2000)
     """Poses of the task beside these, to judge a live campaign by that a program visits."""
     robust: bool = False

@@ -11,6 +11,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from robot_programs.languages import languages
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import TaskcalError
 from taskcal.io.json_file import parse_json
@@ -91,7 +92,7 @@ def options_of_images(project: Project) -> list[str]:
 
 
 MADE_FROM: Mapping[str, tuple[str, ...]] = {
-    LAYOUT.plans: ("robot", "task", "station"),
+    LAYOUT.plans: ("robot", "task", "station", "camera"),
     LAYOUT.calibrations: ("robot", "campaign"),
     LAYOUT.corrected: ("calibration", "program", "task", "cell"),
     LAYOUT.reports: ("calibration", "task", "campaign", "header"),
@@ -107,11 +108,15 @@ def contents(project: Project) -> Mapping[str, str]:
     choices = project.choices
     found = {name: _digest(project, getattr(choices, name)) for name in ("station", "calibration")}
     found["campaign"] = _digest(project, choices.campaign, *([choices.board] if options_of_images(project) else []))
+    if choices.observe == "pixels":
+        seen = [_digest(project, path) for path in (choices.camera, choices.board, choices.fixtures) if path]
+        found["camera"] = hashlib.sha256(json.dumps([seen, choices.observing]).encode()).hexdigest()
     robot = ""
     with suppress(OSError, TaskcalError):
         robot = robot_of(project).digest
     cell = (_digest(project, choices.cell), choices.tool, choices.part, choices.accept_uncertain, choices.helper)
     return {
+        "camera": "",
         **found,
         "robot": robot,
         "header": _digest(project, LAYOUT.header),
@@ -217,8 +222,19 @@ MAX_STEM = 20
 
 def plan_of(choices: Choices) -> str:
     """Path of the plan of a task; its program is a module of the same name, as RAPID lets it be."""
-    stem = re.sub(r"[^A-Za-z0-9]", "_", Path(choices.task).stem)[:MAX_STEM]
-    return f"{LAYOUT.plans}/m_{stem}_{choices.poses}.csv"
+    of = "" if choices.observe == "tracker" else "_px"
+    stem = re.sub(r"[^A-Za-z0-9]", "_", Path(choices.task).stem)[: MAX_STEM - len(of)]
+    return f"{LAYOUT.plans}/m_{stem}_{choices.poses}{of}.csv"
+
+
+CSV_PROGRAM = "_path.csv"
+"""Ending of a program in CSV, beside the plan's table."""
+
+
+def program_of(plan: str, language: str) -> str:
+    """Path of the program that visits the poses of a plan; empty where none is written in the language."""
+    suffix = next((one.composed[0] for one in languages() if one.composed and one.name == language), "")
+    return plan.removesuffix(".csv") + (CSV_PROGRAM if suffix == ".csv" else suffix) if suffix else ""
 
 
 def corrected_of(program: str) -> str:

@@ -306,6 +306,7 @@ def _surroundings(
 ROLES: Mapping[str, str] = {
     "campaign": "measurements.title",
     "station": "choose.station",
+    "camera": "choose.camera",
     "calibration": "choose.calibration",
     "cell": "choose.cell",
     "header": "report.head",

@@ -10,7 +10,8 @@ from nicegui.elements.mixins.text_element import TextElement
 
 from taskcal.errors import TaskcalError
 from taskcal.io.files import write_all, write_whole
-from taskcal.studio.controls import button, choice, command_line, message, set_attribute, text
+from taskcal.studio.controls import button, choice, command_line, drop_zone, message, set_attribute, text
+from taskcal.studio.files import KINDS
 from taskcal.studio.project import LAYOUT, Project
 from taskcal.studio.results import MADE_FROM, contents, made, result_of
 from taskcal.studio.runs import CommandRun, Status, Studio
@@ -54,6 +55,15 @@ def choose_file(project: Project, texts: Texts, name: str, files: Mapping[str, s
 
     chosen = getattr(project.choices, name)
     choice(texts(f"choose.{name}"), ({"-": none} if none else {}) | dict(files), chosen or ("-" if none else ""), take)
+
+
+def choose_or_drop(project: Project, texts: Texts, name: str, *, none: str = "") -> None:
+    """A list for one of the project's choices, as `choose_file`, of the files of its kind, and a place to drop one."""
+    kind = KINDS[name]
+    files = {path: path for path in project.files(kind.folder, kind.endings)}
+    if files:
+        choose_file(project, texts, name, files, none=none)
+    drop_zone(texts, name, texts(f"choose.drop_{name}"), kind.endings)
 
 
 def choose_calibration(project: Project, texts: Texts) -> bool:

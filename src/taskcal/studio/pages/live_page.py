@@ -33,7 +33,7 @@ from taskcal.studio.controls import (
 )
 from taskcal.studio.pages.task_page import posture
 from taskcal.studio.project import LAYOUT, Choices, Project, free_name, plain_name
-from taskcal.studio.results import MAX_STEM, robot_of
+from taskcal.studio.results import CSV_PROGRAM, MAX_STEM, robot_of
 from taskcal.studio.robot_meshes import meshes_if_sound
 from taskcal.studio.runs import ASKS, CommandRun, Studio
 from taskcal.studio.steps import POLL_S, begin, download, is_running, link, show_run
@@ -197,7 +197,8 @@ def _choose(project: Project, task: Task, texts: Texts) -> None:
             form = "d" if step == "1" else ".10g"
             handle = _kept_as(partial(keep, name), form)
             number(texts(f"live.{name.replace('-', '_')}"), value, handle, low, high, step=step)
-        plans = {path: Path(path).name for path in project.files(LAYOUT.plans, (".csv",))}
+        tables = [path for path in project.files(LAYOUT.plans, (".csv",)) if not path.endswith(CSV_PROGRAM)]
+        plans = {path: Path(path).name for path in tables}
         nobody = {"-": texts("live.no_program")}
         choice(texts("live.program"), nobody | plans, live.get("program") or "-", visit)
     text("p", texts("live.by_program" if live.get("program") else "live.limits")).classes("quiet")

@@ -24,12 +24,12 @@ from taskcal.robot.robot import Robot
 from taskcal.studio.column_editor import ColumnEditor
 from taskcal.studio.controls import button, drop_zone, facts, message, tabulated, text
 from taskcal.studio.measured_rows import MeasuredRows, registered_rows
-from taskcal.studio.project import BOARD_ENDINGS, CAMPAIGN_ENDINGS, LAYOUT, ROBOT_ENDINGS, Project, free_name
+from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT, ROBOT_ENDINGS, Project, free_name
 from taskcal.studio.results import examined, options_of_images, read_measured, robot_of, shows_images
 from taskcal.studio.robot_meshes import RobotMeshes, meshes_if_sound
 from taskcal.studio.runs import Status, Studio
 from taskcal.studio.selection import Selection
-from taskcal.studio.steps import begin, choose_file, is_running, link, show_error, show_run
+from taskcal.studio.steps import begin, choose_file, choose_or_drop, is_running, link, show_error, show_run
 from taskcal.studio.texts import LIBRARY_LANGUAGE, Texts
 from taskcal.studio.views import CONCERNED, INK, MAX_PICKED, CellView, RowPlayer, figure
 
@@ -139,10 +139,7 @@ def _boards(project: Project, texts: Texts) -> None:
     """Ask for the boards and the lens of a campaign of images."""
     text("h2", texts("measurements.boards"))
     text("p", texts("measurements.boards_how")).classes("quiet")
-    files = {path: path for path in project.files(LAYOUT.boards, BOARD_ENDINGS)}
-    if files:
-        choose_file(project, texts, "board", files)
-    drop_zone(texts, "board", texts("measurements.drop_board"), BOARD_ENDINGS)
+    choose_or_drop(project, texts, "board")
     choose_file(project, texts, "lens", {name: texts(f"measurements.{name}") for name in ("pinhole", "fisheye")})
 
 

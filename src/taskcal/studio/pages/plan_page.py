@@ -4,12 +4,13 @@ import asyncio
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from jaxtyping import Float
 from nicegui import ui
 
+from robot_programs.languages import languages
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import place_links
 from taskcal.observations.point import Station
@@ -18,14 +19,14 @@ from taskcal.report.content import Column, Table
 from taskcal.report.plan import MAX_OVER_BEFORE
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
-from taskcal.studio.controls import button, facts, message, number, tabulated, text
+from taskcal.studio.controls import button, facts, line_of_text, message, number, tabulated, text
 from taskcal.studio.editors import StationEditor
-from taskcal.studio.project import LAYOUT, Choices, Project
-from taskcal.studio.results import plan_of, read_result, robot_of
+from taskcal.studio.project import LAYOUT, Choices, PlanOption, Project
+from taskcal.studio.results import plan_of, program_of, read_result, robot_of
 from taskcal.studio.robot_meshes import meshes_if_sound
 from taskcal.studio.runs import Studio
 from taskcal.studio.selection import Selection
-from taskcal.studio.steps import begin, download, is_running, show_run
+from taskcal.studio.steps import begin, choose_file, choose_or_drop, download, is_running, show_run
 from taskcal.studio.texts import Texts
 from taskcal.studio.views import NOWHERE, CellView, RowPlayer, figure
 from taskcal.tables.forms import read_csv
@@ -38,7 +39,7 @@ RESULT_KEYS = (
     "lost",
     "candidates",
 )
-RESULT_KEYS += ("plan", "clearance_mm")
+RESULT_KEYS += ("plan",)
 """Keys that the page needs of what the command printed."""
 
 
@@ -47,10 +48,17 @@ async def build(studio: Studio, texts: Texts) -> None:
     project = studio.project
     choices = project.choices
     facts([(texts("robot.title"), choices.robot), (texts("task.title"), choices.task)])
+    by = {name: texts(f"plan.by_{name}") for name in ("tracker", "pixels")}
+    choose_file(project, texts, "observe", by)
     label = texts("plan.count")
     number(label, choices.poses, lambda value: project.choose(poses=int(value)), 1, 2000, step="1")
-    label = texts("plan.kept_out")
-    number(label, choices.kept_out, lambda value: project.choose(kept_out=int(value)), 0, 2000, step="1")
+    if choices.observe == "tracker":
+        label = texts("plan.kept_out")
+        number(label, choices.kept_out, lambda value: project.choose(kept_out=int(value)), 0, 2000, step="1")
+    known = {one.name: f"{one.name} ({one.composed[0]})" for one in languages() if one.composed}
+    choose_file(project, texts, "language", known, none=texts("plan.no_program"))
+    if choices.observe == "pixels":
+        _images(project, texts)
     robot = await asyncio.to_thread(robot_of, project)
     editor = StationEditor(project, robot, texts)
     text("h2", texts("plan.poses_chosen"))
@@ -62,10 +70,30 @@ async def build(studio: Studio, texts: Texts) -> None:
         await _poses(result, project, robot, editor.station, texts)
 
 
+def _images(project: Project, texts: Texts) -> None:
+    """What a plan for images has to know: the board, the camera, where they are, and when an image counts."""
+    observing: dict[str, str] = {str(name): value for name, value in project.choices.observing.items()}
+
+    def keep(name: str, value: str) -> None:
+        observing[name] = value.strip()
+        project.choose(observing={name: value for name, value in observing.items() if value})
+
+    text("h2", texts("plan.images"))
+    text("p", texts("plan.images_how")).classes("quiet")
+    choose_or_drop(project, texts, "board")
+    choose_or_drop(project, texts, "camera", none=texts("station.none"))
+    with ui.element("details"):
+        text("summary", texts("plan.placed"))
+        choose_or_drop(project, texts, "fixtures", none=texts("plan.before_task"))
+        with ui.element("div").classes("fields"):
+            for name in get_args(PlanOption):
+                label = texts(f"plan.{name.replace('-', '_')}")
+                line_of_text(label, observing.get(name, ""), partial(keep, name))
+
+
 def arguments_of(choices: Choices) -> list[str]:
     """Arguments of ``taskcal`` for a plan."""
-    plan = plan_of(choices)
-    beside = plan.removesuffix(".csv")
+    plan, program, report = files_of(choices)
     options = [
         f"--robot={choices.robot}",
         f"--task={choices.task}",
@@ -73,17 +101,25 @@ def arguments_of(choices: Choices) -> list[str]:
         f"--seed={choices.seed}",
     ]
     options += [f"--station={choices.station}"] if choices.station else []
-    options += [f"--kept-out={choices.kept_out}"] if choices.kept_out else []
-    files = [f"--output={plan}", f"--program={beside}.mod", f"--report={beside}.html"]
+    if choices.observe == "pixels":
+        stated = {"board": choices.board, "camera": choices.camera, "landmarks": choices.fixtures, **choices.observing}
+        options += ["--observe=pixels", *(f"--{name}={value}" for name, value in stated.items() if value)]
+    elif choices.kept_out:
+        options.append(f"--kept-out={choices.kept_out}")
+    files = [f"--output={plan}", *([f"--program={program}"] if program else []), f"--report={report}"]
     return ["plan", *options, *files, "--json"]
+
+
+def files_of(choices: Choices) -> tuple[str, str, str]:
+    """Table, program and report of a plan; no program where none is to be written."""
+    plan = plan_of(choices)
+    return plan, program_of(plan, choices.language), f"{plan.removesuffix('.csv')}.html"
 
 
 def begin_plan(studio: Studio) -> None:
     """Plan as chosen."""
     choices = studio.project.choices
-    plan = plan_of(choices)
-    outputs = [plan, *(f"{plan.removesuffix('.csv')}{ending}" for ending in (".mod", ".html"))]
-    begin(studio, "plan", arguments_of(choices), outputs=outputs, page="plan")
+    begin(studio, "plan", arguments_of(choices), outputs=[one for one in files_of(choices) if one], page="plan")
 
 
 def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> None:
@@ -100,12 +136,32 @@ def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> None:
     kept = result["candidates"]
     text("p", texts("plan.fell_away", kept=kept, lost=lost or texts("plan.none_fell"))).classes("quiet")
     figure(texts("plan.by_count"), _draw_by_count(result, texts), texts, texts("plan.flat"))
-    plan = str(result["plan"])
-    beside = plan.removesuffix(".csv")
+    present = project.files(LAYOUT.plans)
     with ui.element("div").classes("row"):
-        for path in project.files(LAYOUT.plans, (".csv", ".mod", ".html")):
-            if path in (plan, f"{beside}.mod", f"{beside}.html"):
+        for path in (result["plan"], *result.get("programs", ()), result.get("report")):
+            if path in present:
                 download(texts, path)
+    if fixtures := result.get("standing"):
+        _placed(fixtures, result.get("not_clear_from_the_pose_before", ()), texts)
+
+
+def _placed(fixtures: Sequence[Mapping[str, Any]], unclear: Sequence[Mapping[str, Any]], texts: Texts) -> None:
+    """Where boards or camera are planned for, what to do with the plan, and ways between poses that are not clear."""
+    rows = [
+        (
+            one["name"],
+            *(texts.number(v, ".0f") for v in one["position_mm"]),
+            *(texts.number(round(v, 2) + 0.0, ".2f") for v in one["direction"]),
+        )
+        for one in fixtures
+    ]
+    header = (texts("plan.fixture"), "x mm", "y mm", "z mm", "i", "j", "k")
+    tabulated(Table.of_rows(texts("plan.fixtures"), header, rows))
+    text("p", texts("plan.take_images"))
+    for found in (True, False):
+        poses = [str(one["pose"]) for one in unclear if one["way_round"] == found]
+        if poses:
+            message(texts("plan.way_round" if found else "plan.no_way", poses=", ".join(poses)), fine=found)
 
 
 def _draw_by_count(result: Mapping[str, Any], texts: Texts) -> Figure:
@@ -175,8 +231,9 @@ def _beams(
 
 
 def of_poses(result: Mapping[str, Any], count: int) -> Mapping[str, Sequence[str]]:
-    """Statements of the command line on each of so many poses, by kind: gaps in millimetres, reflectors that are seen."""
-    gaps = {name: [f"{gap:.0f}" for gap in gaps] for name, gaps in result["clearance_mm"].items() if gaps is not None}
+    """Statements of the command line on each of so many poses, by kind: gaps, what an image shows, reflectors that are seen."""
+    found = {**result.get("clearance_mm", {}), **result.get("views", {})}
+    gaps = {name: [f"{gap:.0f}" for gap in gaps] for name, gaps in found.items() if gaps is not None}
     seen = {"visible": [", ".join(names) for names in result["visible"]]} if "visible" in result else {}
     return {name: values for name, values in {**gaps, **seen}.items() if len(values) == count}
 
