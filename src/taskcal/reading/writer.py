@@ -12,6 +12,7 @@ from taskcal.arguments import checked
 from taskcal.campaigns.campaign import Campaign
 from taskcal.geometry import se3
 from taskcal.io.files import write_whole
+from taskcal.observations import Pixels
 from taskcal.observations.base import written
 from taskcal.reading.pictures import Corners
 from taskcal.reading.readings import Readings
@@ -122,6 +123,24 @@ def joints_text(q: Float[np.ndarray, "n joints"], robot: Robot, more: Mapping[st
 def corners_text(corners: Corners) -> str:
     """Text of a file of corners, which ``--images`` reads."""
     return _table(corners.table())
+
+
+def pictured_text(campaign: Campaign, corners: Corners, robot: Robot) -> str:
+    """Text of a campaign of images: the corners of each image that a row shows, with the joints of the row.
+
+    Args:
+        campaign: of images, as it is read with the corners.
+        corners: in the images.
+        robot: whose joints they are.
+    """
+    kind = next(one for one in campaign.observations if isinstance(one, Pixels))
+    assert kind.of is not None
+    rows = {kind.images[k]: row for row, k in enumerate(kind.of) if k >= 0}
+    cells = corners.table()
+    own = [n for n, name in enumerate(cells["image"]) if name in rows]
+    which = [rows[cells["image"][n]] for n in own]
+    seen = {name: [column[n] for n in own] for name, column in cells.items()}
+    return _table({**seen, **_joint_columns(campaign.q[which], robot)})
 
 
 def _prefix(target: str) -> str:

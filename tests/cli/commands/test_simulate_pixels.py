@@ -62,3 +62,29 @@ def test_rendered_images_show_the_corners_of_the_file(run, folder):
 def test_images_need_a_board_and_a_board_images(run, folder, given):
     ended = run("simulate", "--robot", "ur5", "--task", "task.toml", *given.split(), "-o", "shots.csv")
     assert (ended.status, "--observe pixels and --board" in " ".join(ended.err.split())) == (2, True), ended.err
+
+
+def test_converted_images_are_read_without_them(run, folder):
+    """Joints and corners of two files become the campaign of one; a row whose image is not there is named."""
+    ended = run(*FLAGS.split(), "--task", "task.toml", "-n", "12", "-o", "shots.csv")
+    assert ended.status == 0, ended.err
+    header, *lines = (folder / "shots.csv").read_text().splitlines()
+    names, cells = header.split(","), [line.split(",") for line in lines]
+    joints = [k for k, name in enumerate(names) if name.startswith("J")]
+    image = names.index("image")
+    own = {row[image]: [row[image], *(row[k] for k in joints)] for row in cells}
+    table = [["image", *(names[k] for k in joints)], *list(own.values())[::-1], ["", *["0"] * len(joints)]]
+    (folder / "joints.csv").write_text("\n".join(map(",".join, table)) + "\n")
+    corners = [[one for k, one in enumerate(row) if k not in joints] for row in (names, *cells)]
+    (folder / "corners.csv").write_text("\n".join(map(",".join, corners)) + "\n")
+    robot = "abb-irb6660-205-1.9"
+    files = ("joints.csv", "--robot", robot, "--images", "corners.csv", "--board", "board.toml", "-o", "whole.csv")
+    ended = run("convert", *files, "--json")
+    assert ended.status == 0, ended.err
+    assert (ended.json["rows"], len(ended.json["notes"])) == (len(own), 1)
+    read = [
+        read_campaign(one, load_robot(robot), options=ReadOptions(board="board.toml"))
+        for one in ("shots.csv", "whole.csv")
+    ]
+    np.testing.assert_allclose(*(campaign.q for campaign in read), atol=1e-9)
+    np.testing.assert_allclose(*(campaign.points for campaign in read), atol=1e-6)

@@ -1,12 +1,17 @@
 """``taskcal convert``: a file of measurements as plain CSV or as Parquet."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import taskcal
 from taskcal.cli.command import argument, option
 from taskcal.cli.options.campaign import TableOptions
 from taskcal.cli.options.common import OutputOptions, RobotOption
 from taskcal.cli.output import info
+
+if TYPE_CHECKING:
+    from taskcal.cli.output import Outputs
 
 
 def command(
@@ -20,13 +25,17 @@ def command(
     """Convert a file of measurements to plain CSV or Parquet.
 
     One row per pose, units in the column names, shots of one pose averaged. Every inference and every column left out is reported
-    in a line.
+    in a line. With --images and --board the corners of the images are found, and written with the joints of their rows.
     """
-    outputs = out.begin("convert", [("--output", output)], [file, table.points, robot])
+    inputs = [file, table.points, table.images, table.board, table.camera, robot]
+    outputs = out.begin("convert", [("--output", output)], inputs)
     from taskcal.reading.reader import campaign_of, read_measurements
     from taskcal.reading.writer import as_parquet, campaign_text, readings_text
 
     of = taskcal.load_robot(robot)
+    if table.read_options.images is not None:
+        _convert_images(file, of, output, table, out, outputs)
+        return
     readings = read_measurements(file, of, table.read_options)
     whole = readings.q is not None and readings.points and readings.stations is None
     whole = whole and (not readings.rotations or len(readings.points) == 1)
@@ -44,3 +53,35 @@ def command(
     }
     holding = " and ".join(filter(None, ["joints" if result["joints"] else "", ", ".join(readings.points)]))
     out.give(result, lambda: info(f"{output}: {len(readings)} poses with {holding or 'nothing'}"))
+
+
+def _convert_images(
+    file: Path, robot: "taskcal.Robot", output: Path, table: TableOptions, out: OutputOptions, outputs: "Outputs"
+) -> None:
+    """Write a campaign of images that is read without them: each corner with the joints of its row.
+
+    Raises:
+        TaskcalError: images, boards or rows cannot be read, or do not belong together.
+    """
+    from taskcal.observations.calibration_board import read_boards
+    from taskcal.reading.detection import corners_of
+    from taskcal.reading.writer import as_parquet, pictured_text
+
+    assert table.images is not None
+    assert table.board is not None
+    corners = corners_of(table.images, read_boards(table.board))
+    campaign = taskcal.read_campaign(file, robot, options=replace(table.read_options, images=corners, judged=False))
+    text = pictured_text(campaign, corners, robot)
+    outputs.write({output: as_parquet(text) if output.suffix.lower() == ".parquet" else text})
+    for note in campaign.notes:
+        info(note)
+    images = int(campaign.valid.any(axis=1).sum())
+    result = {
+        "file": output,
+        "robot": robot.name,
+        "rows": images,
+        "joints": True,
+        "targets": list(campaign.targets),
+        "notes": list(campaign.notes),
+    }
+    out.give(result, lambda: info(f"{output}: {images} images with joints and corners, of {len(corners.images)}"))
