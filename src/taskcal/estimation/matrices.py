@@ -23,6 +23,10 @@ def _lapack(name: str) -> Any:
     return get_lapack_funcs((name,), dtype=np.float64)[0]
 
 
+QR_BLOCK = 64
+"""Columns for which LAPACK's routine gets room at once (`nbmax` of dormqr)."""
+
+
 def inverse_scale(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, " p"]:
     """1/√diagonal, finite where the diagonal is zero: scale·A·scale has a unit diagonal."""
     return 1.0 / np.sqrt(np.maximum(np.diag(A), 1e-300))
@@ -76,6 +80,17 @@ def invert_factored(L: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     out = inverse + inverse.T
     np.fill_diagonal(out, np.diag(inverse))
     return out
+
+
+def turn_to_triangle(
+    A: Float[np.ndarray, "n k"], B: Float[np.ndarray, "n p"]
+) -> tuple[Float[np.ndarray, "k k"], Float[np.ndarray, "n p"]]:
+    """Upper triangular R of A = Q·R, and Qᵀ·B with all n columns of Q, which is not formed."""
+    if not A.shape[1]:  # which LAPACK refuses
+        return np.zeros((0, 0)), B.copy()
+    reflectors, scales = _lapack("geqrf")(A)[:2]
+    turned = _lapack("ormqr")("L", "T", reflectors, scales, B, B.shape[1] * QR_BLOCK)[0]
+    return np.triu(reflectors[: A.shape[1]]), turned
 
 
 def invert_positive(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:

@@ -382,9 +382,8 @@ def _fit(
     apart: Mapping[str, tuple[str, float]] = EMPTY,
     like: Calibration | None = None,
 ) -> GroupFit:
-    model = base.model
-    for effect in effects:
-        model = model + effect
+    given = base.model
+    model = ErrorModel(given.robot, lengths_only=given.lengths_only, effects=(*given.effects, *effects))
     problem = _problem(base, model, campaign, options)
     one = assemble(problem, options.keep, options, apart)
     start, names = problem.layout.start(), problem.layout.names

@@ -3,9 +3,9 @@
 Of two poses side by side, one in the fit tells the error of the other, and rows held out one by one flatter the fit.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -37,12 +37,14 @@ from taskcal.identification.layout import prior_of
 from taskcal.identification.measured_range import LEAST_RANGE, MeasuredRange
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem
+from taskcal.kernels.chunks import in_chunks
 from taskcal.observations.base import TrackerNoise
 
 GROUPS = 20
 """Into which the rows are divided, unless a small share or many folds need more."""
 
 Fit = Callable[[Campaign], Calibration]
+Judged = TypeVar("Judged")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -372,12 +374,16 @@ def validate_groups(
     numbers = {name: fitted.group_model.of_effect(name) for name in effects}
     errors = {name: np.full((n, targets), np.nan) for name in ("", *effects)}
     error, predicted = np.zeros((n, targets, 3)), np.zeros((n, targets, 3, 3))
-    for part, at in _folds(fitted, parts):
+
+    def without_effects(part: np.ndarray, at: Evidence) -> tuple[Evidence, list[np.ndarray]]:
+        return at, [_lengths(fitted, part, at.without(group).mean) for group in numbers.values()]
+
+    for part, (at, others) in zip(parts, _of_folds(fitted, parts, without_effects), strict=True):
         spread = at.averaged_spread(fitted.A[part], VALIDATION_DRAWS, rng)
         error[part], predicted[part] = _judge(fitted, part, at.mean, spread)
         errors[""][part] = np.linalg.norm(error[part], axis=2)
-        for name, group in numbers.items():
-            errors[name][part] = _lengths(fitted, part, at.without(group).mean)
+        for name, lengths in zip(numbers, others, strict=True):
+            errors[name][part] = lengths
     seen = fitted.group_model.problem.seen.valid
     for values in errors.values():
         values[~seen] = np.nan
@@ -403,7 +409,7 @@ def errors_of_parts(
         parts: rows of each, which may have rows in common.
         effects: names of those whose worth is asked for.
     """
-    return _by_part(effects, [_means(fitted, part, at, effects) for part, at in _folds(fitted, parts)])
+    return _by_part(effects, _of_folds(fitted, parts, lambda part, at: _means(fitted, part, at, effects)))
 
 
 def _by_part(effects: Sequence[str], means: Sequence[Sequence[float]]) -> PartErrors:
@@ -419,10 +425,12 @@ def _means(fitted: GroupFit, part: Int[np.ndarray, " k"], at: Evidence, effects:
     return [float(some.mean()) if len(some) else np.nan for some in lengths]
 
 
-def _folds(
-    fitted: GroupFit, parts: Sequence[Int[np.ndarray, " _"]]
-) -> Iterator[tuple[Int[np.ndarray, " _"], Evidence]]:
-    """Each part, and the fit without it."""
+def _of_folds(
+    fitted: GroupFit,
+    parts: Sequence[Int[np.ndarray, " _"]],
+    judge: Callable[[Int[np.ndarray, " _"], Evidence], Judged],
+) -> list[Judged]:
+    """What is said of each part by the fit without it."""
     (n, m, p), groups = fitted.A.shape, fitted.group_model.groups
     # the weights of the fit know the rows that are left out: those that disagree with them count less
     root = np.sqrt(fitted.weights)[:, None]
@@ -433,21 +441,28 @@ def _folds(
         rows = np.concatenate([A.reshape(A.shape[0] * m, p), known])
         return GroupEquations.of_rows(rows, np.concatenate([y.reshape(-1), told]), groups)
 
-    whole, numbered = equations(A, y), fitted.at.seen.sum(axis=1)
-    for part in parts:
+    few, numbered = n * m < p, fitted.at.seen.sum(axis=1)
+    whole = None if few else equations(A, y)
+
+    def without(part: Int[np.ndarray, " k"]) -> Evidence:
         rest = np.ones(n, dtype=bool)
         rest[part] = False
         fold = (
-            whole.less(A[part].reshape(len(part) * m, p), y[part].reshape(-1))
-            if n * m >= p
-            else equations(A[rest], y[rest])
+            equations(A[rest], y[rest])
+            if whole is None
+            else whole.less(A[part].reshape(len(part) * m, p), y[part].reshape(-1))
         )
         at = find_sizes(fold, fitted.found.log_variances, FOLD_STEPS)
-        if fitted.errors.searched:
-            weighed = np.sqrt(weigh(_squares(A, y, at), numbered)[rest])[:, None]
-            fold = equations(A[rest] * weighed[:, :, None], y[rest] * weighed)
-            at = find_sizes(fold, at.log_variances, FOLD_STEPS)
-        yield part, at
+        if not fitted.errors.searched:
+            return at
+        weighed = np.sqrt(weigh(_squares(A, y, at), numbered)[rest])[:, None]
+        return find_sizes(equations(A[rest] * weighed[:, :, None], y[rest] * weighed), at.log_variances, FOLD_STEPS)
+
+    # few rows take little memory; with many, each pass over them has threads of its own
+    found = in_chunks(
+        lambda some: [judge(part, without(part)) for part in parts[some]], len(parts), 1 if few else max(len(parts), 1)
+    )
+    return [one for some in found for one in some]
 
 
 def _squares(A: Float[np.ndarray, "n m p"], y: Float[np.ndarray, "n m"], fold: Evidence) -> Float[np.ndarray, " n"]:
@@ -601,18 +616,19 @@ def judge_ends(fitted: GroupFit, stretch: float, effects: Sequence[str] = ()) ->
     """
     problem = fitted.group_model.problem
     seen, robot = problem.seen.valid, problem.layout.model.robot
-    ends: list[tuple[np.ndarray, ...]] = []
-    means: list[list[float]] = []
-    for part, at in _folds(fitted, end_parts(problem)):
+
+    def judge(part: np.ndarray, at: Evidence) -> tuple[list[float], tuple[np.ndarray, ...]]:
         rest = np.setdiff1d(np.flatnonzero(seen.any(axis=1)), part)
-        means.append(_means(fitted, part, at, effects))
         u = MeasuredRange.of_rows(robot, problem.q[rest]).extrapolation(problem.q[part])
         error, predicted = _judge(fitted, part, at.mean, at.spread(fitted.A[part]))
         row, target = np.nonzero(seen[part])
         noise = problem.noise[part][row, target][:, :3, :3]
         v, square = _diagonal(error[row, target], noise, stretch * (predicted[row, target] - noise))
-        ends.append((v, square, u[row], np.full(len(row), min(1.0, ERRORS_OF_AN_END / len(row)))))
-    errors = _by_part(effects, means)
+        weight = np.full(len(row), min(1.0, ERRORS_OF_AN_END / len(row)))
+        return _means(fitted, part, at, effects), (v, square, u[row], weight)
+
+    judged = _of_folds(fitted, end_parts(problem), judge)
+    errors, ends = _by_part(effects, [means for means, _ in judged]), [end for _, end in judged]
     if not ends:
         return EXPECTED_GROWTH, errors
     v, square, u, weight = (np.concatenate(parts) for parts in zip(*ends, strict=True))
