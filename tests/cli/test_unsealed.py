@@ -17,7 +17,10 @@ COMMANDS = {
     "export dh": ["export", "edited.json", "--form", "mdh", "-o", "robot.csv", "--accept-loss"],
     "export offsets": ["export", "edited.json", "--form", "offsets", "-o", "offsets.json"],
     "poses": ["poses", "one.csv", "-c", "edited.json", "-o", "poses-out.csv"],
-    "plan": ["plan", "-c", "edited.json", "-t", "task.toml", "-n", "10", "-o", "plan.csv", "--report", "page.html"],
+    "plan": [
+        "plan", "-c", "edited.json", "-t", "task.toml", "-n", "10", "--candidates", "60", "-o", "plan.csv",
+        "--report", "page.html",
+    ],
     "place": [
         "place", "task.toml", "-c", "edited.json", "--region", "0,0,0", "-o", "map.csv", "--markdown", "page.md",
     ],

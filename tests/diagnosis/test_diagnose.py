@@ -39,7 +39,7 @@ def test_a_sound_campaign_of_poses_has_no_findings():
     [
         ("fanuc-r2000ic-165f", "coupling", "J3 +1"),
         ("abb-irb6660-205-1.9", "joint-order", "J4 and J5"),
-        ("ur5", "joints-in-radians", ""),
+        pytest.param("ur5", "joints-in-radians", "", marks=pytest.mark.long),  # as of sockets
         ("ur5", "points-in-metres", ""),
         ("ur5", "left-handed", ""),
         ("ur5", "rows-shifted", "+3"),
@@ -132,7 +132,14 @@ def test_doctor_names_the_parts_if_a_target_was_knocked():
     assert first.fix.endswith("--rows 0:28 and --rows 28:40")
 
 
-@pytest.mark.parametrize("course", [lambda t: t, lambda t: t**2, lambda t: 1.0 - np.exp(-4.0 * t)])
+@pytest.mark.parametrize(
+    "course",
+    [
+        pytest.param(lambda t: t, marks=pytest.mark.long),
+        pytest.param(lambda t: t**2, marks=pytest.mark.long),
+        lambda t: 1.0 - np.exp(-4.0 * t),
+    ],
+)
 def test_doctor_calls_slow_motion_drift(course):
     robot, sound = load_robot("ur5"), virtual("ur5", rows=60)
     grown = course(np.linspace(0.0, 1.0, 60))[:, None, None] * np.array([3.0, -3.0, 2.6]) * 1e-3

@@ -88,7 +88,7 @@ def named(pictured, name: str) -> tuple[list[str], list[str]]:
     return [finding.id for finding in found.findings if not finding.alternative], [name.split(",")[0]] if name else []
 
 
-@pytest.mark.parametrize("name", ["", "rows-shifted", "fixture-moved"])
+@pytest.mark.parametrize("name", ["", pytest.param("rows-shifted", marks=pytest.mark.long), "fixture-moved"])
 def test_mistake_of_images_is_named(name):
     found, planted = named(seen(1), name)
     assert found == planted

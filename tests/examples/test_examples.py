@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-LONG = "03_which_parameters", "04_what_geometry_leaves", "05_closed_loop"
+LONG = "01_virtual_cell", "03_which_parameters", "04_what_geometry_leaves", "05_closed_loop"
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9][0-9]_*.py"))
 PAGES = ROOT / "docs/examples/index.md", ROOT / "docs/how-to/write-an-effect.md"

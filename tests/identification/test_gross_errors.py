@@ -134,7 +134,7 @@ def test_what_was_left_out_is_said_and_saved(model, poses, tmp_path):
     assert load_calibration(tmp_path / "cal.json").left_out == found.left_out
 
 
-@pytest.mark.parametrize("way", ["tracker", "socket", "camera", "board"])
+@pytest.mark.parametrize("way", ["tracker", "socket", "camera", pytest.param("board", marks=pytest.mark.long)])
 def test_identify_leaves_out_gross_rows_of_every_kind(way):
     """5 mm in three rows: little beside the nominal robot's own errors, and fifty times those of the calibrated one."""
     model, rng = ErrorModel(load_robot("ur5")), np.random.default_rng(0)

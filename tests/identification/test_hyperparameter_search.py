@@ -58,7 +58,7 @@ def test_model_error_and_prior_scale_maximise_the_marginal_likelihood(kind: str)
     np.testing.assert_allclose(found, best, atol=1.5e-2)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3, 5])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3, 5))])
 def test_model_error_of_few_lengths_is_as_probable_as_any_other(seed: int) -> None:
     """No model error that is given makes 36 lengths, fewer than the unknowns, more probable than the one that is found.
 

@@ -102,7 +102,15 @@ def test_the_fit_agrees_with_scipys_least_squares(kind):
     np.testing.assert_allclose(calibration.estimate / model.tolerances, z[: len(model)] / model.tolerances, atol=1e-4)
 
 
-@pytest.mark.parametrize(("kind", "loss"), [*zip(KINDS, (Huber(1.2), Cauchy(2.0), Huber(1.2)), strict=True)], ids=str)
+@pytest.mark.parametrize(
+    ("kind", "loss"),
+    [
+        ("one target", Huber(1.2)),
+        ("three targets and lost beams", Cauchy(2.0)),
+        pytest.param("poses", Huber(1.2), marks=pytest.mark.long),
+    ],
+    ids=str,
+)
 def test_a_robust_fit_minimises_the_cost_that_scipy_does(kind, loss):
     rng, model = arm(5)
     campaign, _ = measure(rng, model, industrial_positions(rng, 30), defects(rng, model), sigma=3e-5, **KINDS[kind])

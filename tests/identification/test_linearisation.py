@@ -51,7 +51,7 @@ def assert_same_equations(found, expected, tolerance):
 
 
 @pytest.mark.parametrize("kind", [*KINDS, *KINDS_WITHOUT_TRACKER])
-@settings(max_examples=4)
+@settings(max_examples=2)
 @given(seeds)
 def test_rows_hold_the_derivative_of_the_prediction(kind, seed):
     """Of a tracker's points and poses and of every other kind: by all entries of frames and kind, and by some parameters."""

@@ -14,6 +14,9 @@ from taskcal.identification.validation import examine, validate
 from taskcal.virtual.cell import simulate
 from tests.laws.observations import KINDS_WITHOUT_TRACKER, observed, observed_with_points
 
+KINDS = [pytest.param(kind, marks=[pytest.mark.long] if kind == "board" else []) for kind in KINDS_WITHOUT_TRACKER]
+"""A board is a landmark that is turned, too; its search from fifty starts takes seconds."""
+
 
 @cache
 def identified(kind):
@@ -33,7 +36,7 @@ def tool_error(calibration, truth, seed=0, *, sized=False):
     return float(np.linalg.norm(left, axis=1).mean())
 
 
-@pytest.mark.parametrize("kind", KINDS_WITHOUT_TRACKER)
+@pytest.mark.parametrize("kind", KINDS)
 def test_identify_recovers_robot_without_tracker_or_guess(kind):
     """The robot is identified without a tracker and without initial values."""
     model, campaign, truth, calibration = identified(kind)
@@ -46,7 +49,9 @@ def test_identify_recovers_robot_without_tracker_or_guess(kind):
     np.testing.assert_array_equal(np.isnan(residual[..., 0]), ~campaign.valid)
 
 
-@pytest.mark.parametrize("kind", ["socket", "distance", "landmark", "plane", "cube"])
+@pytest.mark.parametrize(
+    "kind", ["socket", "distance", pytest.param("landmark", marks=pytest.mark.long), "plane", "cube"]
+)
 def test_a_tracker_beside_it_leaves_no_direction_less_certain(kind):
     model, both, _ = observed_with_points(kind, 2)
     held = {"prior_scale": 1.0, "model_error": 0.0}
@@ -71,7 +76,7 @@ def test_a_tracker_beside_it_makes_neither_worse(kind):
     assert whole < min(parts)
 
 
-@pytest.mark.parametrize("kind", [*KINDS_WITHOUT_TRACKER, "beside a tracker"])
+@pytest.mark.parametrize("kind", [*KINDS, "beside a tracker"])
 def test_a_calibration_is_saved_and_loaded_with_what_stands(kind, tmp_path):
     if kind == "beside a tracker":
         model, campaign, _ = observed_with_points("socket", 4, rows=40)

@@ -31,7 +31,7 @@ def fit_of(model):
     return partial(identify, model, options=OPTIONS)
 
 
-@pytest.mark.parametrize("kind", ["socket", "distance", "landmark"])
+@pytest.mark.parametrize("kind", ["socket", "distance", pytest.param("landmark", marks=pytest.mark.long)])
 def test_regions_of_held_out_rows_hold_their_share(kind):
     """Predicted at what is known to stand, and at what stands as these rows have it."""
     inside, again = [], []

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskcal.kernels import walk
@@ -71,6 +71,7 @@ def test_along_the_axes_and_where_there_is_no_direction():
     np.testing.assert_array_equal(angles_of(y, x), np.arctan2(y, x))
 
 
+@settings(max_examples=10)
 @given(chains(), generators, st.integers(0, 2 * BLOCK + 2))
 def test_a_pose_does_not_depend_on_the_poses_beside_it(case, rng, n):
     s = rng.normal(size=(n, case.s.shape[1]))

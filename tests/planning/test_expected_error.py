@@ -24,15 +24,10 @@ def cell():
     return model, measured, unseen, design(model, campaign, unseen)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     "dropped",
-    [
-        pytest.param((), marks=pytest.mark.long),
-        pytest.param(("J2.tz", "J3.tz", "J6"), marks=pytest.mark.long),
-        pytest.param(("J4.rx", "J3.ry", "J2.tx", "loop"), marks=pytest.mark.long),
-        ("J1", "J2", "J3", "tool", "J5"),
-    ],
+    [(), ("J2.tz", "J3.tz", "J6"), ("J4.rx", "J3.ry", "J2.tx", "loop"), ("J1", "J2", "J3", "tool", "J5")],
 )
 def test_the_expected_error_is_the_mean_over_simulated_robots(cell, dropped):
     model, measured, unseen, made = cell

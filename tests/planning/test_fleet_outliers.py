@@ -10,7 +10,9 @@ def drawn(rng, robots, parameters=54, error=0.5):
     return rng.standard_normal((robots, parameters)) + errors * rng.standard_normal((robots, parameters)), errors
 
 
-@pytest.mark.parametrize("error", [0.0, 0.5, 3.0])
+@pytest.mark.parametrize(
+    "error", [pytest.param(0.0, marks=pytest.mark.long), 0.5, pytest.param(3.0, marks=pytest.mark.long)]
+)
 def test_fleets_of_like_robots_have_hardly_a_false_outlier(error):
     rng = np.random.default_rng(0)
     alarms = [(judge(*drawn(rng, robots, error=error))[3] < 0.01).any() for robots in (8, 30) for _ in range(30)]

@@ -56,7 +56,9 @@ def test_plan_respects_limits_and_covers_every_fixture(way):
     assert np.count_nonzero(np.diff(stage)) == len(np.unique(stage)) - 1
 
 
-@pytest.mark.parametrize(("way", "robots"), [("socket", 8), ("wire", 8), ("pixels", 3)])
+@pytest.mark.parametrize(
+    ("way", "robots"), [("socket", 8), ("wire", 8), pytest.param("pixels", 3, marks=pytest.mark.long)]
+)
 def test_virtual_robots_become_as_accurate_as_expected(way, robots):
     rng, made = np.random.default_rng(2), plan_of(way)
     squares = []

@@ -191,7 +191,7 @@ def test_a_file_of_another_study_is_refused(model, task, begun, tmp_path, change
     assert path.read_text() == begun
 
 
-@pytest.mark.parametrize("model_error", [0.0, None, 2e-4])
+@pytest.mark.parametrize("model_error", [0.0, pytest.param(None, marks=pytest.mark.long), 2e-4])
 def test_stated_and_achieved_errors_agree_with_a_model_error(model, task, model_error):
     """Robots that are off by a model error are measured and used with it, and the closed form says how well that goes."""
     made = study(

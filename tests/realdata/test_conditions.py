@@ -64,7 +64,14 @@ def held_out_mm(campaign: Campaign, name: str, effects: Sequence[Effect], count:
         ),
         pytest.param("abb-irb120", 60, (EncoderGain(), Compliance()), Settling(), 0.385, 0.93, id="irb120, 60 rows"),
         pytest.param(
-            "abb-irb120", 430, (EncoderGain(), Compliance()), Overshoot(), 0.285, 0.87, id="irb120, overshoot"
+            "abb-irb120",
+            430,
+            (EncoderGain(), Compliance()),
+            Overshoot(),
+            0.285,
+            0.87,
+            id="irb120, overshoot",
+            marks=pytest.mark.long,
         ),
         pytest.param("barrett-wam", 151, (), Backlash(), 1.90, 0.85, id="wam"),
         pytest.param(
@@ -75,6 +82,7 @@ def held_out_mm(campaign: Campaign, name: str, effects: Sequence[Effect], count:
             1.65,
             0.80,
             id="wam, beside other effects",
+            marks=pytest.mark.long,
         ),
     ],
 )
@@ -130,6 +138,7 @@ def test_irb120_reference_points_drift_and_are_followed(data_folder):
     assert followed < ignored + 1e-3
 
 
+@pytest.mark.long
 def test_lengths_of_the_ur5_change_while_it_is_measured(data_folder):
     """In the order of the rows, taken as evenly paced; with the times of other rows nothing is gained."""
     campaign = read_campaign(data_folder / "ur5_tracker" / "measurements.csv", load_robot("ur5"))

@@ -60,7 +60,7 @@ SEVERAL_A_TURN = (PERIODIC, Compliance())
 @pytest.mark.parametrize(
     ("name", "effects", "rows", "bound_mm"),
     [
-        pytest.param("ur5", SEVERAL_A_TURN, 700, 0.060, id="ur5, 700 rows"),
+        pytest.param("ur5", SEVERAL_A_TURN, 700, 0.060, id="ur5, 700 rows", marks=pytest.mark.long),
         pytest.param("ur5", SEVERAL_A_TURN, 60, 0.085, id="ur5, 60 rows"),
         pytest.param("abb-irb120", (EncoderGain(), Compliance()), 430, 0.345, id="irb120, 430 rows"),
         pytest.param("abb-irb120", (EncoderGain(), Compliance()), 60, 0.45, id="irb120, 60 rows"),
@@ -71,7 +71,7 @@ def test_effects_explain_what_geometry_leaves(data_folder, name, effects, rows, 
     assert held_out_mm(data_folder, name, effects, rows) <= bound_mm
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_effects_predict_each_fanuc_pose_leave_one_out(data_folder):
     """Each pose of the robot with coupled axes is predicted from all other poses, with two effects."""
     name = "fanuc-r2000ic-165f"

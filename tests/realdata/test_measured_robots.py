@@ -104,7 +104,9 @@ BOUNDS = {
 }
 
 
-@pytest.mark.parametrize("case", BOUNDS)
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=[pytest.mark.long] if case.startswith("ur10") else []) for case in BOUNDS]
+)
 def test_geometry_predicts_held_out_rows_within_bound(data_folder, case):
     """Held-out rows are predicted as accurately as a full geometric fit allows."""
     name, options, count, bound_mm = BOUNDS[case]
