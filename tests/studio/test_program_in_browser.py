@@ -8,8 +8,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from taskcal.correction.cell import load_cell
-from taskcal.studio.project import begin_example
-from taskcal.studio.server import MAX_BODY_BYTES
+from taskcal.studio.project import MAX_FILE_BYTES, begin_example
 from tests.laws.calibrations import calibrated
 from tests.studio.conftest import open_tab, served
 from tests.studio.test_fit_in_browser import ROBOT, command_line
@@ -119,7 +118,7 @@ def test_attacks_on_the_server_are_refused_and_tell_nothing(example: tuple[str, 
     assert status_of(address, "GET", "/robot") == 200
     assert status_of(address, "GET", "/robot", host="evil.example") == 421
     assert status_of(address, "POST", "/drop/campaign", origin="http://evil.example", content_length="0") == 403
-    assert status_of(address, "POST", "/drop/campaign", origin=here, content_length=str(MAX_BODY_BYTES + 1)) == 413
+    assert status_of(address, "POST", "/drop/campaign", origin=here, content_length=str(MAX_FILE_BYTES + 1)) == 413
     assert status_of(address, "POST", "/drop/../x", origin=here, content_length="0") == 404
     assert (
         status_of(address, "POST", "/drop/campaign", origin=here, content_length="0", x_file_name="..%2F..%2Fx.py")

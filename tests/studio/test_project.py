@@ -1,6 +1,7 @@
 """A project is what its files say: saved as it goes, opened again as it was, and closed to what lies outside."""
 
 import re
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import taskcal.studio.project
 from robot_programs.core.files import elsewhere_on_windows
 from taskcal.errors import FileError, TaskcalError
 from taskcal.reading.reader import read_campaign
@@ -54,6 +56,40 @@ def test_project_keeps_dropped_file_exactly_and_once(tmp_path: Path) -> None:
     assert project.put(LAYOUT.campaigns, "my data.csv", b"a;b\r\n1;2", CAMPAIGN_ENDINGS) == first
     assert project.put(LAYOUT.campaigns, "my data.csv", b"other", CAMPAIGN_ENDINGS) == "campaigns/my-data-2.csv"
     assert project.files(LAYOUT.campaigns) == ["campaigns/my-data-2.csv", "campaigns/my-data.csv"]
+
+
+def test_images_keep_their_names_in_a_folder_that_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rows find images by name: one that cannot be kept is refused, not changed, and none is written over."""
+    project = Project(tmp_path)
+    for name, content in (("a/IMG 1.png", b"1"), ("IMG 1.png", b"1"), ("2026-05-03_12.33.JPG", b"2")):
+        assert project.put_image(name, content) == project.choices.images == "images/shots"
+    for name in (
+        "IMG 1.png",
+        "img 1.PNG",
+        "x.txt",
+        ".png",
+        "a\n.png",
+        "con.png",
+        "-" * 99 + ".png",
+        "x" * 120 + ".png",
+    ):
+        with pytest.raises(TaskcalError):
+            project.put_image(name, b"other")
+    assert project.image_folders() == {"images/shots": 2}
+    monkeypatch.setattr(taskcal.studio.project, "MAX_IMAGES_BYTES", 3)
+    with pytest.raises(TaskcalError, match="too much"):
+        project.put_image("large.png", b"12")
+    monkeypatch.setattr(taskcal.studio.project, "MAX_IMAGES", 2)
+    with pytest.raises(TaskcalError, match="too much"):
+        project.put_image("third.png", b"3")
+    project.choose(images="")
+    assert project.put_image("third.png", b"3") == "images/shots-2"
+    assert {one.what for one in project.history()} == {"chosen"}
+    shutil.rmtree(tmp_path / "images" / "shots-2")
+    (tmp_path / "images" / "shots-2").symlink_to(tmp_path.parent)
+    assert project.image_folders() == {"images/shots": 2}
+    with pytest.raises(FileError):
+        project.put_image("fourth.png", b"4")
 
 
 @pytest.mark.parametrize("outside", ["../x.csv", "/etc/passwd", "campaigns/../../x.csv", "campaigns/a/../../../b"])

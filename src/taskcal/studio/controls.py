@@ -9,6 +9,7 @@ from nicegui.element import Element
 from nicegui.elements.mixins.text_element import TextElement
 
 from taskcal.report.content import Table
+from taskcal.studio.project import MAX_FILE_BYTES
 from taskcal.studio.texts import Texts
 
 # An input that both the user and the server set: what the user did last is not taken back by an answer to an
@@ -373,5 +374,7 @@ def drop_zone(texts: Texts, kind: str, label: str, endings: Sequence[str], *, se
         chooser = ui.element("input").props(f"type=file data-kind={kind}{' multiple' if several else ''}")
         set_attribute(chooser, "accept", ",".join(endings))
         set_attribute(chooser, "data-working", texts("frame.sending"))
+        set_attribute(chooser, "data-most", MAX_FILE_BYTES)
+        set_attribute(chooser, "data-large", texts("frame.too_large", name="{name}", most=MAX_FILE_BYTES // 1_000_000))
         ui.element("span").classes("said").props("role=alert")
     return zone

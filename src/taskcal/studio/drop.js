@@ -1,11 +1,17 @@
 // Files that are dropped or chosen go to the server as they are; their names beside them, as text.
 async function taskcalSend(input, files) {
   const said = input.parentElement.querySelector(".said");
-  said.textContent = input.dataset.working;
   // meshes are kept beside the robot that they were dropped with, which goes first
   const first = (file) => (/\.(stl|obj|dae|glb)$/i.test(file.name) ? 1 : 0);
   let beside = "";
+  let sent = 0;
+  const large = [...files].find((file) => file.size > Number(input.dataset.most));
+  if (large) {
+    said.textContent = input.dataset.large.replace("{name}", () => large.name);
+    return;
+  }
   for (const file of [...files].sort((a, b) => first(a) - first(b))) {
+    said.textContent = files.length > 1 ? `${input.dataset.working} ${++sent} / ${files.length}` : input.dataset.working;
     try {
       const answer = await fetch("/drop/" + encodeURIComponent(input.dataset.kind), {
         method: "POST",

@@ -121,6 +121,9 @@ KINDS: Mapping[str, Kind] = {
 }
 
 
+IMAGES = "images"
+"""Kind of images of boards, which are kept together in a folder."""
+
 ARCHIVE = ".zip"
 
 ROBOT_DROPS = (*ROBOT_ENDINGS, *TABLE_ENDINGS, ARCHIVE, *MESH_ENDINGS)
@@ -135,12 +138,15 @@ def receiver(studio: Studio) -> Callable[[str, Request], Awaitable[Response]]:
     """
 
     async def receive(kind: str, request: Request) -> Response:
-        if kind not in KINDS:
+        if kind not in (*KINDS, IMAGES):
             return JSONResponse({"message": "no files of this kind are taken"}, status_code=404)
         given, beside = (unquote(request.headers.get(name, "")) for name in ("x-file-name", "x-beside"))
         content = await request.body()
         try:
-            path = await run_in_threadpool(take_file, studio.project, kind, given, content, beside)
+            if kind == IMAGES:
+                path = await run_in_threadpool(studio.project.put_image, given, content)
+            else:
+                path = await run_in_threadpool(take_file, studio.project, kind, given, content, beside)
         except TaskcalError as error:
             return JSONResponse({"message": str(error)}, status_code=422)
         return JSONResponse({"path": path})

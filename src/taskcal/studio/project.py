@@ -23,9 +23,16 @@ from robot_programs.languages import languages
 from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.io.files import write_all, write_whole
 from taskcal.io.toml_file import Section, read_toml
+from taskcal.reading.detection import SUFFIXES
 from taskcal.tables.forms import table_suffixes
 
 # Names for files that somebody drops: made from the name that came with them, which is never used as a path itself.
+
+MAX_FILE_BYTES = 52_000_000
+"""Of a file that is dropped: a little more than Taskcal reads of one, for what surrounds it."""
+
+MAX_IMAGES, MAX_IMAGES_BYTES = 1000, 4_000_000_000
+"""In a folder of images. Conventions: campaigns have 20 to 200 images of 0.5 to 20 MB."""
 
 LONGEST = 60
 """Characters of a name without its ending."""
@@ -57,7 +64,7 @@ def free_name(wanted: str, taken: Collection[str]) -> str:
     used = {name.casefold() for name in taken}
     if wanted.casefold() not in used:
         return wanted
-    stem, dot, ending = wanted.rpartition(".")
+    stem, dot, ending = wanted.rpartition(".") if "." in wanted else (wanted, "", "")
     number = 2
     while f"{stem}-{number}{dot}{ending}".casefold() in used:
         number += 1
@@ -80,6 +87,8 @@ class Layout:
     tasks: str = "tasks"
     stations: str = "stations"
     boards: str = "boards"
+    images: str = "images"
+    """A folder for each set."""
     cameras: str = "cameras"
     fixtures: str = "fixtures"
     plans: str = "plans"
@@ -159,6 +168,10 @@ class Choices(Section):
     """Boards that the images of a campaign of corners show."""
     lens: Literal["pinhole", "fisheye"] = "pinhole"
     """Of the camera that took them."""
+    images: str = Field(default="", pattern=rf"^({LAYOUT.images}/[A-Za-z0-9-]{{1,60}})?$")
+    """Their folder."""
+    image_times: Literal["", "names", "exif"] = ""
+    """Where their times are, if they are paired with a log of joints by time."""
     task: ProjectFile = ""
     station: ProjectFile = ""
     """Where the tracker stands, what the tool carries and what is in the way."""
@@ -337,6 +350,61 @@ class Project:
             with self.change(f"{folder}/{name}"):
                 write_whole(self.path(f"{folder}/{name}"), content)
         return f"{folder}/{name}"
+
+    def put_image(self, given: str, content: bytes) -> str:
+        """Save an image that somebody dropped, in the chosen folder of images; the first one begins a folder.
+
+        Images are not among the changes that can be undone: a folder has hundreds of them.
+
+        Returns:
+            path of the folder from the project's.
+
+        Raises:
+            TaskcalError: its name is not one that it can keep, another image has it, or the folder is full.
+        """
+        name = re.split(r"[/\\]", given)[-1]
+        if not name.lower().endswith(tuple(SUFFIXES)):
+            raise TaskcalError(f"'{shown(name)}' is not an image; drop one that ends in {', '.join(sorted(SUFFIXES))}")
+        if not re.fullmatch(r"\w[\w .()+,@~-]{0,99}", name) or elsewhere_on_windows(Path(name).stem):
+            raise TaskcalError(
+                f"'{shown(name)}' cannot keep its name, by which a row finds it; rename it with letters, digits, spaces and "
+                ". - _ ( ) + , @ ~, 100 at most"
+            )
+        folder = self.choices.images
+        if not folder:
+            self.path(LAYOUT.images).mkdir(exist_ok=True)
+            folder = f"{LAYOUT.images}/{free_name('shots', [one.name for one in self.path(LAYOUT.images).iterdir()])}"
+        place = self.path(folder)
+        place.mkdir(exist_ok=True)
+        present = {path.name.casefold(): path for path in place.iterdir()}
+        same = present.get(name.casefold())
+        if same is not None and same.read_bytes() != content:
+            raise TaskcalError(
+                f"'{shown(name)}' is in {folder} already and differs; begin another folder, or rename it"
+            )
+        size = sum(path.stat().st_size for path in present.values()) + len(content)
+        if same is None and (len(present) >= MAX_IMAGES or size > MAX_IMAGES_BYTES):
+            raise TaskcalError(
+                f"'{shown(name)}' is too much: a folder takes {MAX_IMAGES} images with {MAX_IMAGES_BYTES // 1_000_000} MB in all; "
+                "take fewer or smaller ones"
+            )
+        if same is None:
+            write_whole(self.path(f"{folder}/{name}"), content)
+        if folder != self.choices.images:
+            self.choose(images=folder)
+        return folder
+
+    def image_folders(self) -> dict[str, int]:
+        """Number of images in each folder of images."""
+        place = self.folder / LAYOUT.images
+        inside = (
+            [path for path in place.iterdir() if path.resolve().is_relative_to(self.folder)] if place.is_dir() else []
+        )
+        folders = sorted(path for path in inside if path.is_dir())
+        return {
+            f"{LAYOUT.images}/{folder.name}": sum(path.suffix.lower() in SUFFIXES for path in folder.iterdir())
+            for folder in folders
+        }
 
     @contextmanager
     def change(

@@ -80,15 +80,21 @@ def read_measured(project: Project, robot: Robot) -> Campaign:
         TaskcalError: it cannot be read.
     """
     choices = project.choices
-    board = project.path(choices.board) if choices.board and shows_images(project) else None
-    options = ReadOptions(board=board, lens=choices.lens, judged=False)
+    pictured = bool(choices.board) and shows_images(project)
+    board, camera = (project.path(path) if path and pictured else None for path in (choices.board, choices.camera))
+    options = ReadOptions(board=board, lens=choices.lens, camera=camera, judged=False)
     return read_campaign(project.path(choices.campaign), robot, options=options)
 
 
 def options_of_images(project: Project) -> list[str]:
     """Options of ``taskcal`` for the images of the chosen campaign; none where it has none."""
-    choices = project.choices
-    return [f"--board={choices.board}", f"--lens={choices.lens}"] if choices.board and shows_images(project) else []
+    return stated_of_images(project.choices) if project.choices.board and shows_images(project) else []
+
+
+def stated_of_images(choices: Choices) -> list[str]:
+    """Options of ``taskcal`` for what is stated of images: boards, lens and camera."""
+    camera = [f"--camera={choices.camera}"] if choices.camera else []
+    return [f"--board={choices.board}", f"--lens={choices.lens}", *camera]
 
 
 MADE_FROM: Mapping[str, tuple[str, ...]] = {
@@ -106,8 +112,14 @@ def contents(project: Project) -> Mapping[str, str]:
     A robot and a task count by what they describe with the files that they name; others by their bytes.
     """
     choices = project.choices
-    found = {name: _digest(project, getattr(choices, name)) for name in ("station", "calibration")}
-    found["campaign"] = _digest(project, choices.campaign, *([choices.board] if options_of_images(project) else []))
+    found = {name: _digest(project, getattr(choices, name)) for name in ("station", "calibration", "campaign")}
+    if found["campaign"] and (stated := options_of_images(project)):
+        own = [
+            found["campaign"],
+            choices.lens,
+            *(_digest(project, path) for path in (choices.board, choices.camera) if path),
+        ]
+        found["campaign"] = hashlib.sha256(json.dumps([own, len(stated)]).encode()).hexdigest()
     if choices.observe == "pixels":
         seen = [_digest(project, path) for path in (choices.camera, choices.board, choices.fixtures) if path]
         found["camera"] = hashlib.sha256(json.dumps([seen, choices.observing]).encode()).hexdigest()

@@ -40,7 +40,7 @@ from taskcal.studio.pages import (
     weight_page,
 )
 from taskcal.studio.pages.robot_page import warm_up
-from taskcal.studio.project import Change
+from taskcal.studio.project import MAX_FILE_BYTES, Change
 from taskcal.studio.results import State, Step, examined, next_step, steps_of
 from taskcal.studio.runs import ASKS, CommandRun, Status, Studio
 from taskcal.studio.steps import is_running, link, show_error
@@ -52,9 +52,6 @@ Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 Application = Callable[[Message, Receive, Send], Awaitable[None]]
-
-MAX_BODY_BYTES = 52_000_000
-"""A little more than Taskcal reads of one file, for what surrounds an upload."""
 
 BODY_S = 300.0
 """Seconds in which a body has to be here; 52 MB in 300 s is a slow wireless network."""
@@ -92,7 +89,7 @@ class Gate:
     where a token is asked for."""
     token: str = ""
     """Asked for once, in the address, and then kept in a cookie; none is asked for where it is empty."""
-    max_body: int = MAX_BODY_BYTES
+    max_body: int = MAX_FILE_BYTES
     body_s: float = BODY_S
     """In which a body has to arrive, seconds."""
 

@@ -16,6 +16,8 @@ from taskcal.campaigns.drift import compensate_drift, observe_reference_points
 from taskcal.campaigns.performance import RepeatedPoses, pose_repeatability
 from taskcal.diagnosis.mistakes import other_convention
 from taskcal.errors import CampaignError, TaskcalError
+from taskcal.observations import Pixels
+from taskcal.reading.detection import SUFFIXES
 from taskcal.reading.writer import campaign_text
 from taskcal.report.chart import SERIES, SHAPES, Axis, Figure, Panel, Series
 from taskcal.report.content import Column, Table
@@ -23,9 +25,17 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.studio.column_editor import ColumnEditor
 from taskcal.studio.controls import button, drop_zone, facts, message, tabulated, text
+from taskcal.studio.files import IMAGES
 from taskcal.studio.measured_rows import MeasuredRows, registered_rows
-from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT, ROBOT_ENDINGS, Project, free_name
-from taskcal.studio.results import examined, options_of_images, read_measured, robot_of, shows_images
+from taskcal.studio.project import CAMPAIGN_ENDINGS, LAYOUT, ROBOT_ENDINGS, free_name
+from taskcal.studio.results import (
+    examined,
+    options_of_images,
+    read_measured,
+    robot_of,
+    shows_images,
+    stated_of_images,
+)
 from taskcal.studio.robot_meshes import RobotMeshes, meshes_if_sound
 from taskcal.studio.runs import Status, Studio
 from taskcal.studio.selection import Selection
@@ -107,18 +117,22 @@ async def build(studio: Studio, texts: Texts) -> None:
         choose_file(project, texts, "campaign", files)
     drop_zone(texts, "campaign", texts("measurements.drop"), CAMPAIGN_ENDINGS, several=True)
     link(texts("measurements.live"), "/live")
+    pictured = await asyncio.to_thread(shows_images, project)
+    _images(studio, texts, pictured=pictured)
     robot = await asyncio.to_thread(robot_of, project)
     if not choices.campaign:
         text("p", texts("measurements.none"))
         return
-    if await asyncio.to_thread(shows_images, project):
-        _boards(project, texts)
-        if not choices.board:
-            return
+    if pictured and not choices.board:
+        return
     try:
         campaign = await asyncio.to_thread(read_measured, project, robot)
     except TaskcalError as error:
         await _unread(error, studio, robot, texts)
+        return
+    if any(isinstance(one, Pixels) and one.pictures is None for one in campaign.observations):
+        studio.unread = await asyncio.to_thread(examined, project)
+        message(texts("measurements.names_images"))
         return
     findings = await _mistakes(studio, texts)
     text("h2", texts("measurements.understood"))
@@ -135,12 +149,43 @@ async def build(studio: Studio, texts: Texts) -> None:
             show_course(campaign, texts)
 
 
-def _boards(project: Project, texts: Texts) -> None:
-    """Ask for the boards and the lens of a campaign of images."""
-    text("h2", texts("measurements.boards"))
-    text("p", texts("measurements.boards_how")).classes("quiet")
-    choose_or_drop(project, texts, "board")
-    choose_file(project, texts, "lens", {name: texts(f"measurements.{name}") for name in ("pinhole", "fisheye")})
+def _images(studio: Studio, texts: Texts, *, pictured: bool) -> None:
+    """Ask for images, their boards and their lens, and have their corners found; of a campaign with corners for its boards."""
+    project = studio.project
+    choices, folders = project.choices, project.image_folders()
+    with ui.element("details") as whole:
+        if pictured or choices.images:
+            whole.props("open")
+        text("summary", texts("measurements.boards"))
+        text("p", texts("measurements.boards_how" if pictured else "measurements.images_how")).classes("quiet")
+        if folders:
+            listed = {path: f"{path} ({count})" for path, count in folders.items()}
+            choose_file(project, texts, "images", listed, none=texts("measurements.new_folder"))
+        drop_zone(texts, IMAGES, texts("measurements.drop_images"), sorted(SUFFIXES), several=True)
+        choose_or_drop(project, texts, "board")
+        choose_file(project, texts, "lens", {name: texts(f"measurements.{name}") for name in ("pinhole", "fisheye")})
+        choose_or_drop(project, texts, "camera", none=texts("measurements.no_camera"))
+        if pictured or choices.images not in folders:
+            return
+        times = {name: texts(f"measurements.by_{name}") for name in ("names", "exif")}
+        choose_file(project, texts, "image_times", times, none=texts("measurements.by_rows"))
+        if is_running(show_run(studio, "corners", texts)):
+            return
+        if choices.campaign and choices.board:
+            button(texts("measurements.find_corners"), lambda: find_corners(studio))
+        else:
+            text("p", texts("measurements.find_first"))
+
+
+def find_corners(studio: Studio) -> None:
+    """Find the corners of the images, and make a campaign of them and of the joints that are chosen."""
+    project, choices = studio.project, studio.project.choices
+    taken = [Path(path).name for path in project.files(LAYOUT.campaigns)]
+    found = f"{LAYOUT.campaigns}/{free_name(f'{Path(choices.campaign).stem}-images.csv', taken)}"
+    options = [f"--robot={choices.robot}", f"--images={choices.images}", *stated_of_images(choices)]
+    options += [f"--image-times={choices.image_times}"] if choices.image_times else []
+    arguments = ["convert", choices.campaign, *options, f"--output={found}", "--json"]
+    begin(studio, "corners", arguments, outputs=[found], chosen={"campaign": found}, page="measurements")
 
 
 async def _unread(error: TaskcalError, studio: Studio, robot: Robot, texts: Texts) -> None:

@@ -113,6 +113,8 @@ def arguments_of(project: Project) -> list[str]:
     choices = project.choices
     report, certificate = reports_of(project)
     options = ["--task", choices.task] if choices.task else []
-    options += ["--campaign", choices.campaign, *options_of_images(project)] if choices.campaign else []
+    images = options_of_images(project)
+    images += [f"--images={choices.images}"] if images and choices.images in project.image_folders() else []
+    options += ["--campaign", choices.campaign, *images] if choices.campaign else []
     options += ["--header", LAYOUT.header] if project.path(LAYOUT.header).is_file() else []
     return ["report", choices.calibration, *options, "--output", report, "--certificate", certificate, "--json"]

@@ -109,6 +109,9 @@ async def _camera(calibration: Calibration, project: Project, texts: Texts) -> N
     with suppress(TaskcalError):  # of another campaign than the one that is chosen the corners are not there
         campaign = await asyncio.to_thread(read_measured, project, calibration.model.robot)
         made = await asyncio.to_thread(camera_section, calibration, campaign) or made
+        if project.choices.images:
+            folder = project.path(project.choices.images)
+            made = await asyncio.to_thread(camera_section, calibration, campaign, folder) or made
     text("h2", texts("result.camera"))
     for block in made.blocks:
         if isinstance(block, Table):
