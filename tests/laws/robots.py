@@ -165,3 +165,44 @@ def industrial_positions(rng: np.random.Generator, n: int) -> np.ndarray:
     """Poses spread over the arm's reach, radians."""
     half = np.radians([120, 45, 45, 120, 90, 150])
     return rng.uniform(-half, half, (n, 6))
+
+
+def _joint(name: str, limits: tuple[float, float], steps: list[dict[str, float]], **more: Any) -> dict[str, Any]:
+    unit = "mm" if more.get("type") == "prismatic" else "deg"
+    return {"name": name, "steps": steps, f"limits_{unit}": list(limits), **more}
+
+
+FEW_DIRECTIONS: dict[str, dict[str, Any]] = {
+    "gantry": {
+        "name": "gantry",
+        "joint": [
+            _joint("E1", (0.0, 3000.0), [{"ry_deg": 90.0}], type="prismatic"),
+            _joint("E2", (0.0, 2000.0), [{"ry_deg": -90.0}, {"rx_deg": -90.0}], type="prismatic"),
+            _joint("E3", (0.0, 1000.0), [{"rx_deg": 90.0}, {"rx_deg": 180.0}], type="prismatic"),
+            _joint("E4", (-180.0, 180.0), [{"tz_mm": 100.0}]),
+        ],
+    },
+    "palletizer": {
+        "name": "palletizer",
+        "joint": [
+            _joint("J1", (-178.0, 178.0), [{"tz_mm": 800.0}]),
+            _joint("J2", (-45.0, 80.0), [{"tx_mm": 300.0}, {"rx_deg": -90.0}, {"rz_deg": -90.0}]),
+            {"name": "K2", "steps": [{"tx_mm": 1100.0}], "driven": True, "angle": "-J2"},
+            _joint("J3", (-17.0, 110.0), [{"rz_deg": 90.0}]),
+            {"name": "K3", "steps": [{"tx_mm": 1300.0}], "driven": True, "angle": "-J3"},
+            _joint("J4", (-178.0, 178.0), [{"tx_mm": 250.0}, {"rx_deg": -90.0}, {"tz_mm": 200.0}]),
+        ],
+    },
+    "five-axis": {
+        "name": "five-axis",
+        "joint": [
+            _joint("J1", (-170.0, 170.0), [{"tz_mm": 400.0}]),
+            _joint("J2", (-90.0, 120.0), [{"tx_mm": 100.0}, {"rx_deg": -90.0}], offset_deg=-90.0),
+            _joint("J3", (-150.0, 150.0), [{"tx_mm": 500.0}]),
+            _joint("J4", (-120.0, 120.0), [{"tx_mm": 500.0}], offset_deg=90.0),
+            _joint("J5", (-180.0, 180.0), [{"rx_deg": 90.0}, {"tz_mm": 150.0}]),
+        ],
+    },
+}
+"""Robots that command fewer than six directions: a gantry whose wrist turns, a palletizer whose rods keep the tool level, an arm of
+five axes."""

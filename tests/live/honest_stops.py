@@ -1,6 +1,7 @@
 """How many poses a proof takes, and how often it is true: ``python -m tests.live.honest_stops FIRST LAST``, no test.
 
-Virtual robots by number: arms of six joints of several sizes, and arms of seven. Each has defects of its tolerances,
+Virtual robots by number, of three kinds in turn: arms of six joints of several sizes, arms of seven, and robots that command fewer
+than six directions: a SCARA, a gantry, a palletizer with rods, an arm of five axes. Each has defects of its tolerances,
 compliance and gear errors, and beside them what no fit is told: waves over all joints, drives that yield under a payload, lost
 motion, and drift while the robot warms up. It is measured until its error over a task is proven; its true error there, over ways
 of approach and the time of the campaign, is then compared with the tolerance. That is 1, 1.25 or 1.5 times what 120 random poses
@@ -24,12 +25,16 @@ from taskcal.live.journal import Journal, Row
 from taskcal.live.steering import Aim, Steering, as_campaign
 from taskcal.live.virtual import VirtualCell
 from taskcal.observations.base import TrackerNoise
+from taskcal.robot.robot import Robot
+from taskcal.robot.robot_file import robot_from
+from tests.laws.robots import FEW_DIRECTIONS
 
-ROBOTS = (
-    "ur5", "franka-panda", "abb-irb6640-185-2.8", "abb-irb2400-12-1.55", "abb-irb120", "kinova-gen3", "kuka-kr16-2", "meca500-r3",
-    "ur10e", "motoman-sia20d",
-)  # fmt: skip
-"""Of robot k the k-th, and begun anew: of six joints and of seven."""
+KINDS = (
+    ("ur5", "abb-irb6640-185-2.8", "abb-irb2400-12-1.55", "abb-irb120", "kuka-kr16-2", "meca500-r3", "ur10e"),
+    ("franka-panda", "kinova-gen3", "motoman-sia20d"),
+    ("denso-hsr065a1", *FEW_DIRECTIONS),
+)
+"""Robot k is of kind k modulo 3, and the next of its list, begun anew: of six joints, of seven, of fewer directions than six."""
 
 SHOTS, ROW_S, GOALS, FLOOR_ROWS, FACTORS = 3, 20.0, 400, 120, (1.0, 1.25, 1.5)
 
@@ -60,7 +65,7 @@ class HardCell:
         self.drift = rng.normal(size=n) * np.where(slides, DRIFT_M, DRIFT_RAD)
         self.expansion = rng.normal() * EXPANSION
         self.last = self.cell.start
-        low, high = np.clip(robot.limits, -np.pi, np.pi).T
+        low, high = robot.bounded_limits().T
         self.most = np.abs(self._pull(rng.uniform(low, high, (200, n)))).max(axis=0) + 1e-12
 
     def _pull(self, q: np.ndarray) -> np.ndarray:
@@ -79,7 +84,7 @@ class HardCell:
         """
         cell, warm = self.cell, 1.0 - np.exp(-times_s / WARMING_S)
         off = cell.hidden * np.sin(np.einsum("jwk,nk->njw", cell.waves, q) + cell.phases).sum(axis=2)
-        off = np.where(cell.robot.prismatic, 0.0, off) - self.windup * self._pull(q) / self.most
+        off -= self.windup * self._pull(q) / self.most
         off += sides * self.lost + warm[:, None] * self.drift
         T = cell.model.poses(q + off, cell.x)
         T[:, :3, 3] *= 1.0 + warm[:, None] * self.expansion
@@ -107,6 +112,13 @@ class HardCell:
         ).calibration
 
 
+def robot_of(number: int) -> Robot:
+    """A robot by its number."""
+    kind = KINDS[number % len(KINDS)]
+    name = kind[number // len(KINDS) % len(kind)]
+    return robot_from(FEW_DIRECTIONS[name]) if name in FEW_DIRECTIONS else tc.load_robot(name)
+
+
 def known(steering: Steering, cell: HardCell, goal: np.ndarray) -> dict[str, object]:
     """What is known after a row, and what is true."""
     state, fit = steering.update(), steering._fit
@@ -128,7 +140,7 @@ def run(
     number: int, tolerance: float | None, factor: float | None, most: int, *, fixed: bool, trace: bool
 ) -> dict[str, object]:
     """Measure one robot until it is proven."""
-    robot = tc.load_robot(ROBOTS[number % len(ROBOTS)])
+    robot = robot_of(number)
     model = tc.ErrorModel(robot)
     task = tc.default_task(model)
 

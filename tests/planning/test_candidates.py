@@ -8,7 +8,12 @@ from taskcal.geometry import se3
 from taskcal.kinematics.clearance import Box, clear_of_itself, place_links
 from taskcal.observations.point import Reflector
 from taskcal.planning.plan import plan
+from taskcal.robot.catalogue import load_robot
+from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot_file import robot_from
+from taskcal.task.default_task import default_task
 from taskcal.task.task import enlarge
+from tests.laws.robots import FEW_DIRECTIONS
 from tests.planning.measuring_cell import TASK, cell
 
 
@@ -34,3 +39,16 @@ def test_planned_poses_stay_in_measurement_workspace(model, small):
     assert np.all(np.abs(unrefined[:, :3, 3] - space.center) <= 0.5 * space.size + 1e-9)
     tilt = np.arccos((unrefined[:, :3, 2] * TASK.workspace.orientations[0].rotation[:, 2]).sum(axis=1))
     assert tilt.max() <= np.radians(45.0) + 1e-9
+
+
+@pytest.mark.parametrize("name", ["denso-hsr065a1", pytest.param("five-axis", marks=pytest.mark.long)])
+def test_robots_of_few_directions_are_planned_for(name):
+    """All poses are in the workspace for measuring, turn the last axis, and tell more than random ones."""
+    few = ErrorModel(robot_from(FEW_DIRECTIONS[name]) if name in FEW_DIRECTIONS else load_robot(name))
+    task = default_task(few)
+    found = plan(few, task, 12, candidates=300)
+    assert found.expected < found.random.mean() < found.before
+    T, space = few.poses(found.q), enlarge(task, few).workspace
+    assert space is not None
+    assert space.contains(T).all()
+    assert np.ptp(found.q, axis=0).min() > 0.05

@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
+from taskcal.campaigns.campaign import Campaign
+from taskcal.errors import FileError
 from taskcal.reading.reader import read_campaign
+from taskcal.reading.writer import write_campaign
+from taskcal.robot.robot_file import robot_from
 from tests.reading.campaign_files import ROBOT, ROWS, write
 
 SPELLINGS = {
@@ -36,3 +40,23 @@ def test_units_and_order_of_columns_do_not_matter(tmp_path):
     assert campaign.ids == expected.ids
     np.testing.assert_allclose(campaign.q, expected.q, rtol=1e-15)
     np.testing.assert_array_equal(campaign.points, expected.points)
+
+
+@pytest.mark.parametrize("names", ["XYZ", "xyz"])
+def test_joints_called_as_a_points_columns_are_written_by_number(tmp_path, names):
+    """And read again so; by their own names they could not be told from the point."""
+    joint = [{"name": name, "type": "prismatic", "steps": [{"rx_deg": 90.0}]} for name in names]
+    robot = robot_from({"name": "gantry", "joint": joint})
+    rng = np.random.default_rng(0)
+    campaign = Campaign(
+        ids=("1", "2", "3", "4"),
+        q=rng.uniform(0.1, 1.0, (4, 3)),
+        targets=("tool",),
+        points=rng.uniform(1.0, 2.0, (4, 1, 3)),
+    )
+    write_campaign(tmp_path / "c.csv", campaign, robot)
+    again = read_campaign(tmp_path / "c.csv", robot)
+    np.testing.assert_allclose(again.q, campaign.q, rtol=1e-9)
+    np.testing.assert_allclose(again.points, campaign.points, atol=1e-9)
+    with pytest.raises(FileError, match=r"joint [xX] is given twice, by 'X_mm' and 'x_mm'; .* the joint's q1"):
+        read_campaign(write(tmp_path, "id,X_mm,Y_mm,Z_mm,x_mm,y_mm,z_mm", ["a,1,2,3,4,5,6"]), robot)

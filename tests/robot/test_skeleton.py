@@ -17,7 +17,7 @@ def _poses(robot: Robot) -> np.ndarray:
     return middle + np.random.default_rng(0).uniform(-0.1, 0.1, (4, len(robot.joints)))
 
 
-@given(cases(prismatic=False))
+@given(cases())
 def test_the_lines_end_at_the_tool_and_are_one_way(case: Case) -> None:
     assert_lines_end_at_the_tool(case.robot, case.q)
 

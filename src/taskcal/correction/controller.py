@@ -410,7 +410,7 @@ class _Simulation:
         """Whether few of Newton's steps lead from the last posture to the ends of motions; all at once."""
         rows = np.flatnonzero(np.isfinite(self.segments.end[:, 0, 0]))
         T = self.nominal.robot_tool(rows, self.segments.end[rows])
-        seed = np.clip(self.robot.limits, -np.pi, np.pi).mean(axis=1) if self.last is None else self.last
+        seed = self.robot.bounded_limits().mean(axis=1) if self.last is None else self.last
         reached = np.zeros(len(self.motions), dtype=bool)
         reached[rows] = solve_near(self.model, T, np.tile(seed, (len(rows), 1)), iterations=FEW_STEPS).reached
         return reached

@@ -228,7 +228,7 @@ class BentArm:
         arm = cls(axes=axes, origins=frames[:, :3, 3], flange=robot.tool_poses(zero)[0] @ to_flange, wrist=wrist)
         if max(abs(arm.axes[4] @ arm.axes[3]), abs(arm.axes[4] @ arm.axes[5])) > CLEAR:
             raise refused
-        lower, upper = np.clip(robot.limits, -np.pi, np.pi).T
+        lower, upper = robot.bounded_limits().T
         q = lower + (upper - lower) * np.random.default_rng(0).uniform(0.1, 0.9, size=(PROBES, 6))
         choices = np.array(list(product((1.0, -1.0), repeat=3)))
         found = set[tuple[float, ...]]()

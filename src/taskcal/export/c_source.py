@@ -20,6 +20,7 @@ from taskcal.export.forms import Export, Loss, spread_poses
 from taskcal.geometry.expressions import Pool, Traced, statements, trace
 from taskcal.identification.calibration import Calibration
 from taskcal.kernels.chain import Fixed
+from taskcal.kinematics.inverse import spread_postures
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects.base import Quantity
 from taskcal.robot.error_model import ErrorModel
@@ -259,15 +260,13 @@ def _table(name: str, values: Any) -> list[tuple[str, Any]]:
 
 def _branches(robot: Robot, words: Mapping[str, str]) -> dict[str, str]:
     """Where the search for postures begins: at those of the nominal robot, where they have a closed form."""
-    limits = np.clip(robot.limits, -np.pi, np.pi)
+    limits = robot.bounded_limits()
     middle = {"MIDDLE": _array(limits.mean(axis=1))}
     form = _closed_form(robot)
     if form is not None:
         about = "All that the nominal robot has, but for one beside a singular wrist."
         return middle | form | {"BRANCHES": _text("closed_form.c"), "INVERSE": about}
-    from scipy.stats import qmc
-
-    seeds = qmc.scale(qmc.Sobol(len(limits), rng=0).random(SEEDS), limits[:, 0], limits[:, 1])
+    seeds = spread_postures(robot, SEEDS)
     about = f"Found from {SEEDS} starts: some may be missing."
     return middle | {"BRANCHES": _text("seeds.c"), "SEEDS": _array(seeds), "SEED_COUNT": str(SEEDS), "INVERSE": about}
 

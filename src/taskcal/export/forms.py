@@ -202,7 +202,7 @@ def moved(kind: JointKind, value: Float[np.ndarray, " n"]) -> Float[np.ndarray, 
 def spread_poses(calibration: Calibration, count: int = SAMPLES) -> Float[np.ndarray, "n joints"]:
     """Joint positions all over the ranges at which loops close, radians or metres; the same ones at every call."""
     model = calibration.model
-    limits = np.clip(model.robot.limits, -np.pi, np.pi)
+    limits = model.robot.bounded_limits()
     q = np.random.default_rng(0).uniform(limits[:, 0], limits[:, 1], (4 * count, len(limits)))
     q = q[model.robot.inside_limits(q)]
     return q[closes(model, q, None) & closes(model, q, calibration.estimate)][:count]

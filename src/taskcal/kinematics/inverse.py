@@ -14,6 +14,7 @@ from taskcal.kernels import walk
 from taskcal.kernels.chain import FIXED, PRISMATIC, REVOLUTE, Chain
 from taskcal.kernels.chunks import in_chunks
 from taskcal.robot.error_model import ErrorModel, Walk
+from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
 
 # How far an arm stretches: no posture leads beyond, so that a pose out there needs no search.
@@ -156,6 +157,77 @@ class Goal:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Freedom:
+    """How many directions of motion of a frame on the tool the joints command, where these are fewer than a pose has.
+
+    A SCARA commands three of the position and one of the rotation, a Cartesian robot of three axes none of the rotation. Such a
+    robot meets a pose as far as it can: the position first, then the rotation. Counted of the nominal robot: what a defect of a
+    milliradian adds is no direction that a joint commands.
+    """
+
+    position: int
+    rotation: int
+    """Beside the position; with a free spin of two."""
+
+    @property
+    def rank(self) -> int:
+        """Directions in all."""
+        return self.position + self.rotation
+
+    @property
+    def whole(self) -> bool:
+        """Whether the joints command all that a pose has."""
+        return self.rank == ALL_DIRECTIONS
+
+
+ALL_DIRECTIONS = 6
+"""Of a pose."""
+
+FREEDOM_POSES = 16
+"""Postures all over the ranges of which that with the most directions counts: single ones may be singular."""
+
+MIN_COMMANDED_RATIO = 1e-6
+"""Singular value over the largest, under which no joint commands a direction: numbers of robot files are rounded to this."""
+
+
+def freedom_of(model: ErrorModel, tip: Float[np.ndarray, "4 4"] | None = None, *, free_spin: bool = False) -> Freedom:
+    """Directions that the joints of a robot command.
+
+    Args:
+        model: of the robot.
+        tip: pose, in the tool, of the frame that moves; the tool itself by default.
+        free_spin: whether that frame may turn about its own z axis.
+    """
+    frame = np.eye(4) if tip is None else tip
+    return _freedom(model.robot, tuple(map(float, frame.ravel())), free_spin)
+
+
+@lru_cache(maxsize=64)
+def _freedom(robot: Robot, tip: tuple[float, ...], free_spin: bool) -> Freedom:
+    model = ErrorModel(robot)
+    q = spread_postures(robot, FREEDOM_POSES)
+    at = model.walk(q[closes(model, q)])
+    frame = np.array(tip).reshape(4, 4)
+    goal = Goal(T=np.tile(np.eye(4), (len(at.s), 1, 1)), tip=frame, free_spin=free_spin)
+    J = Conditioned.of(model.chain, at, _slope(model, at), goal).J
+
+    def rank(part: Float[np.ndarray, "n rows joints"]) -> int:
+        s = np.linalg.svd(part, compute_uv=False)
+        return int((s > MIN_COMMANDED_RATIO * s[:, :1]).sum(axis=1).max(initial=0))
+
+    position = rank(J[:, :3])
+    return Freedom(position=position, rotation=rank(J) - position)
+
+
+def spread_postures(robot: Robot, count: int, seed: int = 0) -> Float[np.ndarray, "count joints"]:
+    """Joint positions spread evenly over the ranges, radians or metres; closed loops need not assemble there."""
+    from scipy.stats import qmc
+
+    low, high = robot.bounded_limits().T
+    return low + (high - low) * qmc.Sobol(len(low), rng=seed).random(count)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Conditioned:
     """Residual of a pose at the frame on the tool, and its Jacobian by the joints.
 
@@ -195,8 +267,38 @@ class Conditioned:
         square = np.minimum(np.einsum("ni,ni->n", left, left), MAX_DAMPED)
         diagonal += (DAMPING * square + ROUNDING_SHARE * (1.0 + diagonal.sum(axis=1)))[:, None]
         step = (np.swapaxes(np.linalg.solve(A, left[:, :, None]), 1, 2) @ J)[:, 0]
-        far = np.abs(step).max(axis=1, initial=0.0)
-        return step * (MAX_JOINT_STEP / np.maximum(far, MAX_JOINT_STEP))[:, None]
+        return _shortened(step)
+
+    def step_within(self, freedom: Freedom) -> tuple[Float[np.ndarray, "n joints"], Float[np.ndarray, "n 2"]]:
+        """Change of the joints that leads nearer to the goals as far as they command it, the position first.
+
+        Returns:
+            radians or metres; and the distance and angle that the joints could still take away, metres and radians.
+        """
+        position, turn = self.J[:, :3], self.J[:, 3:]
+        first, distance, moved = _commanded(position, self.left[:, :3], freedom.position)
+        beside = turn - (turn @ moved) @ np.swapaxes(moved, 1, 2)
+        then, angle, _ = _commanded(beside, self.left[:, 3:] - (turn @ first[:, :, None])[:, :, 0], freedom.rotation)
+        return _shortened(first + then), np.stack([distance / RADIANS_PER_METRE, angle], axis=1)
+
+
+def _commanded(
+    J: Float[np.ndarray, "n rows joints"], left: Float[np.ndarray, "n rows"], rank: int
+) -> tuple[Float[np.ndarray, "n joints"], Float[np.ndarray, " n"], Float[np.ndarray, "n joints rank"]]:
+    """Step by the directions of a Jacobian that joints command, the size of what is left along them, and the joints' directions."""
+    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    U, s, V = U[:, :, :rank], s[:, :rank], np.swapaxes(Vt[:, :rank], 1, 2)
+    along = (left[:, None] @ U)[:, 0]
+    square = (along**2).sum(axis=1)
+    damping = DAMPING * np.minimum(square, MAX_DAMPED) + ROUNDING_SHARE * (1.0 + (s**2).sum(axis=1))
+    step = (V @ (along * s / (s**2 + damping[:, None]))[:, :, None])[:, :, 0]
+    return step, np.sqrt(square), V
+
+
+def _shortened(step: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n joints"]:
+    """A step of which no joint moves farther than `MAX_JOINT_STEP`."""
+    far = np.abs(step).max(axis=1, initial=0.0)
+    return step * (MAX_JOINT_STEP / np.maximum(far, MAX_JOINT_STEP))[:, None]
 
 
 def _turn_left(R: Float[np.ndarray, "n 3 3"], goal: Goal) -> Float[np.ndarray, "n 3"]:
@@ -216,6 +318,19 @@ Spin = Literal["fixed", "free"]
 
 POSITION_TOLERANCE_M, ROTATION_TOLERANCE_RAD = 1e-9, 1e-9
 """A pose is reached within these, metres and radians."""
+
+Miss = tuple[float, float]
+"""Distance and angle by which a pose may be missed in directions that no joint commands, metres and radians."""
+
+ROUNDED_POSE: Miss = (1e-5, 1e-3)
+"""That the nominal robot may miss: numbers of programs and tables are rounded to some micrometres, and to hundredths of a
+degree."""
+
+REAL_ROBOT: Miss = (5e-3, 0.05)
+"""That a robot with defects may miss, far more than defects are: with its joints it cannot take them away."""
+
+ANY_MISS: Miss = (np.inf, np.inf)
+"""Whatever is left in directions that no joint commands."""
 
 POSES = 2048
 """Poses that are solved at a time; of 1024 to 8192 the fastest, for their matrices stay in the second cache."""
@@ -254,10 +369,12 @@ def solve_near(
     iterations: int = 25,
     tip: Float[np.ndarray, "4 4"] | None = None,
     spin: Spin = "fixed",
+    miss: Miss | None = None,
 ) -> Reached:
     """Solve each pose from its own seed, and stay on the seed's branch.
 
-    Where the pose leaves the robot some freedom, every step is the shortest that serves.
+    Where the pose leaves the robot some freedom, every step is the shortest that serves. A robot that commands fewer than six
+    directions meets a pose as far as it can, the position first.
 
     Args:
         model: the model; the pose met is that of its tool.
@@ -267,8 +384,10 @@ def solve_near(
         iterations: Newton steps at most.
         tip: pose, in the tool, of the frame that shall be at T; the tool itself by default.
         spin: ``free`` where that frame may turn about its own z axis, as a spindle may.
+        miss: distance and angle that may be left of a pose in directions that no joint commands, metres and radians; by default
+            the rounding of numbers for the nominal robot, and what defects may be for another.
     """
-    end = newton_steps(model, T, seed, x, iterations=iterations, tip=tip, spin=spin)
+    end = newton_steps(model, T, seed, x, iterations=iterations, tip=tip, spin=spin, miss=miss)
     return Reached(q=end.q, reached=end.met & model.robot.inside_limits(end.q))
 
 
@@ -280,11 +399,16 @@ class NewtonEnd:
     """Radians."""
     off: Float[np.ndarray, "n 2"]
     """Distance and angle that are left, metres and radians; infinite where a closed loop does not assemble."""
+    open: Float[np.ndarray, "n 2"]
+    """What the joints could still take away of that."""
+    miss: Miss
+    """What may be left beside it."""
 
     @property
     def met(self) -> Bool[np.ndarray, " n"]:
         """Whether the pose is met, limits aside."""
-        return (self.off[:, 0] < POSITION_TOLERANCE_M) & (self.off[:, 1] < ROTATION_TOLERANCE_RAD)
+        taken = (self.open < [POSITION_TOLERANCE_M, ROTATION_TOLERANCE_RAD]) & (self.off <= self.miss)
+        return taken[:, 0] & taken[:, 1]
 
 
 def newton_steps(
@@ -296,11 +420,20 @@ def newton_steps(
     iterations: int,
     tip: Float[np.ndarray, "4 4"] | None = None,
     spin: Spin = "fixed",
+    miss: Miss | None = None,
 ) -> NewtonEnd:
     """Newton steps from the seeds, each pose until it is met with a margin; arguments as of `solve_near`."""
     free = spin == "free"
     frame = np.eye(4) if tip is None else np.ascontiguousarray(tip, dtype=float)
-    end = NewtonEnd(q=np.array(seed, dtype=float), off=np.full((len(seed), 2), np.inf))
+    freedom = freedom_of(model, frame, free_spin=free)
+    whole = freedom.rank == ALL_DIRECTIONS - free
+    off = np.full((len(seed), 2), np.inf)
+    end = NewtonEnd(
+        q=np.array(seed, dtype=float),
+        off=off,
+        open=off if whole else off.copy(),
+        miss=miss or (ROUNDED_POSE if x is None else REAL_ROBOT),
+    )
 
     def solve(rows: slice) -> None:
         q, off, goal = end.q[rows], end.off[rows], T[rows]
@@ -310,18 +443,22 @@ def newton_steps(
                 at = model.walk(q[active], x)
             except ClosureError:
                 closing = closes(model, q[active], x)
-                off[active[~closing]] = np.inf
+                off[active[~closing]] = end.open[rows][active[~closing]] = np.inf
                 active = active[closing]
                 at = model.walk(q[active], x)
             if not len(active):
                 break
             aim = Goal(T=goal[active], tip=frame, free_spin=free)
             asked = Conditioned.of(model.chain, at, _slope(model, at), aim)
-            off[active] = asked.off
-            far = (asked.off / [POSITION_TOLERANCE_M, ROTATION_TOLERANCE_RAD]).max(axis=1) > STEP_MARGIN
+            off[active] = left = asked.off
+            ahead = None
+            if not whole:
+                ahead, left = asked.step_within(freedom)
+                end.open[rows][active] = left
+            far = (left / [POSITION_TOLERANCE_M, ROTATION_TOLERANCE_RAD]).max(axis=1) > STEP_MARGIN
             active = active[far]
             if k < iterations:
-                q[active] += asked.step(far)
+                q[active] += asked.step(far) if ahead is None else ahead[far]
 
     in_chunks(solve, len(seed), POSES)
     return end
@@ -336,10 +473,11 @@ def conditioning(
 ) -> Float[np.ndarray, " n"]:
     """Smallest over largest singular value of what the joints do to the tool, a metre counting as two radians.
 
-    0 at a singular posture, and where a closed loop does not assemble. Arguments as of `solve_near`.
+    Of as many as there are directions that they command. 0 at a singular posture, and where a closed loop does not assemble.
+    Arguments as of `solve_near`.
     """
     frame = np.eye(4) if tip is None else np.ascontiguousarray(tip, dtype=float)
-    ratio = np.zeros(len(q))
+    ratio, last = np.zeros(len(q)), max(freedom_of(model, frame).rank, 1) - 1
 
     def fill(rows: slice) -> None:
         closing = closes(model, q[rows], x)
@@ -347,7 +485,7 @@ def conditioning(
             at = model.walk(q[rows][closing], x)
             goal = Goal(T=np.tile(np.eye(4), (len(at.s), 1, 1)), tip=frame, free_spin=False)
             s = np.linalg.svd(Conditioned.of(model.chain, at, _slope(model, at), goal).J, compute_uv=False)
-            ratio[rows][closing] = s[:, -1] / s[:, 0]
+            ratio[rows][closing] = s[:, last] / s[:, 0]
 
     in_chunks(fill, len(q))
     return ratio
@@ -372,16 +510,20 @@ def closes(
     return four_bar.closes(q, np.zeros(3) if x is None else model.loop_deviations(x))
 
 
-def find_posture(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " joints"]:
+def find_posture(
+    model: ErrorModel, T: Float[np.ndarray, "4 4"], *, miss: Miss = ROUNDED_POSE
+) -> Float[np.ndarray, " joints"]:
     """A posture for one pose, of all that are found the one deepest inside the limits and farthest from singular.
 
     Raises:
         ReachError: no seed leads to the pose inside the limits.
     """
-    return find_postures(model, T)[0]
+    return find_postures(model, T, miss=miss)[0]
 
 
-def find_postures(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "postures joints"]:
+def find_postures(
+    model: ErrorModel, T: Float[np.ndarray, "4 4"], *, miss: Miss = ROUNDED_POSE
+) -> Float[np.ndarray, "postures joints"]:
     """The postures that reach one pose inside the limits, found from seeds all over the joint ranges, the best first.
 
     Of a robot with more joints than a pose needs, these are some of infinitely many.
@@ -391,13 +533,10 @@ def find_postures(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> Float[np.nd
     """
     if not stretch_of(model).admits(T[None])[0]:
         raise _out_of_reach(model, T)
-    from scipy.stats import qmc
-
-    limits = np.clip(model.robot.limits, -np.pi, np.pi)
-    seeds = qmc.scale(qmc.Sobol(len(limits), rng=0).random(256), limits[:, 0], limits[:, 1])
-    seeds = np.concatenate([limits.mean(axis=1)[None], seeds])
+    seeds = np.concatenate([model.robot.bounded_limits().mean(axis=1)[None], spread_postures(model.robot, 256)])
     closing = closes(model, seeds, None)
-    solution = solve_near(model, np.broadcast_to(T, (int(closing.sum()), 4, 4)), seeds[closing], iterations=60)
+    goal = np.broadcast_to(T, (int(closing.sum()), 4, 4))
+    solution = solve_near(model, goal, seeds[closing], iterations=60, miss=miss)
     if not solution.reached.any():
         raise _out_of_reach(model, T)
     q = _best_first(model, solution.q[solution.reached])
@@ -413,7 +552,7 @@ def _best_first(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Float[np
 
     A wrist and the same wrist turned over are often alike in their margin; what rounding does must not choose between them.
     """
-    middle = _bounded(model.robot.limits).mean(axis=1)
+    middle = model.robot.bounded_limits(2.0 * np.pi).mean(axis=1)
     away = np.abs(q - middle).max(axis=1)
     return q[np.lexsort((np.round(away, MARGIN_DIGITS), -np.round(posture_margin(model, q), MARGIN_DIGITS)))]
 
@@ -428,14 +567,10 @@ def _out_of_reach(model: ErrorModel, T: Float[np.ndarray, "4 4"]) -> ReachError:
 
 def posture_margin(model: ErrorModel, q: np.ndarray) -> np.ndarray:
     """Distance from limits and singular postures, 0 to 1."""
-    low, high = _bounded(model.robot.limits).T
+    low, high = model.robot.bounded_limits(2.0 * np.pi).T
     room = (np.minimum(q - low, high - q) / (high - low) * 2.0).min(axis=1)
     s = np.linalg.svd(model.joint_jacobian(q), compute_uv=False)
-    return np.minimum(room, 4.0 * s[:, -1] / s[:, 0])
-
-
-def _bounded(limits: Float[np.ndarray, "joints 2"]) -> Float[np.ndarray, "joints 2"]:
-    return np.clip(limits, -2 * np.pi, 2 * np.pi)
+    return np.minimum(room, 4.0 * s[:, max(freedom_of(model).rank, 1) - 1] / s[:, 0])
 
 
 def follow(
@@ -446,6 +581,7 @@ def follow(
     *,
     steps: int = 12,
     tip: Float[np.ndarray, "4 4"] | None = None,
+    miss: Miss | None = None,
 ) -> Reached:
     """Solve poses on the branch of a starting posture, each along a straight path from it in small steps.
 
@@ -456,6 +592,7 @@ def follow(
         x: parameter values; the nominal robot by default.
         steps: how many steps the path is divided into.
         tip: pose, in the tool, of the frame that shall be at T; the tool itself by default.
+        miss: as of `solve_near`.
     """
     home = model.poses(start[None], x)[0] @ (np.eye(4) if tip is None else tip)
     q = np.tile(start, (len(T), 1))
@@ -469,6 +606,6 @@ def follow(
         ahead = newton_steps(model, se3.pose(R, p), q, x, iterations=2, tip=tip).q
         stayed &= np.abs(ahead - q).max(axis=1) < JUMP_RAD
         q = ahead
-    end = solve_near(model, T, q, x, tip=tip)
+    end = solve_near(model, T, q, x, tip=tip, miss=miss)
     stayed &= np.abs(end.q - q).max(axis=1) < JUMP_RAD
     return Reached(q=end.q, reached=end.reached & stayed)

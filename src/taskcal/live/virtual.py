@@ -34,8 +34,8 @@ JOINT_NOISE = 2e-6
 JOG_ERROR = 2e-3
 """Standard deviation of where a person stops a joint about the pose that is shown, radians or metres."""
 
-HIDDEN_RAD, HIDDEN_WAVES = 1.5e-5, 3
-"""Amplitude and number of the waves over all joints together, in each joint: nothing that any model has."""
+HIDDEN, HIDDEN_WAVES = 1.5e-5, 3
+"""Amplitude, radians or metres, and number of the waves over all joints together, in each joint: nothing that any model has."""
 
 DWELL_S = 6.0
 """For which a simulated program waits in each pose."""
@@ -56,7 +56,7 @@ class VirtualCell:
     target: Float[np.ndarray, " 3"]
     """Centre of the reflector in the tool frame, metres."""
     rng: np.random.Generator
-    hidden: float = HIDDEN_RAD
+    hidden: float = HIDDEN
     lost: float = 0.0
     """Probability of a shot that the beam is lost."""
     T_tracker_base: Float[np.ndarray, "4 4"] = field(default_factory=lambda: TRACKER_POSE)
@@ -93,7 +93,7 @@ class VirtualCell:
     def points(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3"]:
         """Where the reflector is at joints, in the tracker's frame, metres."""
         off = self.hidden * np.sin(np.einsum("jwk,nk->njw", self.waves, q) + self.phases).sum(axis=2)
-        T = self.T_tracker_base @ self.model.poses(q + np.where(self.robot.prismatic, 0.0, off), self.x)
+        T = self.T_tracker_base @ self.model.poses(q + off, self.x)
         return se3.apply(T, self.target)
 
     def go(self, joints: Float[np.ndarray, " joints"], speed_fraction: float) -> None:

@@ -23,7 +23,7 @@ from taskcal.kinematics.clearance import (
     place_links,
     without_carriers,
 )
-from taskcal.kinematics.inverse import closes, solve_near
+from taskcal.kinematics.inverse import closes, solve_near, spread_postures
 from taskcal.observations.base import Observation, Scene, instrument_of, kinds
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
@@ -633,13 +633,12 @@ def _reach(
     from scipy.stats import qmc
 
     goals = instrument.goals(model, task, fixture, qmc.Halton(6, rng=seed).random(count))
-    limits = np.clip(model.robot.limits, -np.pi, np.pi)
-    starts = qmc.scale(qmc.Sobol(len(limits), rng=seed).random(STARTS), limits[:, 0], limits[:, 1])
+    starts = spread_postures(model.robot, STARTS, seed)
     starts = starts[closes(model, starts)]
     first = goals[:FIRST_GOALS]
     end = solve_near(model, np.repeat(first, len(starts), axis=0), np.tile(starts, (len(first), 1)), iterations=60)
     pool = end.q[end.reached]
-    q, reached = np.zeros((count, len(limits))), np.zeros(count, dtype=bool)
+    q, reached = np.zeros((count, starts.shape[1])), np.zeros(count, dtype=bool)
     rng = np.random.default_rng(seed)
     for _ in range(MAX_TRIES if len(pool) else 0):
         left = np.flatnonzero(~reached)
@@ -665,10 +664,7 @@ def _refuse_unreached(model: ErrorModel, instrument: Instrument, found: list[Flo
     missed = [fixture for fixture, q in enumerate(found) if not len(q)]
     if not missed:
         return
-    from scipy.stats import qmc
-
-    limits = np.clip(model.robot.limits, -np.pi, np.pi)
-    q = qmc.scale(qmc.Sobol(len(limits), rng=0).random(NEAREST_POSTURES), limits[:, 0], limits[:, 1])
+    q = spread_postures(model.robot, NEAREST_POSTURES)
     tip = instrument.tip(model, q[closes(model, q)])[:, :3, 3]
     said: list[str] = []
     for fixture in missed:

@@ -352,7 +352,7 @@ def order_visits(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Int[np.ndarr
     n = len(q)
     if n < 3:
         return np.arange(n)
-    limits = np.clip(robot.limits, -np.pi, np.pi)
+    limits = robot.bounded_limits()
     left = set(range(n))
     tour = [int(np.argmin(np.abs(q - limits.mean(axis=1)).max(axis=1)))]
     left.remove(tour[0])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from taskcal.observations import find_columns
+from taskcal.robot.robot import POINT_COLUMNS
 from taskcal.tables.table import ANGLES, LENGTHS, UNITS
 
 # What makers call the joints of their robots, in columns of measurements.
@@ -309,7 +310,8 @@ def _joints(parted: Sequence[tuple[str, str | None]], joints: Sequence[str]) -> 
     numbered = {
         k: number - 1 for k, number in from_one.items() if number >= 1 and (number <= len(joints) or k in angular)
     }
-    return {**numbered, **by_name}
+    points = {k for k, j in by_name.items() if texts[k] in POINT_COLUMNS and j in numbered.values()}
+    return {**numbered, **{k: j for k, j in by_name.items() if k not in points}}
 
 
 def numbered_parts(names: Sequence[str]) -> list[int]:

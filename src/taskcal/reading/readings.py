@@ -24,7 +24,7 @@ from taskcal.reading.columns import (
     split_unit,
     stated_units,
 )
-from taskcal.robot.robot import Robot
+from taskcal.robot.robot import POINT_COLUMNS, Robot
 from taskcal.tables.forms import TableForm, read_table
 from taskcal.tables.table import ANGLES, LEAVE_OUT, LENGTHS, NUMBER, TIMES, UNIT_LENGTH, UNITS, Table
 from taskcal.tables.text import footer_note, is_statistic
@@ -58,7 +58,8 @@ class MeasuredTable:
                 raise self.table.header_error(f"'{name}' {message}")
             if meaning.index in at:
                 joint, twice = self.robot.joint_names[meaning.index], f"by '{at[meaning.index][0]}' and '{name}'"
-                raise self.table.header_error(f"joint {joint} is given twice, {twice}; keep one")
+                other = f", or name the joint's q{meaning.index + 1}" if joint.casefold() in POINT_COLUMNS else ""
+                raise self.table.header_error(f"joint {joint} is given twice, {twice}; keep one{other}")
             at[meaning.index] = (name, meaning)
         return at
 

@@ -151,7 +151,7 @@ def _joint_columns(q: np.ndarray, robot: Robot, kind: str = "") -> Columns:
     units = [("mm", 1e3) if slides else ("deg", 180 / np.pi) for slides in robot.prismatic]
     return {
         f"{name}{kind}_{unit}": written(values * scale, 9)
-        for name, (unit, scale), values in zip(robot.joint_names, units, q.T, strict=True)
+        for name, (unit, scale), values in zip(robot.column_names, units, q.T, strict=True)
     }
 
 

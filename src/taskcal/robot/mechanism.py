@@ -133,6 +133,8 @@ def trace_skeleton(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Skeleton:
         axes.append(T[:, :3, 2])
         corners = [T[:, :3, 3]]
         T = T @ _moved(joint.kind, s[:, number])
+        if joint.kind == "prismatic":
+            corners.append(T[:, :3, 3])
         walk(joint.after)
     walk(robot.tool)
     links.append(np.stack(corners, axis=1))

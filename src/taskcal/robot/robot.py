@@ -59,6 +59,13 @@ def model_error_of(robot: "Robot", given: float | None = None) -> ModelError:
 TWO_TURNS = 4.0 * np.pi
 """Radians."""
 
+POINT_COLUMNS = ("x", "y", "z")
+"""Names of a measured point's columns, in small letters, which are not those of a joint."""
+
+UNLIMITED_SLIDE_M = 3.0
+"""To either side of zero, or twice so far from its one limit, that a joint which slides without limits is sought, metres. A
+convention."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class DrivenJoint:
@@ -198,9 +205,30 @@ class Robot:
         return tuple(joint.name for joint in self.joints)
 
     @property
+    def column_names(self) -> tuple[str, ...]:
+        """Names of the joints in columns of files: by their number where the name is that of a measured point's column."""
+        return tuple(
+            f"q{k}" if name.casefold() in POINT_COLUMNS else name for k, name in enumerate(self.joint_names, start=1)
+        )
+
+    @property
     def limits(self) -> Float[np.ndarray, "joints 2"]:
         """Lower and upper limit of every joint, radians or metres."""
         return np.array([joint.limits for joint in self.joints])
+
+    def bounded_limits(self, turn: float = np.pi) -> Float[np.ndarray, "joints 2"]:
+        """Limits between which postures are sought, radians or metres.
+
+        Args:
+            turn: of a joint that turns, to either side of zero at most, radians.
+        """
+        low, high = self.limits.T
+        far = np.where(self.prismatic, UNLIMITED_SLIDE_M, turn)
+        low = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high - 2.0 * far, -far))
+        high = np.where(np.isfinite(high), high, low + 2.0 * far)
+        within = np.clip(low, -turn, turn), np.clip(high, -turn, turn)
+        beyond = np.array(self.prismatic) | (within[0] >= within[1])
+        return np.column_stack([np.where(beyond, low, within[0]), np.where(beyond, high, within[1])])
 
     @cached_property
     def driven(self) -> tuple[DrivenJoint, ...]:

@@ -258,7 +258,7 @@ def lasting_corners(robot: Robot, q: Float[np.ndarray, " joints"]) -> list[Int[n
     """Corners of every link without those that always lie on the one before; at q, and where a part may have slid to."""
     probed = [q]
     if robot.four_bar is None:  # whose loop need not close elsewhere
-        low, high = np.clip(robot.limits, -np.pi, np.pi).T
+        low, high = robot.bounded_limits().T
         probed += list(np.random.default_rng(0).uniform(low, high, (3, len(q))))
     links = trace_skeleton(robot, np.array(probed)).links
     apart = (np.linalg.norm(np.diff(link, axis=1), axis=2).max(axis=0) > MIN_LENGTH_M for link in links)

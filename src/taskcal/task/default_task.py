@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -11,9 +12,9 @@ from jaxtyping import Float
 from taskcal.arguments import checked
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
-from taskcal.kinematics.inverse import closes, find_posture, follow, posture_margin
+from taskcal.kinematics.inverse import closes, find_posture, freedom_of, posture_margin, spread_postures
 from taskcal.robot.error_model import ErrorModel
-from taskcal.task.task import Task
+from taskcal.task.task import MEASURING_TURN, Task, follow_inside
 from taskcal.task.workspace import Orientation, Workspace
 
 SEEDS = 1024
@@ -38,11 +39,15 @@ TURNS = np.radians([0.0, 90.0, 180.0, 270.0])
 TRIED = 6
 """Of the middles with the most room, in which boxes are tried."""
 
-CONE, CONE_JOINTS = np.radians(20.0), 6
-"""Tilt that the tool takes anywhere in the box, of robots with at least so many joints: others cannot tilt it wherever it is."""
+CONE = np.radians(20.0)
+"""Tilt that the tool takes anywhere in the box, of robots that command all directions: others cannot tilt it wherever it is."""
 
-ENOUGH = 0.95
-"""Share of the poses of a box that have to be reached on one branch."""
+ENOUGH, MIN_REACHED = 0.95, 0.5
+"""Share of the poses of a box that have to be reached on one branch; and where no box has so many, the least that makes one."""
+
+MIN_ARM_SHARE, MIN_MOTION_M = 0.1, 1e-6
+"""How far an arm on a rail gets over the rail's length, else it is a carriage with a wrist; and the motion of its tool, metres per
+radian, from which a joint counts as moving it."""
 
 ALONG = 4
 """Poses along each edge of a box that is tried, its faces included."""
@@ -72,20 +77,28 @@ def default_task(model: ErrorModel) -> Task:
         ReachError: the robot reaches none of the places that are tried.
     """
     model = model.nominal
-    poses = _postures(model)
-    far, low, high = _room(poses)
-    size = np.array([far, far, min(far, high - low)])
+    whole = freedom_of(model).whole
+    reached = _postures(model)
     best: tuple[float, Workspace] | None = None
-    for direction in DIRECTIONS:
-        middles = sorted(_middles(model, poses, float(direction)), key=lambda one: -one[0])[:TRIED]
+    for direction in (*DIRECTIONS, None):
+        if direction is None:
+            middles, turn = (
+                [_comfortable(model, reached)],
+                Orientation(rotation=np.eye(3), cone=MEASURING_TURN, spin=np.pi),
+            )
+        else:
+            middles = sorted(_middles(model, reached, float(direction)), key=lambda one: -one[0])[:TRIED]
+            turn = Orientation(rotation=np.eye(3), cone=CONE if whole else 0.0)
         for edge, (_, T, q) in product(EDGES, middles):
-            space = _box(model, T, edge * size)
-            share = float(follow(model, _grid(space), q).reached.mean())
+            space = _box(T, edge * reached.size, turn)
+            share = float(follow_inside(model, space, _grid(space), q).reached.mean())
             if best is None or share > best[0]:
                 best = share, space
             if share >= ENOUGH:
                 return Task(name="task", workspace=space, accuracy=ACCURACY_M)
-    if best is None:
+        if direction == DIRECTIONS[-1] and best is not None and best[0] >= MIN_REACHED:
+            break
+    if best is None or best[0] < MIN_REACHED:
         raise ReachError(
             f"{model.robot.name} reaches no place in front of its base with the tool down, up or forward inside its limits; "
             "write a task file, or widen the limits in the robot file"
@@ -104,16 +117,9 @@ def measured_task(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Task:
     """
     T = model.nominal.poses(q)
     middle = T[np.argmin(np.linalg.norm(T[:, :3, 3] - np.median(T[:, :3, 3], axis=0), axis=1))]
-    cone = CONE if len(model.robot.joints) >= CONE_JOINTS else 0.0
-    space = Workspace(
-        T_base_frame=np.eye(4),
-        shape="box",
-        center=middle[:3, 3],
-        size=np.full(3, MEASURED_EDGE * model.robot.reach),
-        turned=np.eye(3),
-        orientations=(Orientation(rotation=middle[:3, :3], cone=cone),),
-    )
-    return Task(name="task", workspace=space)
+    whole = freedom_of(model).whole
+    turn = Orientation(rotation=np.eye(3), cone=CONE if whole else MEASURING_TURN, spin=0.0 if whole else np.pi)
+    return Task(name="task", workspace=_box(middle, np.full(3, MEASURED_EDGE * model.robot.reach), turn))
 
 
 def task_text(task: Task) -> str:
@@ -133,6 +139,7 @@ def task_text(task: Task) -> str:
                         "quaternion": se3.to_quaternion(o.rotation[None])[0].round(9).tolist(),
                         "cone_deg": round(float(np.degrees(o.cone)), 3),
                     }
+                    | ({"spin": "free"} if o.spin == np.pi else {})
                     for o in space.orientations
                 ],
             },
@@ -141,62 +148,111 @@ def task_text(task: Task) -> str:
     )
 
 
-def _postures(model: ErrorModel) -> Float[np.ndarray, "n 4 4"]:
-    """Poses of the tool all over the joint ranges."""
-    from scipy.stats import qmc
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Postures:
+    """What the tool reaches from all over the joint ranges; an arm on a rail from the middle of the rail."""
 
-    limits = np.clip(model.robot.limits, -np.pi, np.pi)
-    q = qmc.scale(qmc.Sobol(len(limits), rng=0).random(SEEDS), limits[:, 0], limits[:, 1])
-    return model.poses(q[closes(model, q)])
+    q: Float[np.ndarray, "n joints"]
+    T: Float[np.ndarray, "n 4 4"]
+    foot: Float[np.ndarray, " 3"]
+    """Of the arm, at the height of the base, metres."""
+    low: float
+    high: float
+    """Above the foot, metres."""
+    far: float
+    """How far from the foot's axis, metres."""
+    carriage: bool
+    """Whether the first axes slide and carry no arm: there is no front."""
+
+    @property
+    def size(self) -> Float[np.ndarray, " 3"]:
+        """Edges of which boxes have a share, metres."""
+        return np.array([self.far, self.far, min(self.far, self.high - self.low)])
 
 
-def _room(poses: Float[np.ndarray, "n 4 4"]) -> tuple[float, float, float]:
-    """How far from the base's axis the tool gets, and how low and how high above the foot, metres."""
-    x, y, z = poses[:, :3, 3].T
+def _postures(model: ErrorModel) -> _Postures:
+    """Postures all over the joint ranges."""
+    robot, q = model.robot, spread_postures(model.robot, SEEDS)
+    q = q[closes(model, q)]
+    slides = [*robot.prismatic, False].index(False)
+    middle, span = robot.bounded_limits().mean(axis=1), np.ptp(robot.bounded_limits()[:slides], axis=1)
+    still = q.copy()
+    still[:, :slides] = middle[:slides]
+    still = still[closes(model, still)]
+    on_rail, T, foot = False, model.poses(q), np.zeros(3)
+    if 0 < slides < len(middle) and len(still):
+        J = model.joint_jacobian(still)[:, :3, slides:]
+        moved = np.linalg.matrix_rank(J, tol=MIN_MOTION_M).max(initial=0)
+        own, at = model.poses(still), robot.joint_frames(middle[None])[0, slides, :3, 3] * [1.0, 1.0, 0.0]
+        on_rail = moved == 3 and np.linalg.norm(own[:, :2, 3] - at[:2], axis=1).max() > MIN_ARM_SHARE * span.max()
+        if on_rail:
+            q, T, foot = still, own, at
+    z, far = T[:, 2, 3], float(np.linalg.norm(T[:, :2, 3] - foot[:2], axis=1).max())
     low, high = float(z.min()), float(z.max())
-    return float(np.hypot(x, y).max()), max(low, 0.0) if high > 0.0 else low, high
+    return _Postures(
+        q=q,
+        T=T,
+        foot=foot,
+        low=max(low, 0.0) if high > 0.0 else low,
+        high=high,
+        far=far,
+        carriage=slides > 0 and not on_rail,
+    )
+
+
+def _comfortable(
+    model: ErrorModel, reached: _Postures
+) -> tuple[float, Float[np.ndarray, "4 4"], Float[np.ndarray, " joints"]]:
+    """The pose farthest from limits and singular postures, with the distance and the joint positions."""
+    margin = posture_margin(model, reached.q)
+    best = int(np.argmax(margin))
+    return float(margin[best]), reached.T[best], reached.q[best]
 
 
 def _middles(
-    model: ErrorModel, poses: Float[np.ndarray, "n 4 4"], direction: float
+    model: ErrorModel, reached: _Postures, direction: float
 ) -> Iterator[tuple[float, Float[np.ndarray, "4 4"], Float[np.ndarray, " joints"]]]:
     """Poses of the tool that are reached, with the distance from limits and singular postures, and the joint positions."""
-    far, low, high = _room(poses)
     down, (x, y, z) = model.robot.statics.gravity, np.eye(3)
     forward = x if abs(down @ x) < 0.5 else y  # hung on a wall, x may be up or down
     across = np.cross(down, forward)
     across /= np.linalg.norm(across)
     along = np.cos(direction) * down + np.sin(direction) * np.cross(across, down)
     R = np.column_stack([np.cross(across, along), across, along])
-    if (poses[:, :3, 2] @ along).max() < NEAR:
+    if (reached.T[:, :3, 2] @ along).max() < NEAR:
         return
-    turns = TURNS
-    for distance, height in product(DISTANCES, HEIGHTS):
-        place = np.round(distance * far * forward + (low + height * (high - low)) * z, DECIMALS)
-        reached: list[tuple[float, float, Float[np.ndarray, "4 4"], Float[np.ndarray, " joints"]]] = []
+    turns, up = TURNS, reached.high - reached.low
+    places = [
+        reached.foot + distance * reached.far * forward + (reached.low + height * up) * z
+        for distance, height in product(DISTANCES, HEIGHTS)
+    ]
+    if reached.carriage:
+        corners = reached.T[:, :3, 3].min(axis=0), reached.T[:, :3, 3].max(axis=0)
+        places.append(0.5 * (corners[0] + corners[1]))
+    for place in np.round(places, DECIMALS):
+        found: list[tuple[float, float, Float[np.ndarray, "4 4"], Float[np.ndarray, " joints"]]] = []
         for turn in turns:
             T = se3.pose(R @ se3.exp(np.array([[0.0, 0.0, turn]]))[0], place)
             with suppress(ReachError):
                 q = find_posture(model, T)
-                reached.append((float(posture_margin(model, q[None])[0]), turn, T, q))
-        if reached:
-            margin, turn, T, q = max(reached, key=lambda one: one[0])
+                found.append((float(posture_margin(model, q[None])[0]), turn, T, q))
+        if found:
+            margin, turn, T, q = max(found, key=lambda one: one[0])
             turns = np.array(
                 [turn]
             )  # what is best at one place is about as good at the others, and each takes a search
             yield margin, T, q
 
 
-def _box(model: ErrorModel, T: Float[np.ndarray, "4 4"], size: Float[np.ndarray, " 3"]) -> Workspace:
-    """A box about a pose of the tool."""
-    cone = CONE if len(model.robot.joints) >= CONE_JOINTS else 0.0
+def _box(T: Float[np.ndarray, "4 4"], size: Float[np.ndarray, " 3"], turn: Orientation) -> Workspace:
+    """A box about a pose of the tool, which is turned as freely as stated."""
     return Workspace(
         T_base_frame=np.eye(4),
         shape="box",
         center=T[:3, 3],
         size=np.maximum(np.round(size, DECIMALS), 10.0**-DECIMALS),
         turned=np.eye(3),
-        orientations=(Orientation(rotation=T[:3, :3], cone=cone),),
+        orientations=(replace(turn, rotation=T[:3, :3]),),
     )
 
 

@@ -13,7 +13,15 @@ from taskcal.arguments import checked
 from taskcal.errors import FileError, ReachError
 from taskcal.geometry import se3
 from taskcal.io.toml_file import Direction, Finite, HalfTurn, Positive, Section, read_toml
-from taskcal.kinematics.inverse import find_posture, follow, solve_near
+from taskcal.kinematics.inverse import (
+    ANY_MISS,
+    Reached,
+    find_posture,
+    find_postures,
+    follow,
+    freedom_of,
+    solve_near,
+)
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 from taskcal.tables.forms import read_csv
@@ -75,6 +83,8 @@ def reach_task(
 ) -> TaskPoses:
     """Poses of a task with the joints that reach them, continuous in the branch of the task's middle.
 
+    A robot that commands fewer than six directions takes the nearest poses that it can, where these are in the workspace, too.
+
     Args:
         model: the model of the nominal robot.
         task: the task.
@@ -91,6 +101,8 @@ def reach_task(
     if task.workspace is not None:
         T, weights = task.workspace.sample(count, seed), np.ones(count)
         q, reached = _spread(model, task.workspace, T, known)
+        if not freedom_of(model).whole:
+            T[reached] = model.poses(q[reached])
     else:
         assert task.poses is not None
         T = task.poses
@@ -163,16 +175,48 @@ def _check_unit(model: ErrorModel, task: Task) -> None:
         )
 
 
-def _posture(model: ErrorModel, T: np.ndarray, known: np.ndarray | None) -> np.ndarray:
-    """A posture for one pose: in the branch of the known one whose pose is nearest, if that leads to it."""
+def _posture(
+    model: ErrorModel, T: np.ndarray, known: np.ndarray | None, workspace: Workspace | None = None
+) -> np.ndarray:
+    """A posture for one pose: in the branch of the known one whose pose is nearest, if that leads to it.
+
+    Of a workspace it may be for a pose beside that one in the workspace, where the robot does not reach it itself.
+    """
     if known is not None and len(known):
         there = model.poses(known)
         away = np.linalg.norm(there[:, :3, 3] - T[:3, 3], axis=1) / model.robot.reach
         away += np.linalg.norm(se3.log(T[:3, :3] @ np.swapaxes(there[:, :3, :3], 1, 2)), axis=1)
-        found = follow(model, T[None], known[np.argmin(away)])
+        near = known[np.argmin(away)]
+        found = follow(model, T[None], near) if workspace is None else follow_inside(model, workspace, T[None], near)
         if found.reached[0]:
             return found.q[0]
-    return find_posture(model, T)
+    return find_posture(model, T) if workspace is None else find_posture_inside(model, workspace, T)
+
+
+def find_posture_inside(
+    model: ErrorModel, workspace: Workspace, T: Float[np.ndarray, "4 4"]
+) -> Float[np.ndarray, " joints"]:
+    """A posture for a pose of a workspace, or for the nearest that the robot can take, the best of those in the workspace.
+
+    Raises:
+        ReachError: no seed leads there inside the limits; the message has how far the tool is turned from the orientation at
+            least, where it is that which is missed.
+    """
+    postures = find_postures(model, T, miss=ANY_MISS)
+    there = model.poses(postures)
+    inside = workspace.contains(there)
+    if inside.any():
+        return postures[np.argmax(inside)]
+    away = np.linalg.norm(there[:, :3, 3] - T[:3, 3], axis=1)
+    turned = np.linalg.norm(se3.log(there[:, :3, :3] @ T[:3, :3].T), axis=1)
+    best = int(np.argmin(turned + away / model.robot.reach))
+    freedom = freedom_of(model)
+    x, y, z = T[:3, 3] * 1e3
+    raise ReachError(
+        f"{model.robot.name} moves its tool in {freedom.rank} of six directions, and comes no nearer to the pose at x {x:.0f}, "
+        f"y {y:.0f}, z {z:.0f} mm than {away[best] * 1e3:.3g} mm and {np.degrees(turned[best]):.3g}°; state an orientation that it "
+        "can take, or open it in the task file (cone_deg, spin)"
+    )
 
 
 def _spread(
@@ -185,14 +229,33 @@ def _spread(
         mine = slice(k, None, len(workspace.orientations))
         start = None
         if first is not None:
-            on_branch = follow(model, middle[None], first)
+            on_branch = follow_inside(model, workspace, middle[None], first)
             start = on_branch.q[0] if on_branch.reached[0] else None
         if start is None:
-            start = _posture(model, middle, known)
+            start = _posture(model, middle, known, workspace)
         first = start if first is None else first
-        found = follow(model, T[mine], start)
+        found = follow_inside(model, workspace, T[mine], start)
         q[mine], reached[mine] = found.q, found.reached
     return q, reached
+
+
+def follow_inside(
+    model: ErrorModel, workspace: Workspace, T: Float[np.ndarray, "n 4 4"], start: Float[np.ndarray, " joints"]
+) -> Reached:
+    """Follow poses of a workspace on the branch of a posture, or the nearest that the robot can take in that workspace.
+
+    Args:
+        model: of the nominal robot.
+        workspace: the workspace.
+        T: tool poses in the base.
+        start: posture that the branch is taken from, radians or metres.
+    """
+    found = follow(model, T, start, miss=ANY_MISS)
+    if freedom_of(model).whole:
+        return found
+    inside = found.reached.copy()
+    inside[inside] = workspace.contains(model.poses(found.q[inside]))
+    return replace(found, reached=inside)
 
 
 def _in_order(model: ErrorModel, T: np.ndarray, known: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:

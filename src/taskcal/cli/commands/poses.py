@@ -177,7 +177,7 @@ def _joints_for(
         info(f"row {row}: the pose is out of reach inside the limits; its joints are left empty")
     scale = np.where(robot.prismatic, 1e3, 180.0 / np.pi)
     units = ["mm" if slides else "deg" for slides in robot.prismatic]
-    names = [f"{name}_{unit}" for name, unit in zip(robot.joint_names, units, strict=True)]
+    names = [f"{name}_{unit}" for name, unit in zip(robot.column_names, units, strict=True)]
     if joints.calibrated is None:
         return joints.nominal, names, (joints.nominal * scale).tolist()
     both = np.concatenate([joints.calibrated, joints.nominal], axis=1) * np.tile(scale, 2)

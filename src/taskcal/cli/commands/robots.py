@@ -15,6 +15,7 @@ from taskcal.cli.command import Command, argument, laid_out, option
 from taskcal.cli.options.common import ROBOT, JsonOption, OutputOptions
 from taskcal.cli.output import info, placement, show, show_facts, tell, write_json
 from taskcal.geometry import se3
+from taskcal.kinematics.inverse import ALL_DIRECTIONS, freedom_of
 from taskcal.report.content import Column, Table
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.mechanism import analyse_mechanism
@@ -223,6 +224,7 @@ def describe(robot: Robot) -> dict[str, Any]:
             "motorised": list(mechanism.motorised),
             "passive": list(mechanism.passive),
             "loops": mechanism.loops,
+            "directions": asdict(freedom_of(model)),
             "explanation": mechanism.explanation,
         },
         "parameter_count": len(model),
@@ -342,6 +344,7 @@ def show_sheet(sheet: Mapping[str, Any]) -> None:
     facts += [
         ("mobility", f"{mechanism['mobility']}, overconstrained to degree {mechanism['overconstraint']}"),
         ("", mechanism["explanation"]),
+        *_directions(mechanism["directions"]),
         ("parameters", str(sheet["parameter_count"])),
     ]
     if sheet["published"]:
@@ -354,6 +357,20 @@ def show_sheet(sheet: Mapping[str, Any]) -> None:
     if len(shown.header) > 1:
         show(shown)
     _show_parameters(sheet)
+
+
+def _directions(directions: Mapping[str, int]) -> list[tuple[str, str]]:
+    """What a robot of few joints cannot do to its tool; nothing of one that can do all."""
+    count = sum(directions.values())
+    if count == ALL_DIRECTIONS:
+        return []
+    return [
+        (
+            "directions",
+            f"moves its tool in {count} of six: {directions['position']} of the position, {directions['rotation']} of the "
+            "rotation; no program can take away errors in the others",
+        )
+    ]
 
 
 def _limits(joint: Mapping[str, Any]) -> str:
