@@ -10,7 +10,7 @@ from taskcal.errors import TaskcalError, UnknownName
 from taskcal.live.devices import DeviceError, controllers, instrument_of, instruments
 from taskcal.live.folder import Folder
 from taskcal.live.hand import Hand
-from taskcal.live.lines import Columns
+from taskcal.live.lines import Columns, columns_of
 from taskcal.robot.catalogue import load_robot
 
 HEADERS = [
@@ -29,14 +29,12 @@ def test_a_format_is_stated_once(header: str, line: str) -> None:
 
 
 def test_what_is_no_point_is_refused_or_lost() -> None:
-    """No unit, columns of other instruments, a field too many and a word are refused; empty cells and zeros are a lost beam."""
+    """No unit, a field too many and a word are refused; empty cells and zeros are a lost beam."""
     for wrong in ("x y z", "x_mm y_mm", "id"):
         with pytest.raises(TaskcalError, match="x_mm y_mm z_mm"):
             Columns.of(wrong)
-    for other, header in (("wire", "id d_mm anchor"), ("camera", "sx_mm sy_mm sz_mm"), ("socket", "socket place")):
-        with pytest.raises(TaskcalError, match=f"plan --observe {other}"):
-            Columns.of(header)
-        with pytest.raises(UnknownName, match=f"plan --observe {other}"):
+    for other in ("wire", "socket"):
+        with pytest.raises(UnknownName, match=f"--observe {other}"):
             instrument_of(other)
     columns = Columns.of("id x_mm y_mm z_mm")
     for wrong in ("1 2 3", "p 1 two 3"):
@@ -44,6 +42,20 @@ def test_what_is_no_point_is_refused_or_lost() -> None:
             columns.point(wrong)
     for lost in ("p,,,", "p;0;0;0"):
         assert np.isnan(columns.point(lost)).all()
+
+
+def test_a_line_may_be_a_reading_of_another_kind() -> None:
+    """A header of lengths gives lengths and their anchor; empty cells are nothing; without a unit it is refused."""
+    columns = columns_of("id;d_mm;anchor")
+    shot = columns.shot("1;1250,5;left", 2.0)
+    assert (shot.kind, shot.fixture, shot.time_s) == ("distance", "left", 2.0)
+    np.testing.assert_allclose(shot.point, [1.2505, 0.0, 0.0])
+    assert not columns.shot("2;;", 3.0).valid
+    for wrong in ("1;two;left", "1;5"):
+        with pytest.raises(TaskcalError):
+            columns.shot(wrong, 0.0)
+    with pytest.raises(TaskcalError, match="unit"):
+        columns_of("d anchor").shot("5 left", 0.0)
 
 
 @pytest.mark.parametrize("stated", ["", "x_mm y_mm z_mm"])

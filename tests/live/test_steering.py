@@ -77,7 +77,7 @@ def test_resuming_gives_the_same_next_pose(measured: Steering) -> None:
     np.testing.assert_array_equal(step.q, same.q)
     assert error is expected is None
     best, best_again = measured._best(None), again._best(None)
-    np.testing.assert_array_equal(best[0], best_again[0])
+    assert best[0] == best_again[0]
     assert best[1] == pytest.approx(best_again[1], rel=1e-9)
 
 
@@ -85,7 +85,7 @@ def test_the_next_pose_is_worth_more_than_most(measured: Steering) -> None:
     """The expected error falls by the next pose, and by more than by nine of ten others."""
     state = measured.update()
     assert state.budget is not None
-    q, after = measured._best(None)
+    pose, after = measured._best(None)
     assert after < state.budget.after
     fit, gained = measured._fit, measured._gained(measured._fitting())[0]
     assert fit is not None
@@ -95,7 +95,7 @@ def test_the_next_pose_is_worth_more_than_most(measured: Steering) -> None:
         X = X.reshape(-1, X.shape[2])
         others.append(measured._budget_with(gained + X.T @ X).after)
     assert np.mean(np.array(others) < after) <= 0.1
-    assert ROBOT.inside_limits(q[None])[0]
+    assert ROBOT.inside_limits(fit.choice.measurable.q[[pose]])[0]
 
 
 def test_wrong_rows_and_drift_are_noticed(measured: Steering) -> None:

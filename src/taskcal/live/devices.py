@@ -12,6 +12,8 @@ from jaxtyping import Float
 
 from taskcal.errors import TaskcalError, UnknownName
 from taskcal.observations.base import kinds
+from taskcal.observations.instrument import Instrument as CellInstrument
+from taskcal.observations.point import Point
 from taskcal.plugins import load_plugins, state_faults
 from taskcal.robot.robot import Robot
 
@@ -59,7 +61,12 @@ class Shot:
     time_s: float
     """Monotonic, of this computer, when it arrived (`time.monotonic`)."""
     point: Float[np.ndarray, " 3"]
-    """Centre of the target in the instrument's frame, metres; NaN where it is not valid."""
+    """Centre of the target in the instrument's frame, metres; of another kind of observation its numbers. NaN where it is not
+    valid."""
+    kind: str = Point.key
+    """Key of the kind of observation."""
+    fixture: str = ""
+    """At which it was measured, where the instrument says."""
     reason: str = ""
     """Why it is not valid, such as ``beam lost``; empty where it is."""
 
@@ -133,8 +140,13 @@ class Controller(Device):
     def show(self, joints: Float[np.ndarray, " joints"]) -> None:
         """The pose to be measured next, in radians, for what shows it to a person who moves the robot; does nothing by default."""
 
-    def asks(self, ask: Callable[[str], str]) -> None:
-        """How to ask the person who moves the robot for a line; does nothing where the joints are read."""
+    def asks(self, ask: Callable[[str], str], within: float) -> None:
+        """How to ask the person who moves the robot for a line; does nothing where the joints are read.
+
+        Args:
+            ask: gives the line that answers a text.
+            within: of the pose shown, in which joints are taken, radians or metres.
+        """
 
     def visits(self, joints: Float[np.ndarray, "n joints"]) -> None:
         """The poses of a program that moves the robot, in radians, for what simulates one; does nothing by default."""
@@ -153,7 +165,10 @@ class Controller(Device):
 
 
 class Instrument(Device):
-    """An instrument that measures points of one target."""
+    """An instrument that measures points of one target, or what another kind of observation reads."""
+
+    asked: ClassVar[bool] = False
+    """Whether a person is asked for each reading, who then says when the robot stands."""
 
     def __init_subclass__(cls, **more: Any) -> None:
         """Enter the registry."""
@@ -174,6 +189,27 @@ class Instrument(Device):
         Raises:
             DeviceError: it cannot be reached there.
         """
+
+    def observes(self, observed: CellInstrument) -> None:
+        """What is measured from here on; by default nothing but a tracker's points.
+
+        Args:
+            observed: the instrument in the robot's cell, with its fixtures.
+
+        Raises:
+            DeviceError: it does not measure that.
+        """
+        if not observed.kind.in_tracker:
+            raise DeviceError(
+                f"the instrument '{self.name}' measures points, and not by a {observed.name}; choose hand, folder or tcp, or "
+                f"plan the rows (taskcal plan --observe {observed.name}) and fill in the plan's file"
+            )
+
+    def show(self, fixture: str) -> None:
+        """What is measured next, for what asks a person or simulates one; does nothing by default."""
+
+    def asks(self, ask: Callable[[str], str]) -> None:
+        """How to ask the person for a line; does nothing where readings come by themselves."""
 
     @abstractmethod
     def read(self, timeout_s: float) -> Shot | None:
@@ -243,16 +279,13 @@ def instrument_of(name: str) -> type[Instrument]:
     """The instrument of a name.
 
     Raises:
-        UnknownName: there is none; those without a tracker do not measure live.
+        UnknownName: there is none; what is observed without a tracker is stated beside it.
     """
     if name not in instruments() and any(kind.needed and name == kind.instrument for kind in kinds()):
-        raise UnknownName("instrument", name, instruments(), f"for live measuring: {planned_instead(name)}")
+        raise UnknownName(
+            "instrument", name, instruments(), f"of readings; state what they are of beside it (--observe {name})"
+        )
     return _found("instrument", name, instruments(), INSTRUMENTS_GROUP)
-
-
-def planned_instead(instrument: str) -> str:
-    """What works for an instrument that measures something else than points."""
-    return f"points alone are measured live; plan its rows (taskcal plan --observe {instrument}), and fill in the plan's file"
 
 
 def _found(kind: str, name: str, known: Mapping[str, type[_Kind]], group: str) -> type[_Kind]:

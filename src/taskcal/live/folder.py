@@ -8,8 +8,9 @@ from time import monotonic
 from typing import ClassVar
 
 from taskcal.live.devices import DeviceError, Instrument, Shot
-from taskcal.live.lines import Columns, Lines
+from taskcal.live.lines import Columns, KindColumns, Lines, columns_of
 from taskcal.live.network import Feed
+from taskcal.observations.instrument import Instrument as CellInstrument
 
 SUFFIXES = frozenset({".asc", ".csv", ".dat", ".log", ".pts", ".txt", ".xyz"})
 """Of the files of a folder that are read."""
@@ -34,7 +35,7 @@ class Folder(Instrument):
     reached: ClassVar[str] = "PATH"
     streams: ClassVar[bool] = False
 
-    def __init__(self, path: Path, columns: Columns | None):
+    def __init__(self, path: Path, columns: Columns | KindColumns | None):
         self._path, self._columns = path, columns
         self._files: dict[Path, _Followed] = {}
         self._closed = Event()
@@ -55,7 +56,10 @@ class Folder(Instrument):
                 f"the instrument 'folder' watches a file or a folder, and '{address or ''}' is none; state the one that the "
                 "tracker's software writes to (--instrument-address)"
             )
-        return cls(path, Columns.of(columns) if columns else None)
+        return cls(path, columns_of(columns) if columns else None)
+
+    def observes(self, observed: CellInstrument) -> None:
+        """Lines of any kind."""
 
     def read(self, timeout_s: float) -> Shot | None:
         """The next line that was added, stamped when it was."""

@@ -1,15 +1,17 @@
-"""The controller ``hand``: a person moves the robot, and types or pastes the joints that its pendant shows."""
+"""``hand``: a person moves the robot, and types or pastes the joints that its pendant shows, or what an instrument shows."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.errors import shown
-from taskcal.live.devices import Controller, DeviceError, JointReading, Said
-from taskcal.live.stillness import Rules
+from taskcal.errors import TaskcalError, shown
+from taskcal.live.devices import Controller, DeviceError, Instrument, JointReading, Said, Shot
+from taskcal.live.lines import KindColumns
+from taskcal.live.stillness import MissedError, Rules
+from taskcal.observations.instrument import Instrument as CellInstrument
 from taskcal.robot.robot import Robot
 
 
@@ -20,7 +22,7 @@ class Hand(Controller):
     streams: ClassVar[bool] = False
 
     def __init__(self, robot: Robot, ask: Callable[[str], str] | None = None):
-        self._robot, self._ask = robot, ask
+        self._robot, self._ask, self._within = robot, ask, Rules.arrived
         slides = robot.prismatic
         self._shown, self._pose = "", np.full(len(slides), np.nan)
         self._names = [f"{name}_{'mm' if s else 'deg'}" for name, s in zip(robot.joint_names, slides, strict=True)]
@@ -37,9 +39,9 @@ class Hand(Controller):
             raise DeviceError(f"the controller 'hand' has no address, and '{shown(address)}' is given; leave it out")
         return cls(robot)
 
-    def asks(self, ask: Callable[[str], str]) -> None:
-        """Ask by this."""
-        self._ask = ask
+    def asks(self, ask: Callable[[str], str], within: float) -> None:
+        """Ask by this, and take joints within so much of the pose shown."""
+        self._ask, self._within = ask, within
 
     def show(self, joints: Float[np.ndarray, " joints"]) -> None:
         """Remember the pose, to show it with the question."""
@@ -88,7 +90,7 @@ class Hand(Controller):
         if not np.isfinite(joints).all() or not self._robot.inside_limits(joints[None])[0]:
             return Said("beyond the robot's limits; see the order of the joints and their signs.")
         off = np.abs(joints - self._pose) / self._units
-        if (off * self._units > Rules.arrived).any():
+        if (off * self._units > self._within).any():
             far = int(off.argmax())
             return Said(
                 "{joint} is {off:.1f} from the pose; go nearer, or mend what was typed.",
@@ -96,3 +98,97 @@ class Hand(Controller):
                 off=float(off[far]),
             )
         return joints
+
+
+class HandReadings(Instrument):
+    """What a person reads off an instrument, and types; where something touches, that it does."""
+
+    name: ClassVar[str] = "hand"
+    streams: ClassVar[bool] = False
+    asked: ClassVar[bool] = True
+
+    def __init__(self) -> None:
+        self._ask: Callable[[str], str] | None = None
+        self._observed: CellInstrument | None = None
+        self._at = 0
+
+    @classmethod
+    def open(cls, address: str | None, timeout_s: float, columns: str = "") -> "HandReadings":
+        """Ask whoever is asked (`asks`).
+
+        Raises:
+            DeviceError: an address or columns, which it does not have.
+        """
+        if address is not None or columns:
+            given = shown(columns or address or "")
+            raise DeviceError(
+                f"the instrument 'hand' has no address and no columns, and '{given}' is given; leave it out"
+            )
+        return cls()
+
+    def asks(self, ask: Callable[[str], str]) -> None:
+        """Ask by this."""
+        self._ask = ask
+
+    def observes(self, observed: CellInstrument) -> None:
+        """Readings of this.
+
+        Raises:
+            DeviceError: of a tracker, whose points nobody types.
+        """
+        if observed.kind.in_tracker:
+            raise DeviceError(
+                "the instrument 'hand' asks for readings without a tracker; state what they are of (--observe socket, wire, …)"
+            )
+        self._observed = observed
+
+    def show(self, fixture: str) -> None:
+        """Remember what is measured next, to name it with the question."""
+        assert self._observed is not None
+        self._at = self._observed.fixtures.names.index(fixture)
+
+    def read(self, timeout_s: float) -> Shot | None:
+        """Ask until a reading is entered; a person takes what time it takes.
+
+        Raises:
+            MissedError: the person leaves it out.
+            DeviceError: the input has ended, or nobody is asked.
+        """
+        observed = self._observed
+        if self._ask is None or observed is None:
+            raise DeviceError("the instrument 'hand' asks for readings, and nobody is there to answer")
+        blank = {name: cells[0] for name, cells in observed.columns(np.array([self._at])).items()}
+        asked = [name for name, cell in blank.items() if not cell]
+        name = observed.fixtures.names[self._at]
+        where = f"{observed.label} '{name}'" if name else observed.name
+        what = (
+            Said("{fixture}: enter {columns} as read, or no to leave it out:", fixture=where, columns=" ".join(asked))
+            if asked
+            else Said("{fixture}: press Enter once it is seated, or enter no to leave it out:", fixture=where)
+        )
+        question = what
+        while True:
+            text = self._ask(question).strip()
+            if text.casefold() in ("n", "no"):
+                raise MissedError("{fixture} was not measured", fixture=where)
+            read = self._parse(text, {**blank, **dict(zip(asked, text.split(), strict=False))}, len(asked))
+            if not isinstance(read, Said):
+                return read
+            question = Said("{wrong}\n{pose}", wrong=read, pose=what)
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+    def _parse(self, text: str, cells: Mapping[str, str], count: int) -> Shot | Said:
+        """The reading of what was typed; or what is wrong with it."""
+        assert self._observed is not None
+        kind, given = self._observed.kind, len(text.split())
+        if given != count:
+            return Said("{count} values; {needed} are needed.", count=given, needed=count)
+        try:
+            found = KindColumns.of(kind, tuple(cells)).read(tuple(cells.values()), "typed")
+        except TaskcalError:
+            found = None
+        if found is None:
+            return Said("'{text}' are not numbers alone.", text=shown(text))
+        return Shot(time_s=time.monotonic(), point=found.points[0], kind=kind.key)

@@ -4,7 +4,7 @@ import csv
 import json
 import os
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -13,9 +13,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.campaigns.campaign import Campaign
-from taskcal.errors import FileError, shown
-from taskcal.observations.base import written
-from taskcal.reading.reader import read_campaign
+from taskcal.errors import FileError, TaskcalError, shown
+from taskcal.live.lines import KindColumns
+from taskcal.observations.base import Measured, written
+from taskcal.observations.instrument import Instrument
+from taskcal.reading.reader import ReadOptions, read_campaign
 from taskcal.reading.writer import joints_text
 from taskcal.robot.robot import Robot
 
@@ -36,7 +38,9 @@ class Row:
     """Since the campaign began, seconds."""
     joints: Float[np.ndarray, " joints"]
     point: Float[np.ndarray, " 3"]
-    """In the tracker's frame, metres."""
+    """In the tracker's frame, metres; without a tracker the kind's numbers."""
+    fixture: str = ""
+    """Without a tracker: at which it was measured."""
 
     @property
     def id(self) -> str:
@@ -47,9 +51,27 @@ class Row:
 class Journal:
     """The campaign's file, and the notes beside it; both are only ever appended to."""
 
-    def __init__(self, path: Path, robot: Robot, target: str = "tool"):
+    def __init__(
+        self,
+        path: Path,
+        robot: Robot,
+        target: str = "tool",
+        *,
+        observe: Instrument | None = None,
+        options: ReadOptions | None = None,
+    ):
+        """Name the files.
+
+        Args:
+            path: of the campaign.
+            robot: that is measured.
+            target: of a tracker.
+            observe: what measures, if not a tracker.
+            options: what is stated that the file does not say.
+        """
         self.path, self.notes_path = path, path.with_suffix(".measure.jsonl")
         self.robot, self._target = robot, "" if target == "tool" else f"{target}_"
+        self._observe, self._options = observe, options
         self.rows: tuple[Row, ...] = ()
         self.notes: tuple[Mapping[str, Any], ...] = ()
         self.dropped = False
@@ -138,44 +160,69 @@ class Journal:
     def campaign(self, rows: Int[np.ndarray, " k"]) -> Campaign:
         """Some rows, in their order, as they are read from the file."""
         if len(rows) == len(self.rows):
-            return read_campaign(self.path, self.robot)
+            return read_campaign(self.path, self.robot, options=self._options)
         header, *lines = self.path.read_text().splitlines(keepends=True)
         with tempfile.TemporaryDirectory() as folder:
             part = Path(folder) / self.path.name
             part.write_text(header + "".join(lines[k] for k in rows))
-            return read_campaign(part, self.robot)
+            return read_campaign(part, self.robot, options=self._options)
 
     def _lines(self, rows: Iterable[Row]) -> list[str]:
         """The header, and a line for each row."""
         own = list(rows)
-        point = np.array([row.point for row in own]).reshape(-1, 3) * 1e3
         more = {
             "id": [row.id for row in own],
-            **{f"{self._target}{axis}_mm": written(point[:, k]) for k, axis in enumerate("xyz")},
-            "station": [str(row.station) for row in own],
+            **self._cells(own),
             "time_s": [f"{row.time_s:.1f}" for row in own],
         }
         joints = np.array([row.joints for row in own]).reshape(-1, len(self.robot.joints))
         return joints_text(joints, self.robot, more).splitlines(keepends=True)
 
+    def _cells(self, rows: Sequence[Row]) -> dict[str, list[str]]:
+        """Columns of what was measured."""
+        point = np.array([row.point for row in rows]).reshape(-1, 3)
+        if self._observe is None:
+            return {
+                **{f"{self._target}{axis}_mm": written(point[:, k] * 1e3) for k, axis in enumerate("xyz")},
+                "station": [str(row.station) for row in rows],
+            }
+        # those of all fixtures before them, so that the columns are the same whatever the rows name
+        names = self._observe.fixtures.names
+        of = np.array([*range(len(names)), *(names.index(row.fixture) for row in rows)], dtype=np.int64)
+        kind = self._observe.observation(of)
+        blank = kind.blank(len(names))
+        cells = kind.cells(Measured(np.concatenate([blank.points, point]))) or {}
+        return {name: texts[len(names) :] for name, texts in cells.items()}
+
+    def _measured(self, cells: Sequence[str], number: int) -> dict[str, Any]:
+        """Fields of a row that state what was measured."""
+        if self._observe is None:
+            *xyz, station = cells
+            return {"station": int(station), "point": np.array([float(cell) for cell in xyz]) * 1e-3}
+        line, kind = Path(f"{self.path}:{number + 1}"), self._observe.kind
+        found = KindColumns.of(kind, tuple(self._cells([]))).read(cells, line)
+        if found is None:
+            raise ValueError(cells)
+        names = found.observation.named
+        return {"station": 1, "point": found.points[0], "fixture": names[0] if names else ""}
+
     def _row(self, line: str, number: int) -> Row:
         """A row as it was written."""
         try:
-            text, *cells, station, time_s = next(csv.reader([line]))
-            values = np.array([float(cell) for cell in cells])
+            text, *cells, time_s = next(csv.reader([line]))
             own, _, purpose = text.partition("-")
             if int(own) != number or (purpose or "chosen") not in get_args(Purpose):
                 raise ValueError(text)
-            units = np.where(self.robot.prismatic, 1e-3, np.pi / 180.0)
+            n = len(self.robot.joints)
+            joints = np.array([float(cell) for cell in cells[:n]]) * np.where(self.robot.prismatic, 1e-3, np.pi / 180.0)
             return Row(
                 number=number,
                 purpose=purpose or "chosen",  # pyright: ignore[reportArgumentType]
-                station=int(station),
                 time_s=float(time_s),
-                joints=values[:-3] * units,
-                point=values[-3:] * 1e-3,
+                joints=joints,
+                **self._measured(cells[n:], number),
             )
-        except (ValueError, StopIteration, IndexError) as error:
+        except (ValueError, StopIteration, IndexError, TaskcalError) as error:
             raise FileError(
                 self.path,
                 f"row {number} is not as it was written; undo the change, or begin another campaign",

@@ -1,17 +1,19 @@
-"""Points in lines of text, as tracker software writes or sends them; a header or names of columns state the format once."""
+"""Readings in lines of text, as an instrument's software writes or sends them; a header or columns state the format once."""
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import TaskcalError, shown
-from taskcal.live.devices import DeviceError, Shot, planned_instead
-from taskcal.observations.base import kinds
+from taskcal.live.devices import DeviceError, Shot
+from taskcal.observations.base import Observation, ObservedColumns, Read, kinds
+from taskcal.observations.point import Point
 from taskcal.reading.columns import meanings
-from taskcal.reading.readings import is_lost
+from taskcal.reading.readings import is_lost, quantity_of
 from taskcal.tables.table import LENGTHS
 from taskcal.tables.text import separator_of, split_line, with_point
 
@@ -43,11 +45,6 @@ class Columns:
         names = _split(text)
         known = meanings(names, [""] * len(names), ())
         places = [(one.index, k, one.unit) for k, one in enumerate(known) if one is not None and one.kind == "position"]
-        read = {one.target for one in known if one is not None and one.kind == "observed"}
-        if kind := next((one for one in kinds() if one.needed and read.issuperset(one.needed)), None):
-            raise TaskcalError(
-                f"'{shown(text)}' are columns of a {kind.instrument}: {planned_instead(kind.instrument)}"
-            )
         if [axis for axis, _, _ in sorted(places)] != [0, 1, 2]:
             raise TaskcalError(
                 f"'{shown(text)}' does not name the columns of one point; write for example 'x_mm y_mm z_mm', with - for each "
@@ -60,18 +57,21 @@ class Columns:
         first, second, third = (k for _, k, _ in sorted(places))
         return cls(names=tuple(names), axes=(first, second, third), metres=LENGTHS[unit])
 
+    def shot(self, line: str, time_s: float) -> Shot:
+        """The point of a line, as a measurement made then.
+
+        Raises:
+            TaskcalError: as of `point`.
+        """
+        return shot_at(self.point(line), time_s)
+
     def point(self, line: str) -> Float[np.ndarray, " 3"]:
         """The point of a line, metres; NaN where the beam was lost, for which it has empty cells or zeros.
 
         Raises:
             TaskcalError: the line has other columns, or something else than a number.
         """
-        cells = _split(line, len(self.names))
-        if len(cells) != len(self.names):
-            raise TaskcalError(
-                f"'{shown(line)}' has {len(cells)} fields, {len(self.names)} are stated ({' '.join(self.names)}); state the "
-                "columns as they are (--columns)"
-            )
+        cells = _cells(line, self.names)
         own = [cells[k] for k in self.axes]
         if all(map(is_lost, own)):
             return np.full(3, np.nan)
@@ -87,10 +87,74 @@ class Columns:
         return point if point.any() and np.isfinite(point).all() else np.full(3, np.nan)
 
 
+@dataclass(frozen=True, kw_only=True)
+class KindColumns:
+    """Where a line has what a kind of observation without a tracker reads."""
+
+    kind: type[Observation]
+    names: tuple[str, ...]
+    """Of all columns."""
+    at: Mapping[str, tuple[int, str | None]]
+    """Column and unit of each that the kind reads, by the kind's own name."""
+
+    @classmethod
+    def of(cls, kind: type[Observation], names: tuple[str, ...]) -> "KindColumns":
+        """Columns by their names, such as ``d_mm`` and ``anchor``."""
+        known = meanings(names, [""] * len(names), ())
+        at = {one.target: (k, one.unit) for k, one in enumerate(known) if one is not None and one.kind == "observed"}
+        return cls(kind=kind, names=names, at=at)
+
+    def read(self, cells: Sequence[str], source: str | Path) -> Read | None:
+        """What is read from the cells of a line; None where nothing was.
+
+        Args:
+            cells: one for each column.
+            source: named in errors.
+
+        Raises:
+            FileError: a cell is not what it must be.
+        """
+        comma = any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
+        own = {name: with_point(cells[k], ",") if comma else cells[k] for name, (k, _) in self.at.items()}
+        return self.kind.read(
+            ObservedColumns(
+                path=Path(source),
+                lines=np.ones(1, dtype=np.int64),
+                cells={name: (cell,) for name, cell in own.items()},
+                headers={name: self.names[k] for name, (k, _) in self.at.items()},
+                units={name: quantity_of(unit) for name, (_, unit) in self.at.items()},
+            )
+        )
+
+    def shot(self, line: str, time_s: float) -> Shot:
+        """What a line states, as a measurement made then; it is not valid where its cells are empty.
+
+        Raises:
+            TaskcalError: the line has other columns, or a cell is not what it must be.
+        """
+        found = self.read(_cells(line, self.names), "line")
+        if found is None:
+            return Shot(time_s=time_s, point=np.full(3, np.nan), kind=self.kind.key, reason="nothing read")
+        named = found.observation.named if self.kind.label in self.at else ()
+        return Shot(time_s=time_s, point=found.points[0], kind=self.kind.key, fixture=named[0] if named else "")
+
+
+def columns_of(text: str) -> Columns | KindColumns:
+    """Columns by their names: of a point, or of a kind of observation without a tracker.
+
+    Raises:
+        TaskcalError: they are of neither, or state no unit.
+    """
+    names = tuple(_split(text))
+    of_kind = KindColumns.of(Point, names)
+    there = [one for one in kinds() if one.needed and of_kind.at.keys() >= set(one.needed)]
+    return replace(of_kind, kind=max(there, key=lambda one: len(one.needed))) if there else Columns.of(text)
+
+
 class Lines:
     """The lines of a file or a connection: a point each, after a header where there is one; comments are passed over."""
 
-    def __init__(self, columns: Columns | None, source: str):
+    def __init__(self, columns: Columns | KindColumns | None, source: str):
         """Begin.
 
         Args:
@@ -111,11 +175,11 @@ class Lines:
         first, self._begun = not self._begun, True
         try:
             if self._columns is None:
-                self._columns = Columns.of(line)
+                self._columns = columns_of(line)
                 return None
             if old or (first and not any(_NUMBER.fullmatch(cell) for cell in _split(line))):
                 return None  # a header, beside the columns that were stated
-            return shot_at(self._columns.point(line), time_s)
+            return self._columns.shot(line, time_s)
         except TaskcalError as error:
             raise DeviceError(f"{self._source}: {error}") from None
 
@@ -123,6 +187,21 @@ class Lines:
 def shot_at(point: Float[np.ndarray, " 3"], time_s: float) -> Shot:
     """Shot of a point, which is NaN where the beam was lost."""
     return Shot(time_s=time_s, point=point, reason="" if np.isfinite(point).all() else "beam lost")
+
+
+def _cells(line: str, names: Sequence[str]) -> Sequence[str]:
+    """Cells of a line, one for each column.
+
+    Raises:
+        TaskcalError: there are more or fewer.
+    """
+    cells = _split(line, len(names))
+    if len(cells) != len(names):
+        raise TaskcalError(
+            f"'{shown(line)}' has {len(cells)} fields, {len(names)} are stated ({' '.join(names)}); state the columns as they "
+            "are (--columns)"
+        )
+    return cells
 
 
 def _split(line: str, count: int = 0) -> Sequence[str]:

@@ -72,7 +72,7 @@ class Outcome:
     """How it ended."""
 
     state: State
-    reason: Literal["proven", "most", "visited", "stopped"]
+    reason: Literal["proven", "consistent", "most", "visited", "stopped"]
 
 
 FIRST_SPEED_SHARE = 0.1
@@ -100,7 +100,7 @@ class Drive:
         steps = max(int(np.ceil(np.abs(end - start).max() / PATH_STEP)), 1)
         q = start + np.linspace(0.0, 1.0, steps + 1)[:, None] * (end - start)
         links = place_links(self.aim.model, q)
-        boxes = () if self.aim.station is None else self.aim.station.keep_out
+        boxes = self.aim.instrument.obstacles if self.aim.station is None else self.aim.station.keep_out
         return bool((clear_of_itself(links) & clear_of_boxes(links, boxes)).all())
 
     def go(self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"]) -> None:
@@ -178,8 +178,8 @@ class Runner:
     def _ended(self, state: State) -> Outcome | None:
         """Tell what is known; how it ended, if it did."""
         self.tell(Event(kind="state", state=state, pose_s=self._pace()))
-        if state.proven:
-            return Outcome(state=state, reason="proven")
+        if state.proven or state.consistent:
+            return Outcome(state=state, reason="proven" if state.proven else "consistent")
         if state.rows >= self.steering.aim.most:
             return Outcome(state=state, reason="most")
         if self.taker.stopped():
@@ -237,7 +237,9 @@ class Runner:
             self.drive.go(here, step.q)
         elif go:
             controller.show(step.q)
-        return self._row_of(step, self.taker.take(step.q))
+        if go:
+            self.taker.instrument.show(step.fixture)
+        return self._row_of(step, self.taker.take(step.q, fixture=step.fixture))
 
     def _row_of(self, step: Step, taken: Taken) -> Row:
         """A row that was taken, which is told."""
@@ -251,6 +253,7 @@ class Runner:
             time_s=self._base_s + taken.time_s - self._first_s,
             joints=taken.joints,
             point=taken.point,
+            fixture=step.fixture,
         )
 
     def _checked(self, step: Step, row: Row) -> Row:
@@ -283,16 +286,23 @@ class Runner:
                 self._journal.note({"excluded": wrong})
             self._asked_again = False
             return "keep"
-        answer = self._decide(
-            Said(
+        tracked = self.steering.aim.instrument.kind.in_tracker
+        off_mm = off * 1e3
+        if tracked:
+            said = Said(
                 "at the first pose, measured again, the target is {off_mm:.3f} mm from where it was: reflector or tracker was "
                 "moved, or the robot",
-                off_mm=off * 1e3,
-            ),
-            "again",
-            "moved",
-            "keep",
-        )
+                off_mm=off_mm,
+            )
+        else:
+            said = Said(
+                "at the first pose of '{fixture}', measured again, the target is {off_mm:.3f} mm from where it was: what stands "
+                "there was moved, or the robot",
+                fixture=row.fixture,
+                off_mm=off_mm,
+            )
+        answers: tuple[Answer, ...] = ("again", "moved", "keep") if tracked else ("again", "keep")
+        answer = self._decide(said, *answers)
         self._asked_again = answer == "again"
         if answer == "moved":
             self._journal.note({"moved": row.number, "excluded": self._surprises()})

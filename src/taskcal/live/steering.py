@@ -25,8 +25,8 @@ from taskcal.identification.holdout import with_held_out
 from taskcal.identification.identify import fit_nominal, identify
 from taskcal.identification.options import FitOptions
 from taskcal.live.journal import Journal, Purpose, Row
-from taskcal.observations.base import TrackerNoise
-from taskcal.observations.instrument import Measurable
+from taskcal.observations.base import error_lengths
+from taskcal.observations.instrument import Fixtures, Instrument, Measurable
 from taskcal.observations.point import Station, Tracker
 from taskcal.planning.plan import POOL_SEED, PlanOptions, PoseChoice
 from taskcal.robot.error_model import ErrorModel
@@ -68,7 +68,7 @@ SAME_POSE = float(np.radians(3.0))
 """All joints nearer than that, radians or metres, are one pose, which is not chosen again."""
 
 
-def _digest(data: Task | Station) -> str:
+def _digest(data: Task | Station | Instrument) -> str:
     """Changes with whatever it states, of which a name says nothing."""
     text = json.dumps(asdict(data), default=lambda array: array.tolist(), sort_keys=True)
     return sha256(text.encode()).hexdigest()[:16]
@@ -83,6 +83,8 @@ class Aim:
     task: Task
     station: Station | None = None
     """With the one reflector; None for one at the TCP that is seen from everywhere."""
+    observe: Instrument | None = None
+    """What measures, if not a tracker."""
     tolerance: float | None = None
     """Rms in space over the task, metres; None to go on until `most`."""
     most: int = 100
@@ -93,6 +95,11 @@ class Aim:
     """Whether non-geometric effects are estimated, too."""
 
     @property
+    def instrument(self) -> Instrument:
+        """What measures."""
+        return self.observe or Tracker(station=self.station)
+
+    @property
     def settings(self) -> dict[str, Any]:
         """With which a campaign has to go on."""
         task = _digest(replace(self.task, accuracy=None))
@@ -100,6 +107,7 @@ class Aim:
             "robot": self.model.robot.digest,
             "task": f"{self.task.name} ({task})",
             "station": None if self.station is None else _digest(self.station),
+            "instrument": None if self.observe is None else f"{self.observe.name} ({_digest(self.observe)})",
             "tolerance_mm": None if self.tolerance is None else self.tolerance * 1e3,
             "seed": self.seed,
             "candidates": self.candidates,
@@ -113,6 +121,8 @@ class Step(NamedTuple):
     number: int
     purpose: Purpose
     q: Float[np.ndarray, " joints"]
+    fixture: str = ""
+    """At which it is measured; empty for a tracker."""
 
 
 class Look(NamedTuple):
@@ -120,7 +130,7 @@ class Look(NamedTuple):
 
     kept_out: int
     rms: float
-    """Of their errors in space, metres."""
+    """Of their errors in space as they judge the task, metres."""
     level: float
     """Probability that it passes although the error over the task is the tolerance."""
     bound: float
@@ -135,6 +145,8 @@ class Fit:
     choice: PoseChoice
     rows: Int[np.ndarray, " fitted"]
     """Indices of those that took part."""
+    instrument: Instrument
+    """With the fixtures that took part, in the calibration's order."""
     growth: float
     """Of the geometry's mean square beyond the measured range, over that of the experiment."""
     single: float
@@ -160,6 +172,8 @@ class State:
     """Whether all of the 95 % interval keeps the tolerance."""
     proven: bool = False
     """And the rows kept out say so, too."""
+    consistent: bool = False
+    """The same without a tracker: at the fixtures they are as expected, which proves nothing of the task."""
     more: int | None = None
     """Rows that are still needed, if the error falls with the root of their number; None where that is not known."""
 
@@ -182,20 +196,21 @@ def level_of(look: int) -> float:
 
 
 def as_campaign(rows: Sequence[Row], calibration: Calibration) -> Campaign:
-    """Rows as measurements of a calibration's target, each in the frame of its station, which the calibration has to know."""
-    known = calibration.layout.stations
-    names = ("1",) if known is None else known.names
-    return Campaign(
+    """Rows as measurements of a calibration's target, each in the frame of its station or at its fixture, which it has to know."""
+    campaign = Campaign(
         ids=tuple(row.id for row in rows),
         q=np.stack([row.joints for row in rows]),
         targets=calibration.targets,
         points=np.stack([row.point for row in rows])[:, None],
-        stations=Stations(
-            names=names,
-            of=np.array([names.index(str(row.station)) for row in rows], dtype=np.int64),
-            T_first_station=np.tile(np.eye(4), (len(names), 1, 1)),
-        ),
     )
+    known, kind = calibration.layout.stations, calibration.layout.kinds[0]
+    if not kind.in_tracker:
+        of = np.array([kind.named.index(row.fixture) for row in rows], dtype=np.int64) if kind.things else None
+        return replace(campaign, observations=(replace(kind, of=of),))
+    names = ("1",) if known is None else known.names
+    of = np.array([names.index(str(row.station)) for row in rows], dtype=np.int64)
+    T = np.tile(np.eye(4), (len(names), 1, 1))
+    return replace(campaign, stations=Stations(names=names, of=of, T_first_station=T))
 
 
 def rows_to_look(error: float, tolerance: float, look: int) -> int:
@@ -224,15 +239,34 @@ class Steering:
         self._skipped: list[Float[np.ndarray, " joints"]] = []
 
     @cached_property
-    def _start(self) -> tuple[PoseChoice, Float[np.ndarray, "count joints"], Measurable]:
-        """The choice without measurements, the poses to begin with, and those of the task itself."""
+    def _start(self) -> tuple[PoseChoice, Measurable, Measurable]:
+        """The choice without measurements, the poses to begin with, and those that chance chooses among: of the task itself."""
         aim = self.aim
-        options = PlanOptions(seed=aim.seed, station=aim.station, candidates=aim.candidates, refine=0)
+        options = PlanOptions(
+            seed=aim.seed, station=aim.station, observe=aim.observe, candidates=aim.candidates, refine=0
+        )
         choice = PoseChoice.among(aim.model, aim.task, options)
-        own = Tracker(station=aim.station).own_poses(
+        own = aim.instrument.own_poses(
             aim.model, aim.task, choice.measurable, aim.candidates, aim.seed + POOL_SEED, MIN_KEPT_OUT
         )
-        return choice, choice.choose(START_ROWS).q, own
+        planned = choice.choose(self.start_rows)
+        return choice, Measurable(q=planned.q, rows=planned.candidate, visible=planned.visible, lost={}), own
+
+    @property
+    def start_rows(self) -> int:
+        """Rows that are planned at once before the first fit: as many as every fixture needs, where there are any."""
+        instrument = self.aim.instrument
+        return START_ROWS if self._tracked else max(START_ROWS, instrument.rows_each * instrument.count)
+
+    @property
+    def _tracked(self) -> bool:
+        return self.aim.instrument.kind.in_tracker
+
+    def _step(self, purpose: Purpose, among: Measurable, pose: int) -> Step:
+        """One of some poses as the next one."""
+        names = self.aim.instrument.fixtures.names
+        fixture = "" if self._tracked else names[int(among.visible[pose].argmax())]
+        return Step(len(self.journal.rows) + 1, purpose, among.q[pose], fixture)
 
     def skip(self, step: Step) -> None:
         """Do not choose a pose again, which cannot be measured."""
@@ -255,8 +289,11 @@ class Steering:
         return np.array([row.number - 1 for row in own], dtype=np.int64)
 
     def _fitting(self) -> Int[np.ndarray, " k"]:
-        """Indices of the rows to fit: chosen ones, of stations that have enough of them."""
+        """Indices of the rows to fit: chosen ones, of stations and fixtures that have enough of them."""
         chosen = self._numbers("chosen")
+        if not self._tracked:
+            at = [self.journal.rows[k].fixture for k in chosen]
+            return chosen[np.array([at.count(one) >= self.aim.instrument.rows_each for one in at], dtype=bool)]
         station = np.array([self.journal.rows[k].station for k in chosen], dtype=np.int64)
         count = np.bincount(station, minlength=2)
         return chosen[(count[station] >= MIN_STATION_ROWS) | (station == 1)]
@@ -267,20 +304,40 @@ class Steering:
     def _fitted(self, rows: Int[np.ndarray, " k"]) -> Fit:
         aim = self.aim
         calibration = self._identified(self._read(rows))
-        q = self._start[0].measurable.q
-        options = PlanOptions(seed=aim.seed, station=aim.station, calibration=calibration, candidates=q)
-        choice = PoseChoice.among(calibration.model, aim.task, options)
+        instrument, measurable = self._standing(calibration)
+        options = PlanOptions(
+            seed=aim.seed, station=aim.station, observe=aim.observe and instrument, calibration=calibration
+        )
+        choice = PoseChoice.among(calibration.model, aim.task, options, measurable)
         with_single, known = (
-            np.trace(calibration.predict_covariance(choice.goal.q, model_error=own)[:, 0], axis1=1, axis2=2)
+            np.trace(calibration.predict_covariance(choice.goal.q, model_error=own)[:, 0, :3, :3], axis1=1, axis2=2)
             @ choice.goal.weights
             for own in (True, False)
         )
+        linear = choice.judged.linear
+        J = linear.sensitivities(choice.goal.q)[:, 0]
+        C = calibration.z_covariance / linear.deviations / linear.deviations[:, None]
+        inside = np.einsum("nij,nij->n", J @ C, J) @ choice.goal.weights
         return Fit(
             calibration=calibration,
             choice=choice,
             rows=rows,
-            growth=max(float(known) / choice.judged.before**2, 1.0),
+            instrument=instrument,
+            growth=max(float(known / inside), 1.0),
             single=float(with_single - known),
+        )
+
+    def _standing(self, calibration: Calibration) -> tuple[Instrument, Measurable]:
+        """The instrument with the fixtures that a calibration knows, in its order, and the postures in which these are measured."""
+        instrument, measurable = self.aim.instrument, self._start[0].measurable
+        names, fixtures = calibration.layout.kinds[0].named, instrument.fixtures
+        if not names:
+            return instrument, measurable
+        known = [fixtures.names.index(name) for name in names]
+        there = Fixtures(names=names, position=fixtures.position[known], direction=fixtures.direction[known])
+        some = measurable.visible[:, known].any(axis=1)
+        return replace(instrument, fixtures=there), replace(
+            measurable, q=measurable.q[some], rows=measurable.rows[some], visible=measurable.visible[some][:, known]
         )
 
     def _read(self, rows: Int[np.ndarray, " k"]) -> Campaign:
@@ -303,7 +360,7 @@ class Steering:
             TaskcalError: the rows determine no calibration.
         """
         fitting, fits = self._fitting(), self.journal.noted("fit")
-        if len(fitting) < START_ROWS:
+        if len(fitting) < self.start_rows:
             return self._state()
         if self._fit is None and fits and fits[-1] <= len(fitting):
             self._fit = self._fitted(fitting[: fits[-1]])
@@ -330,10 +387,11 @@ class Steering:
         """Information of the rows after the fit, in the directions of both experiments."""
         assert self._fit is not None
         both = self._fit.choice.judged, self._fit.choice.weighing
-        new = [self.journal.rows[k].joints for k in fitting[len(self._fit.rows) :]]
+        new = [self.journal.rows[k] for k in fitting[len(self._fit.rows) :]]
         if not new:
             return np.zeros_like(both[0].prior), np.zeros_like(both[1].prior)
-        q, seen = np.stack(new), np.ones((len(new), 1), dtype=bool)
+        q, names = np.stack([row.joints for row in new]), np.array(self._fit.instrument.fixtures.names)
+        seen = np.stack([names == row.fixture for row in new])
         judged, chosen = (one.rows(q, seen).reshape(-1, one.basis.shape[1]) for one in both)
         return judged.T @ judged, chosen.T @ chosen
 
@@ -364,18 +422,37 @@ class Steering:
         return as_campaign(rows, self._fit.calibration)
 
     def located(self, row: Row) -> bool:
-        """Whether the frame of a row's station is known."""
+        """Whether the frame of a row's station is known, or where its fixture is."""
         if self._fit is None:
             return False
+        if not self._tracked:
+            return row.fixture in self._fit.instrument.fixtures.names
         known = self._fit.calibration.layout.stations
         return row.station == 1 if known is None else str(row.station) in known.names
 
     def kept_out_errors(self) -> Float[np.ndarray, " k"]:
         """Errors in space of the rows kept out, by the calibration without them, metres."""
-        rows = [row for row in (self.journal.rows[k] for k in self._numbers("kept-out")) if self.located(row)]
-        if not rows or self._fit is None:
-            return np.zeros(0)
-        return np.linalg.norm(residuals_on(self._fit.calibration, self._campaign(rows))[:, 0], axis=1)
+        rows = self._kept_out()
+        return self._lengths(rows) if rows else np.zeros(0)
+
+    def _kept_out(self) -> list[Row]:
+        return [row for row in (self.journal.rows[k] for k in self._numbers("kept-out")) if self.located(row)]
+
+    def _judging(self, errors: Float[np.ndarray, " k"], budget: ErrorBudget) -> Float[np.ndarray, " k"]:
+        """Errors of the rows kept out as they judge the task: at its own poses as they are.
+
+        At fixtures it is how many times as far off they are as expected there that is taken to hold of the task, too.
+        """
+        if self._tracked or not len(errors):
+            return errors
+        assert self._fit is not None
+        return budget.after * np.sqrt(self._squares(self._kept_out()) / self._fit.instrument.kind.width)
+
+    def _lengths(self, rows: Sequence[Row]) -> Float[np.ndarray, " k"]:
+        """Lengths of the residuals of rows that are located, metres."""
+        assert self._fit is not None
+        calibration = self._fit.calibration
+        return error_lengths(residuals_on(calibration, self._campaign(rows)), calibration.layout.kinds)[:, 0]
 
     def _judged(self, budget: ErrorBudget) -> State:
         errors, tolerance = self.kept_out_errors(), self.aim.tolerance
@@ -385,18 +462,27 @@ class Steering:
         met = self._meets(budget)
         if met and len(errors) >= due:
             level = level_of(len(looks) + 1)
-            bound = error_bound(errors, level)
-            look = Look(len(errors), float(np.sqrt(np.mean(errors**2))), level, bound)
+            judging = self._judging(errors, budget)
+            look = Look(len(errors), float(np.sqrt(np.mean(judging**2))), level, error_bound(judging, level))
             self.journal.note({"look": list(look)})
             looks.append(look)
         last = looks[-1] if looks else None
-        proven = met and last is not None and tolerance is not None and last.bound <= tolerance
+        passed = met and last is not None and tolerance is not None and last.bound <= tolerance
         more = None
-        if tolerance is not None and budget.uncertainty and not proven:
+        if tolerance is not None and budget.uncertainty and not passed:
             fitted = len(self._fitting())
             by_posterior = fitted * ((budget.interval[1] / tolerance) ** 2 - 1.0)
             more = max(math.ceil(by_posterior), due - len(errors), 0)
-        return replace(self._state(), budget=budget, kept_out=errors, look=last, met=met, proven=proven, more=more)
+        return replace(
+            self._state(),
+            budget=budget,
+            kept_out=errors,
+            look=last,
+            met=met,
+            proven=passed and self._tracked,
+            consistent=passed and not self._tracked,
+            more=more,
+        )
 
     def _state(self) -> State:
         """What is known without a fit."""
@@ -440,26 +526,41 @@ class Steering:
         """
         number, purpose = len(self.journal.rows) + 1, self.purpose(state, doubt=doubt)
         if purpose == "reference":
-            return Step(number, purpose, self.journal.rows[0].joints), None
+            first = self._first_like(self.journal.rows[-1])
+            return Step(number, purpose, first.joints, first.fixture), None
         if purpose == "kept-out":
-            return Step(number, purpose, self._drawn(number, clear)), None
+            own = self._start[2]
+            return self._step(purpose, own, self._drawn(own, number, clear)), None
         start, planned, _ = self._start
         if self._fit is None:
             done = len(self._numbers("chosen")) + len(self._skipped)
-            if done < len(planned):
-                return Step(number, purpose, planned[done]), None
-            q = self._free(start.measurable.q)
-            return Step(number, purpose, q[np.random.default_rng([self.aim.seed, number]).integers(len(q))]), None
-        q, error = self._best(clear)
-        return Step(number, purpose, q), error
+            if done < len(planned.q):
+                return self._step(purpose, planned, done), None
+            free = self._free(start.measurable.q)
+            free = free[self._lacking(start.measurable.visible[free])]
+            pose = int(free[np.random.default_rng([self.aim.seed, number]).integers(len(free))])
+            return self._step(purpose, start.measurable, pose), None
+        pose, error = self._best(clear)
+        return self._step(purpose, self._fit.choice.measurable, pose), error
 
-    def _free(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "k joints"]:
-        """Poses that were neither measured nor skipped.
+    def _first_like(self, row: Row) -> Row:
+        """The first row at the fixture of another one."""
+        return next(one for one in self.journal.rows if one.fixture == row.fixture)
+
+    def _lacking(self, visible: Bool[np.ndarray, "n targets"]) -> Bool[np.ndarray, " n"]:
+        """Which of some postures are of a fixture that has too few rows; all, where there is none of these."""
+        at = [self.journal.rows[k].fixture for k in self._numbers("chosen")]
+        few = [at.count(name) < self.aim.instrument.rows_each for name in self.aim.instrument.fixtures.names]
+        lacking = np.asarray(visible[:, few].any(axis=1))
+        return np.ones(len(visible), dtype=bool) if self._tracked or not lacking.any() else lacking
+
+    def _free(self, q: Float[np.ndarray, "n joints"]) -> Int[np.ndarray, " k"]:
+        """Which poses were neither measured nor skipped.
 
         Raises:
             ReachError: there is none.
         """
-        free = q[self._is_free(q)]
+        free = np.flatnonzero(self._is_free(q))
         if not len(free):
             raise ReachError("every candidate pose was measured or skipped; begin another campaign with another --seed")
         return free
@@ -471,19 +572,14 @@ class Steering:
             free &= (np.abs(q - one) > SAME_POSE).any(axis=1)
         return free
 
-    def _drawn(
-        self, number: int, clear: Callable[[Float[np.ndarray, " joints"]], bool] | None
-    ) -> Float[np.ndarray, " joints"]:
-        """A pose of the task that chance chooses."""
-        q = self._free(self._start[2].q)
-        order = np.random.default_rng([self.aim.seed, number]).permutation(len(q))
-        return next((q[k] for k in order if clear is None or clear(q[k])), q[order[0]])
+    def _drawn(self, own: Measurable, number: int, clear: Callable[[Float[np.ndarray, " joints"]], bool] | None) -> int:
+        """A pose that chance chooses."""
+        order = np.random.default_rng([self.aim.seed, number]).permutation(self._free(own.q))
+        return next((int(k) for k in order if clear is None or clear(own.q[k])), int(order[0]))
 
     @single_threaded
-    def _best(
-        self, clear: Callable[[Float[np.ndarray, " joints"]], bool] | None
-    ) -> tuple[Float[np.ndarray, " joints"], float]:
-        """The pose that lowers the expected error most, and that error, metres."""
+    def _best(self, clear: Callable[[Float[np.ndarray, " joints"]], bool] | None) -> tuple[int, float]:
+        """The candidate that lowers the expected error most, and that error, metres."""
         assert self._fit is not None
         choice, (judged, gained) = self._fit.choice, self._gained(self._fitting())
         q, seen = choice.measurable.q, choice.measurable.visible
@@ -494,12 +590,13 @@ class Steering:
                 rows=choice.candidates.rows[free],
                 prior=choice.candidates.prior + gained,
                 signal=choice.candidates.signal + gained,
+                of=None,
             )
             best = int(choose(among, 1, sweeps=0).chosen[0])
             at = free[best]
             if clear is None or clear(q[at]):
                 X = choice.judged.rows(q[at : at + 1], seen[at : at + 1]).reshape(-1, choice.judged.basis.shape[1])
-                return q[at], self._budget_with(judged + X.T @ X).after
+                return int(at), self._budget_with(judged + X.T @ X).after
             free = np.delete(free, best)
         raise ReachError("the robot gets to no candidate on a straight way that is clear; move it, and resume")
 
@@ -536,22 +633,27 @@ class Steering:
 
     def distances(self, rows: Sequence[Row]) -> tuple[Float[np.ndarray, " k"], Bool[np.ndarray, " k"]]:
         """How far rows of a station that is located are from where they are expected, metres, and whether that may be."""
+        return self._lengths(rows), self._squares(rows) <= SURPRISE_SIGMAS**2
+
+    def _squares(self, rows: Sequence[Row]) -> Float[np.ndarray, " k"]:
+        """Squares of the residuals of rows that are located, over their covariance by prediction and noise."""
         assert self._fit is not None
         campaign = self._campaign(rows)
         residual = residuals_on(self._fit.calibration, campaign)[:, 0]
         covariance = covariance_on(self._fit.calibration, campaign, campaign.covariances())[:, 0]
-        squares = np.einsum("ni,ni->n", residual, np.linalg.solve(covariance, residual[..., None])[..., 0])
-        return np.linalg.norm(residual, axis=1), squares <= SURPRISE_SIGMAS**2
+        return np.einsum("ni,ni->n", residual, np.linalg.solve(covariance, residual[..., None])[..., 0])
 
     def drift(self, row: Row) -> float | None:
         """How far a pose that was measured before has moved, metres, where that is beyond noise; else None."""
-        here = [one for one in self.journal.rows if one.station == row.station]
+        here = [one for one in self.journal.rows if (one.station, one.fixture) == (row.station, row.fixture)]
         same = [one for one in here if (np.abs(one.joints - row.joints) <= SAME_POSE).all()]
         if not same or not self.located(row) or self._fit is None:
             return None
-        residual = residuals_on(self._fit.calibration, self._campaign([same[0], row]))[:, 0]
-        off = float(np.linalg.norm(residual[1] - residual[0]))
-        noise = float(np.sqrt(2.0 * np.trace(TrackerNoise().covariance(row.point))))
+        campaign, kinds = self._campaign([same[0], row]), self._fit.calibration.layout.kinds
+        residual = residuals_on(self._fit.calibration, campaign)
+        off = float(error_lengths(residual[1:] - residual[:1], kinds)[0, 0])
+        block = kinds[0].block()[: kinds[0].width - kinds[0].angles]
+        noise = float(np.sqrt(2.0 * campaign.covariances()[1, 0, block, block].sum()))
         return off if off > DRIFT_SIGMAS * noise + REPEATABILITY_M else None
 
     def calibration(self) -> Calibration:
@@ -561,9 +663,9 @@ class Steering:
             CampaignError: there are too few.
         """
         fitting, kept_out = self._fitting(), self._numbers("kept-out")
-        if len(fitting) < START_ROWS:
+        if len(fitting) < self.start_rows:
             raise CampaignError(
-                f"{len(fitting)} rows are too few for a calibration; measure {START_ROWS} or more, and resume (--resume)"
+                f"{len(fitting)} rows are too few for a calibration; measure {self.start_rows} or more, and resume (--resume)"
             )
         if self._fit is None or len(self._fit.rows) < len(fitting):
             self._fit = self._fitted(fitting)

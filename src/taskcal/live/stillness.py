@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.live.devices import Controller, Instrument, JointReading, Said, Shot
+from taskcal.live.devices import Controller, DeviceError, Instrument, JointReading, Said, Shot
+from taskcal.observations.point import Point
 
 
 class StoppedError(Exception):
@@ -19,6 +20,11 @@ class MissedError(Exception):
     def __init__(self, template: str, **values: str | float):
         self.said = Said(template, **values)
         super().__init__(self.said)
+
+
+SEATED_WITHIN = float(np.radians(15.0))
+"""From the pose that is shown, within which the robot has arrived where something touches, radians or metres: fixtures are stated
+roughly, and near a singularity a centimetre turns a wrist by many degrees. A convention; joints are read, not assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,15 +109,22 @@ class Taker:
     rules: Rules
     stopped: Callable[[], bool] = lambda: False
     """Asked between readings, until the robot stands: a row that has begun is finished."""
+    kind: str = Point.key
+    """Key of the kind of observation that is measured."""
 
     def take(
-        self, pose: Float[np.ndarray, " joints"] | None, *, after: Float[np.ndarray, " joints"] | None = None
+        self,
+        pose: Float[np.ndarray, " joints"] | None,
+        *,
+        after: Float[np.ndarray, " joints"] | None = None,
+        fixture: str = "",
     ) -> Taken:
         """Wait until the robot stands at a pose, then measure.
 
         Args:
             pose: radians; None for wherever it is.
             after: where it stood before, and has to leave first, radians.
+            fixture: that is measured, where there are any.
 
         Raises:
             MissedError: it does not arrive, the beam stays lost, or the shots scatter.
@@ -119,10 +132,12 @@ class Taker:
             DeviceError: a connection is lost.
         """
         for _ in range(self.rules.tries):
+            asked = [self._read(0.0) for _ in range(self.rules.shots)] if self.instrument.asked else []
             readings = self._standstill(pose, after)
-            shots = self._shots(readings)
+            shots = [shot for shot in asked if shot is not None] or self._shots(readings)
             if shots is None:
                 continue
+            self._check_fixture(shots, fixture)
             points = np.stack([shot.point for shot in shots])
             scatter = scatter_of(points)
             if scatter <= self.rules.max_scatter_m:
@@ -142,6 +157,27 @@ class Taker:
             tries=self.rules.tries,
         )
 
+    def _read(self, limit_s: float) -> Shot | None:
+        """The next shot.
+
+        Raises:
+            DeviceError: it is of another kind of observation.
+        """
+        shot = self.instrument.read(limit_s)
+        if shot is not None and shot.kind != self.kind:
+            raise DeviceError(
+                f"the instrument '{self.instrument.name}' sends readings of the kind '{shot.kind}', and '{self.kind}' is "
+                "measured; state its columns (--columns), or what is observed (--observe)"
+            )
+        return shot
+
+    def _check_fixture(self, shots: Sequence[Shot], fixture: str) -> None:
+        for shot in shots:
+            if shot.fixture not in ("", fixture):
+                raise MissedError(
+                    "'{found}' was measured, and not '{asked}'; measure that one", found=shot.fixture, asked=fixture
+                )
+
     def take_point(self, after: Float[np.ndarray, " 3"] | None) -> Taken:
         """Wait until the target stands, where no joints are read; the row has none.
 
@@ -155,7 +191,7 @@ class Taker:
         """
         rules, shots = self.rules, list[Shot]()
         while True:
-            shot = self.instrument.read(0.2 * rules.settle_s)
+            shot = self._read(0.2 * rules.settle_s)
             if self.stopped() and not shots:
                 raise StoppedError
             if shot is None:
@@ -244,7 +280,7 @@ class Taker:
         patience = rules.beam_s if self.instrument.streams else rules.wait_s
         limit = min(rules.read_s, 0.2 * rules.settle_s)  # so that joints are read often enough to show the standstill
         while len(shots) < rules.shots:
-            shot = self.instrument.read(limit)
+            shot = self._read(limit)
             if shot is not None and shot.time_s < since:
                 continue  # one of many that waited while the robot moved
             if self.controller.streams:

@@ -8,8 +8,9 @@ import numpy as np
 
 from taskcal.errors import shown
 from taskcal.live.devices import DeviceError, Instrument, Shot
-from taskcal.live.lines import Columns, Lines, shot_at
+from taskcal.live.lines import Columns, Lines, columns_of, shot_at
 from taskcal.live.network import Address, Feed, hang_up, received, received_lines
+from taskcal.observations.instrument import Instrument as CellInstrument
 
 
 class TcpLines(Instrument):
@@ -30,12 +31,15 @@ class TcpLines(Instrument):
             TaskcalError: columns that name no point with its unit.
         """
         where = Address.parse(address, cls)
-        lines = Lines(Columns.of(columns) if columns else None, where.called)
+        lines = Lines(columns_of(columns) if columns else None, where.called)
         connection = where.connect(timeout_s)
         connection.settimeout(None)  # its thread waits; who asks for a shot has a limit
         arriving = received_lines(received(connection, where), where)
         shots = (shot for arrived_s, line in arriving if (shot := lines.shot(line, arrived_s)))
         return cls(Feed(shots, lambda: hang_up(connection)))
+
+    def observes(self, observed: CellInstrument) -> None:
+        """Lines of any kind."""
 
     def read(self, timeout_s: float) -> Shot | None:
         """The next line's point.

@@ -3,7 +3,7 @@
 Time is simulated, too: every reading lets some pass, and nothing waits.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -12,13 +12,15 @@ from jaxtyping import Float
 from taskcal.errors import shown
 from taskcal.geometry import se3
 from taskcal.live.devices import Controller, DeviceError, Instrument, JointReading, Shot
-from taskcal.observations.base import TrackerNoise
-from taskcal.observations.point import TRACKER_POSE
+from taskcal.live.stillness import MissedError
+from taskcal.observations.base import Measured, Scene, TrackerNoise
+from taskcal.observations.instrument import Instrument as CellInstrument
+from taskcal.observations.point import TRACKER_POSE, Point
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import candidates
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
-from taskcal.virtual.cell import draw_defects
+from taskcal.virtual.cell import OutOfReachError, TrueRobot, draw_defects, visit
 
 # The figures below are conventions, of the size that robots and trackers have.
 
@@ -36,6 +38,12 @@ JOG_ERROR = 2e-3
 
 HIDDEN, HIDDEN_WAVES = 1.5e-5, 3
 """Amplitude, radians or metres, and number of the waves over all joints together, in each joint: nothing that any model has."""
+
+MODEL_ERROR_M = 3e-5
+"""Standard deviation per axis of what no model has, where it is measured without a tracker, metres."""
+
+MISPLACED_M = 2e-3
+"""Standard deviation of where fixtures, and what the tool carries, are about where they are stated, metres."""
 
 DWELL_S = 6.0
 """For which a simulated program waits in each pose."""
@@ -68,6 +76,10 @@ class VirtualCell:
     lost_until: float = 0.0
     visits: list[Float[np.ndarray, " joints"]] = field(default_factory=list)
     """Poses that a program has not come to yet."""
+    scene: Scene | None = None
+    """What is measured without a tracker, where it truly is; None for a tracker."""
+    reading: Measured | None = None
+    """What an instrument without a tracker reads where the robot goes to."""
 
     @classmethod
     def drawn(cls, robot: Robot, seed: int) -> "VirtualCell":
@@ -90,6 +102,11 @@ class VirtualCell:
             goal=home,
         )
 
+    @property
+    def kind(self) -> str:
+        """Key of the kind of observation."""
+        return Point.key if self.scene is None else self.scene.observation.key
+
     def points(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3"]:
         """Where the reflector is at joints, in the tracker's frame, metres."""
         off = self.hidden * np.sin(np.einsum("jwk,nk->njw", self.waves, q) + self.phases).sum(axis=2)
@@ -108,13 +125,51 @@ class VirtualCell:
         share = 1.0 if at >= self.arrives else max(at - self.begun, 0.0) / (self.arrives - self.begun)
         return self.start + share * (self.goal - self.start)
 
+    def observe(self, observed: CellInstrument) -> None:
+        """Set up fixtures near where they are stated, those of one place together, and what the tool carries near where it is."""
+        names, places = observed.fixtures.names, observed.fixtures.places
+        unknown, own = observed.unknown.copy(), len(observed.unknown) // len(names)
+        shift = {place: MISPLACED_M * self.rng.normal(size=own) for place in places if place}
+        for k, place in enumerate(places):
+            unknown[k * own : (k + 1) * own] += shift.get(place, MISPLACED_M * self.rng.normal(size=own))
+        T = observed.T_tool_tip @ se3.translation(*(MISPLACED_M * self.rng.normal(size=3)))
+        self.scene = Scene(observed.observation(np.arange(len(names))), observed.targets[0], T, unknown)
+
+    def visit(self, fixture: str) -> None:
+        """Where the robot goes, measure a fixture: the person seats there what touches, so that the robot stands elsewhere.
+
+        Raises:
+            OutOfReachError: it cannot be measured there.
+        """
+        assert self.scene is not None
+        kind, unknown = self.scene.observation, self.scene.unknown
+        here = replace(kind, of=np.array([kind.named.index(fixture)])) if kind.things else kind
+
+        def seated(T: np.ndarray, _: np.ndarray) -> np.ndarray:
+            off = here.differentiate(T, unknown, here.blank(1))
+            moved = np.linalg.pinv(off.by_target[:, :, :3]) @ off.residual[..., None]
+            return se3.pose(T[:, :3, :3], T[:, :3, 3] + moved[..., 0])
+
+        robot = TrueRobot(
+            model=self.model,
+            x=self.x,
+            T_tracker_base=np.eye(4),
+            joint_error=np.zeros(len(self.goal)),
+            model_error=MODEL_ERROR_M,
+        )
+        scene = self.scene._replace(observation=here, approach=seated if kind.touched else None)
+        found = visit(robot, scene, self.goal[None], conditions=None, rng=self.rng)
+        self.goal, self.reading = found.q[0], found.read
+
     def shot(self) -> Shot:
-        """What the tracker measures next."""
+        """What the tracker, or another instrument, measures next."""
         self.now += SHOT_PERIOD_S
         if self.rng.random() < self.lost:
             self.lost_until = self.now + MIN_LOST_S
         if self.now < self.lost_until:
-            return Shot(time_s=self.now, point=np.full(3, np.nan), reason="beam lost")
+            return Shot(time_s=self.now, point=np.full(3, np.nan), kind=self.kind, reason="beam lost")
+        if self.reading is not None:
+            return Shot(time_s=self.now, point=self.reading.points[0], kind=self.kind)
         point = self.points(self.joints(self.now - SHOT_LATENCY_S)[None])[0]
         return Shot(time_s=self.now, point=self.rng.multivariate_normal(point, TrackerNoise().covariance(point)))
 
@@ -177,7 +232,7 @@ class VirtualController(Controller):
 
 
 class VirtualTracker(Instrument):
-    """A tracker that sees the simulated robot's reflector from everywhere."""
+    """A tracker that sees the simulated robot's reflector from everywhere, or what else measures it."""
 
     name: ClassVar[str] = "virtual"
 
@@ -199,6 +254,24 @@ class VirtualTracker(Instrument):
         if not VirtualController.opened:
             raise DeviceError("the instrument 'virtual' measures the robot of --controller virtual, and none is open")
         return cls(VirtualController.opened[0])
+
+    def observes(self, observed: CellInstrument) -> None:
+        """Fixtures of this instrument, if it is not a tracker."""
+        if not observed.kind.in_tracker:
+            self._cell.observe(observed)
+
+    def show(self, fixture: str) -> None:
+        """What is measured at the pose to which the robot goes.
+
+        Raises:
+            MissedError: it cannot be measured there.
+        """
+        if self._cell.scene is None:
+            return
+        try:
+            self._cell.visit(fixture)
+        except OutOfReachError as error:
+            raise MissedError("it cannot be measured there: {reason}", reason=str(error)) from error
 
     def read(self, timeout_s: float) -> Shot | None:
         """The next shot."""

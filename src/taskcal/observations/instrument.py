@@ -164,6 +164,8 @@ class Instrument:
     """Remark of a program at the posture that is measured, where it is approached."""
     varies: ClassVar[bool] = False
     """Whether poses near a measured one can be measured, so that a plan refines them."""
+    extends: ClassVar[bool] = True
+    """Whether poses may be chosen from what was measured of some of its fixtures, in any order."""
     rows_each: ClassVar[int] = 5
     """Rows that each fixture needs."""
     smooth_share: ClassVar[float] = 0.5
@@ -418,6 +420,7 @@ class StagedInstrument(Instrument):
     """The instrument of a kind that states none: it measures in the postures of the kind's virtual cell."""
 
     directed: ClassVar[bool] = False
+    extends: ClassVar[bool] = False
     scene: Scene
 
     @classmethod

@@ -151,12 +151,10 @@ class Linearisation:
             visible: what is seen at each.
             station: of the tracker at each pose; the first by default.
         """
-        of, T, instrument = visible.argmax(axis=1), self.places(q), self.instrument
-        kinds = tuple(instrument.observation(of, T[:, t]) for t in range(T.shape[1]))
-        campaign = self._campaign(q, kinds, T, instrument.rotations(T[:, 0], of), station)
-        J, moved = self._rows(campaign)
+        campaign, J, moved = self._read(q, visible, station)
+        T, instrument, kinds = self.places(q), self.instrument, campaign.observations
         block = instrument.kind.block()
-        J, noise = J[:, :, block], campaign.covariances(self.noise)[:, :, block][..., block]
+        noise = campaign.covariances(self.noise)[:, :, block][..., block]
         unknowns = self.layout.unknowns(self.about)
         by_target = np.stack(
             [
@@ -174,15 +172,38 @@ class Linearisation:
         covariance = noise + white[:, None, None, None] * (by_place @ np.swapaxes(by_place, 2, 3))
         covariance = covariance + self.turn**2 * (by_turn @ np.swapaxes(by_turn, 2, 3))
         if instrument.kind.in_tracker:
-            J[~visible], moved[~np.repeat(visible, 3, axis=1)] = 0.0, 0.0
+            J[~visible], moved[~visible] = 0.0, 0.0
+        told = self._told_of_unknowns(kinds, unknowns, J.shape[3])
         if self.joints is None:
             rows = (whitener(covariance) @ J).reshape(len(q), -1, J.shape[3])
-            return np.concatenate([rows, *self._told_of_unknowns(kinds, unknowns, J.shape[3])], axis=1)
+            return np.concatenate([rows, *told], axis=1)
         # a joint that is off at a pose moves all targets that are seen there together
-        R = (moved[:, :, : len(self.joints)] * self.joints) @ np.swapaxes(moved[:, :, : len(self.joints)], 1, 2)
+        turned, w = moved[..., : len(self.joints)].reshape(len(q), -1, len(self.joints)), len(block)
+        R = (turned * self.joints) @ np.swapaxes(turned, 1, 2)
         for t in range(J.shape[1]):
-            R[:, 3 * t : 3 * t + 3, 3 * t : 3 * t + 3] += covariance[:, t]
-        return whiteners(R) @ J.reshape(len(q), -1, J.shape[3])
+            R[:, w * t : w * t + w, w * t : w * t + w] += covariance[:, t]
+        return np.concatenate([whiteners(R) @ J.reshape(len(q), -1, J.shape[3]), *told], axis=1)
+
+    def lengths(
+        self, q: Float[np.ndarray, "n joints"], visible: Bool[np.ndarray, "n fixtures"]
+    ) -> Float[np.ndarray, "n targets l c"]:
+        """Sensitivities of the lengths that are read, in units of the prior deviations; angles left out."""
+        kind = self.instrument.kind
+        return self._read(q, visible)[1][:, :, : kind.width - kind.angles]
+
+    def _read(
+        self,
+        q: Float[np.ndarray, "n joints"],
+        visible: Bool[np.ndarray, "n fixtures"],
+        station: Int[np.ndarray, " n"] | None = None,
+    ) -> tuple[Campaign, Float[np.ndarray, "n targets w c"], Float[np.ndarray, "n targets w joints"]]:
+        """What is read at poses, and its sensitivities to everything and to the joints."""
+        of, T, instrument = visible.argmax(axis=1), self.places(q), self.instrument
+        kinds = tuple(instrument.observation(of, T[:, t]) for t in range(T.shape[1]))
+        campaign = self._campaign(q, kinds, T, instrument.rotations(T[:, 0], of), station)
+        J, moved = self._rows(campaign)
+        block = instrument.kind.block()
+        return campaign, J[:, :, block], moved.reshape(*J.shape[:3], -1)[:, :, block]
 
     def _told_of_unknowns(
         self, kinds: tuple[Observation, ...], unknowns: Sequence[Float[np.ndarray, " u"]], width: int
@@ -505,9 +526,8 @@ def calibrated_experiments(
         joints=np.square(calibration.joint_error),
     )
     sample = np.unique(np.linspace(0, len(measurable.q) - 1, min(SAMPLED_CANDIDATES, len(measurable.q))).astype(int))
-    J_measured, J_task = (linear.sensitivities(q) @ root for q in (measurable.q[sample], goal.q))
-    J_task = J_task * np.sqrt(goal.weights / J_task.shape[1])[:, None, None, None]
-    measured, task = (J.reshape(-1, J.shape[3]) for J in (J_measured, J_task))
+    read = linear.lengths(measurable.q[sample], _any_seen(instrument, measurable.visible[sample]))
+    measured, task = read.reshape(-1, read.shape[3]) @ root, task_rows(linear, goal) @ root
     G = measured.T @ measured / max(np.sum(measured**2), 1e-300) + task.T @ task / max(np.sum(task**2), 1e-300)
     directions = np.linalg.eigh(G)[1][:, ::-1]
     judged, chosen = (

@@ -431,8 +431,16 @@ class PoseChoice:
 
     @classmethod
     @single_threaded
-    def among(cls, model: ErrorModel, task: Task, options: PlanOptions) -> "PoseChoice":
+    def among(
+        cls, model: ErrorModel, task: Task, options: PlanOptions, measurable: Measurable | None = None
+    ) -> "PoseChoice":
         """The choice among an instrument's poses.
+
+        Args:
+            model: to be identified.
+            task: what the robot has to do.
+            options: of the plan; of a calibration without a tracker, the instrument has its fixtures in the same order.
+            measurable: the poses, where they were looked for before.
 
         Raises:
             ReachError: no candidate can be reached and seen, or a fixture in too few.
@@ -440,7 +448,7 @@ class PoseChoice:
         """
         options.progress("candidates")
         goal = reach_task(model, task, GOAL_POSES, options.seed)
-        measurable = options.instrument.find(model, task, options.candidates, options.seed)
+        measurable = measurable or options.instrument.find(model, task, options.candidates, options.seed)
         prior = _prior(model, options)
         judged, weighing = _experiments(model, goal, measurable, prior, options)
         return cls(

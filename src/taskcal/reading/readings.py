@@ -1097,7 +1097,7 @@ def _refuse_nothing_measured(measured: MeasuredTable, observed: ObservedColumns 
     raise measured.table.header_error(message)
 
 
-def _quantity(unit: str | None) -> tuple[Quantity, float] | None:
+def quantity_of(unit: str | None) -> tuple[Quantity, float] | None:
     """Quantity of a unit, and its factor to metres or radians."""
     if unit in LENGTHS:
         return "length", LENGTHS[unit]
@@ -1114,7 +1114,7 @@ def _observed(measured: MeasuredTable) -> ObservedColumns | None:
         lines=np.array(measured.table.lines, dtype=np.int64),
         cells={column: tuple(measured.table.texts(name)) for column, (name, _) in at.items()},
         headers={column: name for column, (name, _) in at.items()},
-        units={column: _quantity(unit) for column, (_, unit) in at.items()},
+        units={column: quantity_of(unit) for column, (_, unit) in at.items()},
     )
 
 

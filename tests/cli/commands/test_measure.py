@@ -56,6 +56,11 @@ def test_measuring_stops_resumes_and_ends_with_a_calibration(
         ("-c virtual --controller-address here -i virtual", "seed"),
         ("-c virtual -i virtual --instrument-address 4", "no address"),
         ("-c hand -i folder --instrument-address .", "would be read as points"),
+        ("-c virtual -i socket", "--observe socket"),
+        ("-c virtual -i hand", "--observe"),
+        ("-c virtual -i virtual --observe board", "plan --observe board"),
+        ("-c virtual -i virtual --observe socket --drive", "by hand"),
+        ("-c virtual -i virtual --distances task.toml", "--observe socket"),
     ],
 )
 def test_devices_that_are_not_there_are_named(
@@ -68,3 +73,20 @@ def test_devices_that_are_not_there_are_named(
     assert ended.status in (1, 2)
     assert said in ended.err
     assert not Path("c.csv").exists()
+
+
+def test_each_pose_without_a_tracker_names_its_fixture(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As does its row; that is a row of an ordinary campaign of sockets."""
+    monkeypatch.chdir(tmp_path)
+    assert run("robots", "task", "ur5", "-o", "task.toml").status == 0
+    Path("d.csv").write_text("socket_a,socket_b,distance_mm\na,b,100\n")
+    ended = run(*LINE.split(), *["--observe", "socket", "--distances", "d.csv", "--most", "2", "--json"])
+    assert ended.status == 0, ended.err
+    *lines, end = [json.loads(line) for line in ended.out.splitlines()]
+    assert {*map(tuple, map(sorted, lines[::3]))} == {tuple(KEYS["measure, where to go at a fixture"]["top"])}
+    assert (end["ended"], end["proven"], end["calibration"]) == ("most", False, None)
+    campaign = tc.read_campaign("c.csv", tc.load_robot("ur5"))
+    sockets = campaign.observations[0].labels(campaign.read(0))
+    assert sockets == [one["socket"] for one in lines[::3]]

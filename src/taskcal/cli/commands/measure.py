@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Generator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -16,13 +16,16 @@ import typer
 import taskcal
 from taskcal.cli.command import option
 from taskcal.cli.options.common import JsonOption, RobotOption, SeedOption, TaskOption, above_zero, look_at, metres
+from taskcal.cli.options.observing import ObservingOptions, describe_fixtures
 from taskcal.cli.output import check_outputs, files_of_task, info, plain, say, show_facts, tell
 
 if TYPE_CHECKING:
-    from taskcal.live.devices import Controller, Device, Said
+    from taskcal.live.devices import Controller, Said
     from taskcal.live.program import Program
     from taskcal.live.runner import Answer, Event, Left, Outcome, Question, Runner
     from taskcal.live.steering import Aim, State, Steering
+    from taskcal.observations import Instrument, Observation
+    from taskcal.reading import ReadOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,12 +58,16 @@ class DeviceOptions:
     speed_percent: float = option(10.0, "P", "With --drive: share of the joints' largest speeds.", min=0.1, max=100.0)
 
     @contextmanager
-    def opened(self, robot: "taskcal.Robot") -> "Generator[tuple[Controller, Any]]":
+    def opened(self, robot: "taskcal.Robot", observed: "Instrument") -> "Generator[tuple[Controller, Any]]":
         """Both connections, which are closed at the end.
+
+        Args:
+            robot: whose joints are read.
+            observed: what measures in its cell.
 
         Raises:
             UnknownName: there is no such controller or instrument.
-            DeviceError: one cannot be reached.
+            DeviceError: one cannot be reached, or does not measure that.
             typer.BadParameter: the controller cannot move a robot.
         """
         from taskcal.live.devices import controller_of, instrument_of
@@ -74,10 +81,31 @@ class DeviceOptions:
             )
         with ExitStack() as stack:
             first = stack.enter_context(controller.open(self.controller_address, robot, self.timeout_s))
-            yield (
-                first,
-                stack.enter_context(instrument.open(self.instrument_address, self.timeout_s, self.columns)),
-            )
+            second = stack.enter_context(instrument.open(self.instrument_address, self.timeout_s, self.columns))
+            second.observes(observed)
+            yield first, second
+
+
+@dataclass(frozen=True, kw_only=True)
+class LengthOptions:
+    """Lengths that are stated beside the rows."""
+
+    distances: Path | None = option(
+        None,
+        "FILE",
+        "Stated distances of sockets: columns socket_a, socket_b, distance_mm, and u_mm where known.",
+        callback=look_at,
+    )
+    wire_scale: bool = option(
+        False, help="Fit the scale of measured lengths (d_mm) too; the robot's size is then nominal."
+    )
+
+    @property
+    def read_options(self) -> "ReadOptions":
+        """Stated options, as the reader takes them."""
+        from taskcal.reading import ReadOptions
+
+        return ReadOptions(distances=self.distances, wire_scale=self.wire_scale)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +126,8 @@ def command(
     robot: RobotOption,
     task: TaskOption,
     devices: DeviceOptions,
+    observing: ObservingOptions,
+    lengths: LengthOptions,
     output: Path = option(
         ..., "CAMPAIGN.csv", "The campaign; calibration and report are written beside it.", also="-o"
     ),
@@ -106,7 +136,10 @@ def command(
         None, "MM", "Tolerance to be proven, 3D rms over the task; the task's by default.", callback=above_zero
     ),
     station: Path | None = option(
-        None, "STATION.toml", "Tracker, its one reflector and keep-out boxes.", callback=look_at
+        None,
+        "STATION.toml",
+        "Tracker, its one reflector and keep-out boxes; with --observe only these boxes count.",
+        callback=look_at,
     ),
     rows: RowOptions,
     seed: SeedOption = 0,
@@ -116,24 +149,27 @@ def command(
 
     Every row is on the disk before the next pose is shown. Ctrl-C finishes the row in hand, and --resume goes on.
 
-    A person moves the robot, or with --program a program on the controller, or with --drive Taskcal. With --json, each event and
+    A person moves the robot, or with --program a program on the controller, or with --drive Taskcal. With --observe a ball in
+    sockets, a wire or another instrument takes the tracker's place. With --json, each event and
     each question is a line; answers are read from standard input.
     """
     beside = {".calibration.json": "calibration", ".report.html": "report"}
     files = {name: output.with_suffix(suffix) for suffix, name in beside.items()}
-    inputs = [robot, station, devices.program, *files_of_task(task)]
+    inputs = [robot, station, devices.program, lengths.distances, *observing.files, *files_of_task(task)]
     check_outputs("measure", [("--output", output)], inputs, updated=["--output"])
     if (watched := devices.instrument_address) is not None:
         _check_apart(output, Path(watched))
+    _check_observed(devices, observing, lengths)
     from taskcal.live.devices import Said
     from taskcal.live.journal import Journal
     from taskcal.live.program import Program
     from taskcal.live.steering import Steering
 
-    aim = _aim(robot, task, station, accuracy_mm, rows, seed)
+    aim = _observed(_aim(robot, task, station, accuracy_mm, rows, seed), observing, lengths)
     program = Program.read(devices.program, aim.model.robot) if devices.program is not None else None
     target = "tool" if aim.station is None else aim.station.reflectors[0].name
-    journal, terminal = Journal(output, aim.model.robot, target), _Terminal(aim=aim, as_json=as_json)
+    journal = Journal(output, aim.model.robot, target, observe=aim.observe, options=lengths.read_options)
+    terminal = _Terminal(aim=aim, as_json=as_json)
     if aim.tolerance is None:
         terminal.note(
             Said(
@@ -141,16 +177,18 @@ def command(
                 most=aim.most,
             )
         )
-    with devices.opened(aim.model.robot) as (controller, instrument):
+    with devices.opened(aim.model.robot, aim.instrument) as (controller, instrument):
         if resume:
             journal.resume(aim.settings)
             terminal.note(Said("{file}: {rows} rows are there; going on", file=str(output), rows=len(journal.rows)))
         else:
             journal.begin({**aim.settings, "begun": time.time()})
-        with _finishing_the_row(controller, as_json=as_json) as stopped:
+        typed = instrument.asked or not controller.streams
+        with _finishing_the_row(typed=typed, as_json=as_json) as stopped:
             steering = Steering(aim, journal)
-            controller.asks(terminal.joints)
-            taker = rows_taker(rows, controller, instrument, stopped)
+            taker = rows_taker(rows, controller, instrument, stopped, aim.instrument.kind)
+            controller.asks(terminal.typed, taker.rules.arrived)
+            instrument.asks(terminal.typed)
             outcome = _runner(
                 devices, program, steering=steering, taker=taker, tell=terminal.tell, ask=terminal.ask
             ).run()
@@ -185,13 +223,76 @@ def _runner(devices: DeviceOptions, program: "Program | None", **session: Any) -
     return Runner(drive=drive if devices.drive else None, **session)
 
 
-def rows_taker(rows: RowOptions, controller: "Controller", instrument: Any, stopped: Callable[[], bool]) -> Any:
-    """What takes rows, by the options."""
-    from taskcal.live.stillness import Rules, Taker
+def _check_observed(devices: DeviceOptions, observing: ObservingOptions, lengths: LengthOptions) -> None:
+    """See that options go with what is observed.
 
+    Raises:
+        typer.BadParameter: they do not.
+    """
+    observing.check(lengths)
+    if not observing.fixed:
+        return
+    instrument, kind = observing.instrument, observing.instrument.kind
+    if kind.oriented or kind.pictured or not instrument.extends:
+        raise typer.BadParameter(
+            f"'{observing.observe}' is not measured live; plan its rows (taskcal plan --observe {observing.observe}), and fill in "
+            "the plan's file",
+            param_hint="--observe",
+        )
+    if devices.program is not None:
+        raise typer.BadParameter(
+            f"a program is followed by a tracker's points alone; leave it out, or --observe {observing.observe}",
+            param_hint="--program",
+        )
+    if devices.drive and kind.touched:
+        raise typer.BadParameter(
+            "Taskcal does not drive a robot to where it touches; move it by hand", param_hint="--drive"
+        )
+
+
+def _observed(aim: "Aim", observing: ObservingOptions, lengths: LengthOptions) -> "Aim":
+    """The aim with what measures instead of a tracker; no distance counts that no file states.
+
+    Raises:
+        FileError: a file cannot be read.
+        ReachError: no fixtures are stated, and the robot does not reach the task.
+    """
+    boxes = () if aim.station is None else aim.station.keep_out
+    observe = observing.load(aim.model, aim.task, boxes, replace(lengths, distances=lengths.distances or ()))
+    if observe is None:
+        return aim
+    if observe.label and observing.stated is None:
+        names = ", ".join(
+            f"{one['name']} ({', '.join(f'{mm:.0f}' for mm in one['position_mm'])})"
+            for one in describe_fixtures(observe.fixtures)
+        )
+        info(
+            f"default {observe.label} positions assumed, x y z mm in the base: {names}; place them there, or state theirs"
+        )
+    import numpy as np
+
+    if not observe.observation(np.arange(0)).tells_scale:
+        info("no length is stated, so that the robot's size is that of its tolerances; state one (--distances)")
+    return replace(aim, station=None, observe=observe)
+
+
+def rows_taker(
+    rows: RowOptions,
+    controller: "Controller",
+    instrument: Any,
+    stopped: Callable[[], bool],
+    kind: "type[Observation] | None" = None,
+) -> Any:
+    """What takes rows of a kind of observation, by the options."""
+    from taskcal.live.stillness import SEATED_WITHIN, Rules, Taker
+    from taskcal.observations.point import Point
+
+    kind = kind or Point
     shots = rows.shots or (3 if instrument.streams else 1)
     rules = Rules(settle_s=rows.settle_s, max_scatter_m=rows.max_scatter_mm * 1e-3, shots=shots)
-    return Taker(controller=controller, instrument=instrument, rules=rules, stopped=stopped)
+    if kind.touched:
+        rules = replace(rules, arrived=SEATED_WITHIN)
+    return Taker(controller=controller, instrument=instrument, rules=rules, stopped=stopped, kind=kind.key)
 
 
 def _aim(robot: str, task: Path, station: Path | None, accuracy_mm: float | None, rows: RowOptions, seed: int) -> "Aim":
@@ -219,8 +320,8 @@ def _aim(robot: str, task: Path, station: Path | None, accuracy_mm: float | None
 
 
 @contextmanager
-def _finishing_the_row(controller: "Device", *, as_json: bool) -> Generator[Callable[[], bool]]:
-    """Let Ctrl-C end the measurement after the row in hand, and a second one at once; joints that are typed are no row yet."""
+def _finishing_the_row(*, typed: bool, as_json: bool) -> Generator[Callable[[], bool]]:
+    """Let Ctrl-C end the measurement after the row in hand, and a second one at once; what is typed is no row yet."""
     from taskcal.live.stillness import StoppedError
 
     asked = threading.Event()
@@ -232,7 +333,7 @@ def _finishing_the_row(controller: "Device", *, as_json: bool) -> Generator[Call
         if asked.is_set():
             raise KeyboardInterrupt
         asked.set()
-        if not controller.streams:
+        if typed:
             raise StoppedError
         if not as_json:  # a program that asks for it knows
             info("stopping after the row in hand; Ctrl-C again stops at once, without it")
@@ -262,7 +363,8 @@ class _Terminal:
         elif event.kind == "pose" and event.step is not None:
             step = event.step
             after = "" if event.next_error is None else f", after it {event.next_error * 1e3:.4f} mm are expected"
-            info(f"pose {step.number}, {step.purpose}{after}: {_in_degrees(self.aim.model.robot, step.q)}")
+            at = f", {self.aim.instrument.label} {step.fixture}" if step.fixture else ""
+            info(f"pose {step.number}, {step.purpose}{at}{after}: {_in_degrees(self.aim.model.robot, step.q)}")
         elif event.left is not None:
             info(_left_in_words(event.left))
         elif event.kind == "row" and event.taken is not None:
@@ -297,8 +399,8 @@ class _Terminal:
         self.note(Said("nobody is there to answer: stopped; --resume goes on"))
         return "stop"
 
-    def joints(self, text: str) -> str:
-        """The line that a person types for joints.
+    def typed(self, text: str) -> str:
+        """The line that a person types for joints or a reading.
 
         Raises:
             DeviceError: the input has ended.
@@ -308,7 +410,7 @@ class _Terminal:
         said = text.parts if isinstance(text, Said) else None
         line = self._line(f"{text} ", {"question": text, "answers": None, "said": said})
         if line is None:
-            raise DeviceError("the input has ended, and no more joints can be typed; resume (--resume)")
+            raise DeviceError("the input has ended, and nothing more can be typed; resume (--resume)")
         return line
 
     def _line(self, text: str, event: Mapping[str, Any]) -> str | None:
@@ -387,6 +489,7 @@ def _line(aim: "Aim", event: "Event") -> dict[str, Any] | None:
             "number": step.number,
             "purpose": step.purpose,
             "error_after_mm": after,
+            **({aim.instrument.label: step.fixture} if step.fixture else {}),
         }
     if event.left is not None:
         errors = {"error_after_mm": event.left.next_error, "error_after_all_mm": event.left.all}
@@ -444,6 +547,8 @@ def _finish(steering: "Steering", outcome: "Outcome", files: Mapping[str, Path])
 
 _ENDS = {
     "proven": "proven: all of the 95 % interval keeps the tolerance, and the poses kept out confirm it",
+    "consistent": "expected, not proven: all of the 95 % interval keeps the tolerance, and the rows kept out do where they were "
+    "measured, which are no poses of the task",
     "most": "not proven: as many rows as --most allows; --resume with more goes on",
     "visited": "not proven: every pose of the program is measured; plan more, and go on with --resume and their --program",
     "stopped": "stopped; --resume goes on",

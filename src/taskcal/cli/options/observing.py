@@ -15,8 +15,6 @@ from taskcal.report.content import Column, Table
 if TYPE_CHECKING:
     import numpy as np
 
-    from taskcal.cli.options.campaign import CampaignOptions
-
 
 STEM_MM = 100.0
 """How far before the flange the tool carries something, where the robot's file knows of no tool."""
@@ -115,7 +113,7 @@ class _Observing:
             towards(np.array(_vector(self.mounted_axis, "--mounted-axis") or (0.0, 0.0, 1.0), dtype=float)), position
         )
 
-    def check(self, also: "CampaignOptions") -> None:
+    def check(self, also: Any) -> None:
         """Check that an option of campaigns without a campaign is of the instrument.
 
         Raises:
@@ -123,7 +121,7 @@ class _Observing:
         """
         for name, instrument in instrument_classes().items():
             for shared in instrument.shares:
-                if getattr(also, shared) and shared not in self.instrument.shares:
+                if getattr(also, shared, None) and shared not in self.instrument.shares:
                     raise typer.BadParameter(
                         f"without a campaign this is of --observe {name}; name that, or leave it out",
                         param_hint=_name(shared),
@@ -134,7 +132,7 @@ class _Observing:
         model: "taskcal.ErrorModel",
         task: "taskcal.Task",
         keep_out: "tuple[taskcal.kinematics.Box, ...]",
-        also: "CampaignOptions",
+        also: Any,
     ) -> Instrument | None:
         """The instrument in the task's cell; None for a tracker.
 
@@ -142,7 +140,7 @@ class _Observing:
             model: of the robot.
             task: what it has to do.
             keep_out: boxes.
-            also: options of campaigns, some of which are of instruments, too.
+            also: options of campaigns (`CampaignOptions`), some of which are of instruments, too.
 
         Raises:
             FileError: a file cannot be read.
@@ -154,7 +152,7 @@ class _Observing:
         for setting in self.instrument.settings:
             if (text := getattr(self, _field(setting.option))) is not None:
                 stated |= _values(setting, text)
-        stated |= {option: value for option in self.instrument.shares if (value := getattr(also, option))}
+        stated |= {option: value for option in self.instrument.shares if (value := getattr(also, option)) is not None}
         if isinstance(path := stated.pop("fixtures", None), Path):
             stated["fixtures"] = load_fixtures(path, self.observe)
         return self.instrument.set_up(model, task, self.mounted(model), **stated)

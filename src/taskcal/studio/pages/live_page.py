@@ -182,7 +182,7 @@ def _choose(project: Project, task: Task, texts: Texts) -> None:
 
     with ui.element("div").classes("fields"):
         device("controller", controllers())
-        instrument = device("instrument", instruments())
+        instrument = device("instrument", {name: kind for name, kind in instruments().items() if not kind.asked})
         if instrument is not None and instrument.reached:
             line_of_text(texts("live.columns"), live.get("columns", ""), partial(keep, "columns"))
         stated = 0.0 if task.accuracy is None else task.accuracy * 1e3

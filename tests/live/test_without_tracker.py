@@ -1,0 +1,172 @@
+"""Measuring live without a tracker: what the loop makes of seated balls and of lengths."""
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import taskcal as tc
+from taskcal.geometry import se3
+from taskcal.live.devices import DeviceError
+from taskcal.live.folder import Folder
+from taskcal.live.hand import HandReadings
+from taskcal.live.journal import Journal
+from taskcal.live.runner import Answer, Event, Outcome, Question, Runner
+from taskcal.live.steering import Aim, Steering
+from taskcal.live.stillness import SEATED_WITHIN, MissedError, Rules, Taker
+from taskcal.live.virtual import VirtualController, VirtualTracker
+from taskcal.observations import Instrument, instrument_classes
+from taskcal.observations.point import Tracker
+from taskcal.reading import ReadOptions
+
+ROBOT = tc.load_robot("ur5")
+MODEL = tc.ErrorModel(ROBOT)
+TASK = tc.default_task(MODEL)
+TOOL = se3.translation(0.0, 0.0, 0.1)
+
+
+def instrument(name: str, folder: Path) -> tuple[Instrument, ReadOptions]:
+    """An instrument in the task's cell; of sockets with a stated distance, which alone tells the robot's size."""
+    if name != "socket":
+        return instrument_classes()[name].set_up(MODEL, TASK, TOOL), ReadOptions()
+    stated = folder / "distances.csv"
+    stated.write_text("socket_a,socket_b,distance_mm,u_mm\na,b,100,0.02\n")
+    return instrument_classes()[name].set_up(MODEL, TASK, TOOL, distances=stated), ReadOptions(distances=stated)
+
+
+class Session:
+    """A session on a virtual robot, whose person goes near the pose shown, and seats there what touches."""
+
+    def __init__(self, path: Path, name: str, *, resume: bool = False, most: int, tolerance: float = 2e-3):
+        self.observed, self.options = instrument(name, path.parent)
+        aim = Aim(
+            model=MODEL, task=TASK, tolerance=tolerance, seed=3, candidates=100, effects=False,
+            observe=self.observed, most=most,
+        )  # fmt: skip
+        self.journal = Journal(path, ROBOT, observe=self.observed, options=self.options)
+        (self.journal.resume if resume else self.journal.begin)(
+            aim.settings if resume else {**aim.settings, "begun": 0.0}
+        )
+        controller = VirtualController.open("3", ROBOT, 1.0)
+        self.cell = controller.cell
+        tracker = VirtualTracker.open(None, 1.0)
+        tracker.observes(self.observed)
+        kind = self.observed.kind
+        self.taker = Taker(
+            controller=controller,
+            instrument=tracker,
+            rules=Rules(arrived=SEATED_WITHIN if kind.touched else Rules.arrived),
+            kind=kind.key,
+        )
+        self.steering = Steering(aim, self.journal)
+        self.runner = Runner(steering=self.steering, taker=self.taker, tell=self._tell, ask=self._ask, now=lambda: 0.0)
+
+    def run(self) -> Outcome:
+        """Measure."""
+        return self.runner.run()
+
+    def _tell(self, event: Event) -> None:
+        pass
+
+    def _ask(self, question: Question) -> Answer:
+        raise AssertionError(question.text)
+
+
+def test_a_person_reads_and_says_when_it_is_seated(tmp_path: Path) -> None:
+    """Enter confirms a ball in its socket, a number is a length in the column's unit; a word and another count are asked for
+    again, and *no* leaves the pose out."""
+    answers: list[str] = []
+    asked: list[str] = []
+
+    def ask(text: str) -> str:
+        asked.append(text)
+        return answers.pop(0)
+
+    with HandReadings.open(None, 1.0) as hand:
+        hand.asks(ask)
+        hand.observes(instrument("socket", tmp_path)[0])
+        hand.show("second/b")
+        answers[:] = ["seated", ""]
+        shot = hand.read(0.0)
+        assert shot is not None
+        assert (shot.kind, shot.valid, len(asked)) == ("socket", True, 2)
+        assert all("second/b" in text for text in asked)
+        hand.observes(instrument("wire", tmp_path)[0])
+        hand.show("left")
+        answers[:] = ["1 2", "long", "1250,5"]
+        shot = hand.read(0.0)
+        assert shot is not None
+        np.testing.assert_allclose(shot.point, [1.2505, 0.0, 0.0])
+        assert "d_mm" in asked[-1]
+        answers[:] = ["no"]
+        with pytest.raises(MissedError, match="left"):
+            hand.read(0.0)
+        with pytest.raises(DeviceError, match="--observe"):
+            hand.observes(Tracker())
+
+
+def test_a_line_of_another_fixture_or_kind_is_not_taken(tmp_path: Path) -> None:
+    """What a folder's line names has to be what is measured."""
+    written = tmp_path / "lengths.txt"
+    written.write_text("d_mm anchor\n")
+    controller = VirtualController.open("3", ROBOT, 1.0)
+    with Folder.open(str(written), 1.0) as folder:
+        folder.observes(instrument("wire", tmp_path)[0])
+        taker = Taker(controller=controller, instrument=folder, rules=Rules(shots=1, tries=1), kind="distance")
+        with written.open("a") as file:
+            file.write("812.5 right\n812.5 right\n")
+        time.sleep(0.2)
+        controller.cell.now = time.monotonic() - 2.0  # it stands for the time to settle before the line
+        with pytest.raises(MissedError, match="'right' was measured, and not 'left'"):
+            taker.take(None, fixture="left")
+        with pytest.raises(DeviceError, match="distance"):
+            replace(taker, kind="point").take(None)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["socket", "wire"])
+def test_without_a_tracker_it_ends_as_consistent_never_proven(tmp_path: Path, name: str) -> None:
+    """The calibration is that of the same rows offline, the truth is as expected, and resuming knows all that was measured."""
+    session = Session(tmp_path / "c.csv", name, most=80)
+    outcome = session.run()
+    assert (outcome.reason, outcome.state.proven, outcome.state.consistent) == ("consistent", False, True)
+    calibration, rows = session.steering.calibration(), session.journal.rows
+    chosen = [row.number - 1 for row in rows if row.purpose == "chosen"]
+    campaign = tc.read_campaign(session.journal.path, ROBOT, options=session.options)
+    offline = tc.identify(MODEL, campaign.take(chosen))
+    np.testing.assert_allclose(calibration.z, offline.z, atol=1e-9)
+    again = Session(tmp_path / "c.csv", name, resume=True, most=80)
+    for row, same in zip(rows, again.journal.rows, strict=True):
+        assert (row.id, row.fixture, row.time_s) == (same.id, same.fixture, same.time_s)
+        np.testing.assert_array_equal([*row.joints, *row.point], [*same.joints, *same.point])
+    assert_as_expected(session, outcome)
+
+
+@pytest.mark.long
+def test_a_landmark_in_a_wrist_sensor_is_fitted(tmp_path: Path) -> None:
+    """After the rows that the landmarks need the error over the task is known, and as expected."""
+    session = Session(tmp_path / "c.csv", "camera", most=15)
+    outcome = session.run()
+    assert outcome.reason == "most"
+    assert_as_expected(session, outcome)
+
+
+def assert_as_expected(session: Session, outcome: Outcome) -> None:
+    assert outcome.state.budget is not None
+    low, high = outcome.state.budget.interval
+    assert low < high <= 2e-3
+    assert true_error(session, session.steering.calibration()) < 2.0 * high
+
+
+def true_error(session: Session, calibration: tc.Calibration) -> float:
+    """Of the target over the task, wherever the base is: rms in space, metres."""
+    assert session.cell.scene is not None
+    q = tc.reach_task(MODEL, TASK, 100, seed=5).q
+    found = calibration.predict(q)[:, 0]
+    true = (session.cell.model.poses(q, session.cell.x) @ session.cell.scene.T_tool_target)[:, :3, 3]
+    off, about = found - true, true - true.mean(axis=0)
+    rigid = se3.by_twist(about).reshape(-1, 6)
+    left = off.reshape(-1) - rigid @ np.linalg.lstsq(rigid, off.reshape(-1), rcond=None)[0]
+    return float(np.sqrt(np.mean(np.sum(left.reshape(-1, 3) ** 2, axis=1))))
