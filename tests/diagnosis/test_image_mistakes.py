@@ -40,10 +40,11 @@ def whole_board_for_a_square(pictured):
 def resized(pictured, by):
     campaign = pictured.campaign()
     (kind,) = campaign.observations
-    T = kind.pictures.T_camera_board.copy()
+    (pictures,) = kind.pictures
+    T = pictures.T_camera_board.copy()
     T[:, :3, 3] *= by
-    pictures = replace(kind.pictures, corner=by * kind.pictures.corner, T_camera_board=T, _last=[])
-    return replace(campaign, points=by * campaign.points, observations=(replace(kind, pictures=pictures),))
+    pictures = replace(pictures, corner=by * pictures.corner, T_camera_board=T, _last=[])
+    return replace(campaign, points=by * campaign.points, observations=(replace(kind, pictures=(pictures,)),))
 
 
 def mirrored(pictured):

@@ -40,7 +40,7 @@ class Pictured:
 
     def poses(self, q: np.ndarray) -> np.ndarray:
         """Of the tool."""
-        return _poses(q, self.x, self.gears)
+        return arm_poses(q, self.x, self.gears)
 
     def moved(self, by: float) -> "Pictured":
         """The same with what stands so many metres to the side, along the board, without noise."""
@@ -62,11 +62,12 @@ class Pictured:
             of=np.arange(n),
             boards=("floor",),
             u_scale=(u_scale,),
-            lens=LENS,
-            on_wrist=self.on_wrist,
-            pictures=pictures,
+            lenses=(LENS,),
+            moving=("camera",) if self.on_wrist else ("board floor",),
+            pictures=(pictures,),
         )
-        M = kind.measured(pictures.settle(pictures.camera))
+        kind = replace(kind, start=kind.on_robot(MODEL.poses(self.q)))
+        M = kind.views(kind.start).moving.T
         return Campaign(
             ids=names,
             q=self.q,
@@ -77,7 +78,7 @@ class Pictured:
         )
 
 
-def _poses(q: np.ndarray, x: np.ndarray, gears: np.ndarray) -> np.ndarray:
+def arm_poses(q: np.ndarray, x: np.ndarray, gears: np.ndarray) -> np.ndarray:
     turned = np.stack([np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q)])
     return MODEL.poses(q + (gears[:, None] * turned).sum(axis=0), x)
 
@@ -106,7 +107,7 @@ def take_pictures(
     found: list[np.ndarray] = []
     while sum(map(len, found)) < count:
         q = MIDDLE + rng.uniform(-0.6, 0.6, (2000, 6)) * np.array([0.8, 0.5, 0.5, 1.0, 1.0, 2.0])
-        T = _board_in_camera(_poses(q, x, periodic) @ moving, standing, on_wrist)
+        T = _board_in_camera(arm_poses(q, x, periodic) @ moving, standing, on_wrist)
         seen = np.ones(len(q), dtype=bool)
         for corner in CORNERS[[0, COLUMNS - 2, -COLUMNS + 1, -1]]:
             pixel = project(PINHOLE, PIXELS, T[:, :3, :3], T[:, :3, 3], np.tile(corner, (len(q), 1)))[0]
@@ -114,7 +115,7 @@ def take_pictures(
         found.append(q[seen & (np.abs(T[:, 2, 2]) > 0.5) & (T[:, 2, 3] < 0.8)])
     q = np.concatenate(found)[:count]
     off = se3.error_transform(error * rng.normal(size=(count, 6)))
-    T = _board_in_camera(_poses(q, x, periodic) @ off @ moving, standing, on_wrist).repeat(len(CORNERS), axis=0)
+    T = _board_in_camera(arm_poses(q, x, periodic) @ off @ moving, standing, on_wrist).repeat(len(CORNERS), axis=0)
     pixel = project(PINHOLE, PIXELS, T[:, :3, :3], T[:, :3, 3], np.tile(CORNERS, (count, 1)))[0]
     pixel = pixel + noise * rng.normal(size=pixel.shape)
     return Pictured(x=x, moving=moving, standing=standing, q=q, pixel=pixel, on_wrist=on_wrist, gears=periodic)

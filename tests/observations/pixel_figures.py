@@ -24,7 +24,7 @@ CHI2_95_3 = 7.8147
 def poses_alone(campaign):
     """The same images as poses of the board, by the camera that they alone have: the second of two steps fits the robot."""
     kind = campaign.observations[0]
-    of, M = kind.of, se3.inverse(kind.measured(kind.pictures.settle(kind.pictures.camera)))
+    of, M = kind.of, kind.pictures[0].settle(kind.pictures[0].camera).T_camera_board
     return {"points": M[of][:, None, :3, 3], "rotations": np.ascontiguousarray(M[of][:, :3, :3])}, Boards(
         landmarks=("floor",), of=0 * of
     )
@@ -78,7 +78,7 @@ def judge(seed: int) -> dict[str, float]:
         "hand-eye, arm known, as stated": 1e3 * float(np.sqrt(np.trace(known))),
         "hand-eye, board poses, mm": 1e3 * float(np.linalg.norm(by_poses.T_tool_target[0][:3, 3] - seen.moving[:3, 3])),
         "hand-eye, two steps, mm": 1e3 * float(np.linalg.norm(X[:3, 3] - seen.moving[:3, 3])),
-        **{f"left-out corners, {name}, px": float(np.sqrt((r**2).sum(axis=1).mean())) for name, r in rms.items()},
+        **{f"left-out corners, {name}, px": float(np.sqrt((r[0] ** 2).sum(axis=1).mean())) for name, r in rms.items()},
     }
 
 

@@ -26,7 +26,7 @@ def pictures(seed: int, bend: np.ndarray):
     T = np.repeat(se3.inverse(seen.poses(seen.q) @ seen.moving) @ seen.standing, len(corners), axis=0)
     pixel = project(PINHOLE, PIXELS, T[:, :3, :3], T[:, :3, 3], np.tile(corners, (16, 1)))[0]
     pixel += 0.15 * np.random.default_rng(seed).normal(size=pixel.shape)
-    return replace(seen, pixel=pixel).campaign().observations[0].pictures
+    return replace(seen, pixel=pixel).campaign().observations[0].pictures[0]
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -69,7 +69,7 @@ def test_pixel_derivatives_are_those_of_differences(on_wrist):
 def test_pictures_alone_give_the_camera_of_opencv():
     cv2 = pytest.importorskip("cv2")
     seen = take_pictures(0, 12)
-    pictures = seen.campaign().observations[0].pictures
+    pictures = seen.campaign().observations[0].pictures[0]
     corners = [CORNERS.astype(np.float32)] * 12
     pixels = list(seen.pixel.reshape(12, -1, 2).astype(np.float32))
     rms, K, distortion, _, _ = cv2.calibrateCamera(corners, pixels, (LENS.width, LENS.height), None, None)
@@ -107,7 +107,7 @@ def test_robot_camera_and_hand_eye_are_found_together(on_wrist, tmp_path):
     assert np.abs(rows).max() < 5e-3
     names, z, deviation = calibration.layout.names, calibration.z, np.sqrt(np.diag(calibration.z_covariance))
     camera = [names.index(f"camera.{name}") for name in LENS.unknowns]
-    alone = campaign.observations[0].pictures.settle(CAMERA).of_camera[0].sum(axis=0)
+    alone = campaign.observations[0].pictures[0].settle(CAMERA).of_camera[0].sum(axis=0)
     assert (np.abs(z[camera] - CAMERA) < 4.5 * deviation[camera]).all()
     # the arm tells the camera more than the pictures do
     assert deviation[camera[0]] < 0.7 * np.sqrt(np.linalg.inv(alone)[0, 0])
@@ -131,9 +131,9 @@ def test_robot_camera_and_hand_eye_are_found_together(on_wrist, tmp_path):
 
 def test_a_corner_found_elsewhere_hardly_moves_the_camera():
     seen = take_pictures(5, 12)
-    first = seen.campaign().observations[0].pictures
+    first = seen.campaign().observations[0].pictures[0]
     seen.pixel[[10, 200, 400]] += 25.0
-    moved = seen.campaign().observations[0].pictures
+    moved = seen.campaign().observations[0].pictures[0]
     deviations = np.sqrt(np.diag(np.linalg.inv(first.settle(first.camera).of_camera[0].sum(axis=0))))
     assert (np.abs(moved.camera - first.camera) < deviations).all()
 

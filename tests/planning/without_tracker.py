@@ -83,12 +83,12 @@ def photograph(
     size = np.repeat([error, error / (0.5 * MODEL.robot.reach)], 3)
     T = MODEL.poses(q, x) @ se3.error_transform(size * rng.normal(size=(len(q), 6))) @ way.T_tool_targets[0]
     kind = way.observation(of, T)
-    seen = kind.pictures
+    (seen,) = kind.pictures
     pixel = seen.pixel + seen.noise * rng.normal(size=seen.pixel.shape)
     found = calibrate_camera(seen.lens, seen.names, seen.board, seen.first, seen.corner, pixel)
-    kind = replace(kind, pictures=found)
+    kind = replace(kind, pictures=(found,))
     rows = np.flatnonzero(kind.of >= 0)
-    M = kind.measured(found.settle(found.camera))
+    M = kind.views(kind.start).moving.T
     return Campaign(
         ids=tuple(map(str, rows)),
         q=q[rows],

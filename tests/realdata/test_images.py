@@ -48,12 +48,12 @@ def test_left_out_images_are_predicted_better_than_in_two_steps(campaign):
         fitted, left = campaign.take(np.setdiff1d(np.arange(len(campaign)), out)), campaign.take(out)
         calibration = identify(model, fitted, options=FitOptions(keep=()))
         own, seen = left.observations[0], calibration.target_poses(left.q)[:, 0]
-        ours.append(own.reproject(seen, calibration.layout.unknowns(calibration.z)[0]))
+        ours += own.reproject(seen, calibration.layout.unknowns(calibration.z)[0])
         X, unknown = fitted.observations[0].two_steps(model.poses(fitted.q))
-        steps.append(own.reproject(model.poses(left.q) @ X, unknown))
+        steps += own.reproject(model.poses(left.q) @ X, unknown)
     rms = [float(np.sqrt((np.concatenate(one) ** 2).sum(axis=1).mean())) for one in (ours, steps)]
     # 1.53 and 2.50 px; calibrateCamera and calibrateRobotWorldHandEye of OpenCV 4.14 on the same corners: 3.23
     assert rms[0] < 1.8
     assert rms[0] < 0.75 * rms[1]
-    found = dict(zip(kind.lens.unknowns, kind.pictures.camera, strict=True))
+    found = dict(zip(kind.lenses[0].unknowns, kind.pictures[0].camera, strict=True))
     assert [found["fx"] * 1e3, found["fy"] * 1e3] == pytest.approx(PUBLISHED, rel=0.01)

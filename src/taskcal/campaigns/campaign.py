@@ -588,7 +588,7 @@ def _check_observed_rows(campaign: Campaign, parameters: int) -> None:
         if seen == 0:
             raise CampaignError(f"{named_file(campaign)}'{campaign.targets[t]}' was never measured; measure again")
         unknown += (6 if one.turned else 3) + len(one.unknowns)
-        measured += one.width * seen
+        measured += one.count_numbers(campaign.valid[:, t])
     if measured <= unknown:
         raise CampaignError(
             f"{named_file(campaign)}{measured} measured numbers in {len(campaign)} rows are too few: fixed objects and tool "

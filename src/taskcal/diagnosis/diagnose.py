@@ -206,9 +206,7 @@ def scope_of(campaign: Campaign) -> str:
     if not kinds:
         return ""
     if pictures_of(campaign) is not None:
-        return (
-            "images are examined by the poses of the board in them; of several boards by that which most of them show"
-        )
+        return "images are examined by the poses of the board in them; of several boards and cameras by the two that most of them show"
     if _is_quick(campaign):
         examined, left = "the joints (units, signs, zeros, couplings, order) and the robot, in pairs too", "frames"
     else:

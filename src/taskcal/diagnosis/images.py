@@ -12,6 +12,7 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.diagnosis.fits import fit_linearly
 from taskcal.diagnosis.hypotheses import Case, Finding, looked_for
 from taskcal.observations import Pixels
+from taskcal.observations.camera import Pictures
 from taskcal.reading.pictures import LOCK, BoardPoses, focus_drift, is_of_other_size
 
 NOT_TOLD_OF_IMAGES = ("inverse-poses", "small-workspace")
@@ -42,12 +43,27 @@ class SeenPoses:
 
     @classmethod
     def of(cls, case: Case) -> "SeenPoses":
-        """Of the rows that show the board that most rows show."""
-        kind = pictures_of(case.campaign)
+        """Of the rows in which a camera sees the board that it sees in most of them."""
+        kind, campaign = pictures_of(case.campaign), case.campaign
         assert kind is not None
-        poses = BoardPoses.of(case.campaign, case.poses(np.arange(len(case.campaign))))
-        others = ~np.isin(np.arange(len(case.campaign)), poses.rows)
-        return cls(kind=kind, poses=poses, given=case.campaign.without(others))
+        poses = BoardPoses.each(kind, case.poses(np.arange(len(campaign))))[0]
+        M = np.tile(np.eye(4), (len(campaign), 1, 1))
+        M[:, :3, 3] = np.nan
+        M[poses.rows] = poses.mounts[0 if kind.on_wrist[poses.camera] else 1]
+        given = replace(campaign, points=M[:, None, :3, 3], rotations=np.ascontiguousarray(M[:, :3, :3]))
+        return cls(kind=kind, poses=poses, given=given)
+
+    @property
+    def board(self) -> str:
+        """Name of the board."""
+        return self.kind.boards[self.poses.board]
+
+    @property
+    def pictures(self) -> Pictures:
+        """Of the board by the camera."""
+        assert self.kind.pictures is not None
+        own = self.kind.pictures[self.poses.camera]
+        return own.take(np.flatnonzero(own.board == self.poses.board))
 
     @property
     def campaign(self) -> Campaign:
@@ -66,7 +82,7 @@ class SeenPoses:
             return None
         finding = Finding(
             id="square-size",
-            subject=self.kind.boards,
+            subject=(self.board,),
             error_before=None,
             error_after=None,
             confidence=0.95,
@@ -78,7 +94,7 @@ class SeenPoses:
     @looked_for("drift", "focus-changed")
     def find_focus(self, case: Case) -> Finding | None:
         """A focal length that drifts, or differs from image to image: distances are off, along the line of sight alone."""
-        said, fit = focus_drift(self.kind), fit_linearly(case, np.arange(len(case.campaign)))
+        said, fit = focus_drift(self.pictures), fit_linearly(case, np.arange(len(case.campaign)))
         if said is None and fit is not None:
             # what moves is at its place in the frame of what stands: the line of sight, but for the place of a corner on the board
             sight = case.campaign.points[fit.rows, 0]
@@ -95,8 +111,7 @@ class SeenPoses:
 
     def _depth_noise(self) -> float:
         """Standard deviation of the distance from camera to board by the noise of the corners, as a share of it."""
-        assert self.kind.pictures is not None
-        settled = self.kind.pictures.settle(self.kind.pictures.camera)
+        settled = self.pictures.settle(self.pictures.camera)
         t = settled.T_camera_board[:, :3, 3]
         square = (t**2).sum(axis=1)
         variance = np.einsum("ni,nij,nj->n", t, settled.pose_covariance[:, :3, :3], t) / square
@@ -110,10 +125,13 @@ class SeenPoses:
             return replace(finding, id="mirrored-images", subject=(), fix=fix)
         if finding.id in ("points-in-metres", "points-in-other-unit"):
             fix = "the size of the board is in another unit: correct the lengths in its file"
-            return replace(finding, id="square-size", subject=self.kind.boards, fix=fix)
+            return replace(finding, id="square-size", subject=(self.board,), fix=fix)
         if finding.id == "station-moved":
             row, moved = self.given.ids.index(finding.subject[0]), re.search(r"[\d.]+ mm", finding.fix)
-            image, stands = self.kind.labels(self.given.read(0))[row], "board" if self.kind.on_wrist else "camera"
+            image, stands = (
+                self.kind.labels(self.given.read(0))[row],
+                "board" if self.kind.on_wrist[self.poses.camera] else "camera",
+            )
             fix = (
                 f"the {stands} that stands moved by about {moved[0] if moved else 'some mm'} before {image}: fit the rows before "
                 f"and after by themselves (--rows :{row} and --rows {row}:), or take the images again"

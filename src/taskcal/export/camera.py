@@ -11,16 +11,50 @@ from jaxtyping import Float
 from taskcal.errors import TaskcalError
 from taskcal.export.descriptions import BASE, tip_of
 from taskcal.export.forms import Export, Loss, placed
-from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.observations import Pixels
 from taskcal.observations.camera import DISTORTION, KILO, Lens
+from taskcal.observations.views import Posed
 
 OPTICAL = "camera_optical_frame"
 """Link of the camera: x to the right and y down in the image, z forward (REP 103)."""
 
 ROS_MODELS = {"pinhole": "plumb_bob", "fisheye": "equidistant"}
 """Distortion models of ``sensor_msgs/CameraInfo`` with the coefficients of each lens, in OpenCV's order."""
+
+
+def pictured_target(calibration: Calibration) -> int | None:
+    """Number of the target that images show, or from which they were taken; None without images."""
+    kinds = () if calibration.layout.fixed_frames else calibration.layout.kinds
+    return next((t for t, kind in enumerate(kinds) if isinstance(kind, Pixels) and kind.lenses), None)
+
+
+def unknowns_of(calibration: Calibration, t: int) -> tuple[Pixels, dict[str, float], dict[str, float]]:
+    """What images of a target show, and its unknowns and their standard errors by their names, metres, radians and thousands."""
+    kind, own = calibration.layout.kinds[t], calibration.layout.own[t]
+    assert isinstance(kind, Pixels)
+    deviation = np.sqrt(np.maximum(np.diag(calibration.z_covariance), 0.0))[own]
+    values, errors = (
+        dict(zip(kind.unknowns, numbers.tolist(), strict=True)) for numbers in (calibration.z[own], deviation)
+    )
+    return kind, values, errors
+
+
+def place_of(calibration: Calibration, t: int, name: str) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "6 6"]]:
+    """Place of a camera or a board, in the base if it stands, else in the tool frame, and the covariance of a move and a turn.
+
+    Args:
+        calibration: from images.
+        t: number of the target.
+        name: one of `Pixels.bodies`.
+    """
+    kind, layout, T = calibration.layout.kinds[t], calibration.layout, calibration.T_tool_target[t]
+    assert isinstance(kind, Pixels)
+    by = np.zeros((1, 6, len(calibration.z)))
+    by[0, :3, layout.places[t][:3]] = by[0, 3:, layout.places[t][3:]] = T[:3, :3].T
+    at = kind.place_on_robot(name, Posed(T[None], by), calibration.z[layout.own[t]], layout.own[t])
+    return at.T[0], at.by[0] @ calibration.z_covariance @ at.by[0].T
+
 
 EXACT = Loss(rms=0.0, maximum=0.0, poses=0, reasons=())
 
@@ -44,39 +78,38 @@ class Camera:
     """Metres."""
 
     @classmethod
+    def each(cls, calibration: Calibration) -> "dict[str, Camera]":
+        """The cameras of a calibration, by their names; none where it was not made from images."""
+        t, robot, out = pictured_target(calibration), calibration.model.robot, dict[str, Camera]()
+        if t is None:
+            return out
+        kind, values, errors = unknowns_of(calibration, t)
+        for name, lens, on_wrist in zip(kind.cameras, kind.lenses, kind.on_wrist, strict=True):
+            fx, fy, cx, cy = (float(values[f"{name}.{number}"]) * KILO for number in ("fx", "fy", "cx", "cy"))
+            out[name] = cls(
+                lens=lens,
+                matrix=np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]),
+                distortion=np.array([values[f"{name}.{number}"] for number in DISTORTION[lens.model]]),
+                error=np.array([errors[f"{name}.{number}"] * KILO ** (number[0] in "fc") for number in lens.unknowns]),
+                parent=(robot.links or (BASE, tip_of(robot)))[on_wrist],
+                on_wrist=on_wrist,
+                T_parent_camera=place_of(calibration, t, name)[0],
+            )
+        return out
+
+    @classmethod
     def of(cls, calibration: Calibration) -> "Camera":
         """The camera of a calibration.
 
         Raises:
             TaskcalError: it was not made from images.
         """
-        layout, robot = calibration.layout, calibration.model.robot
-        found = [t for t, kind in enumerate(layout.kinds) if isinstance(kind, Pixels)]
+        found = list(cls.each(calibration).values())
         if not found:
             raise TaskcalError(
                 "this calibration has no camera: it was not made from images (taskcal identify --images)"
             )
-        kind = layout.kinds[found[0]]
-        assert isinstance(kind, Pixels)
-        assert kind.lens is not None
-        values = dict(zip(kind.unknowns, layout.unknowns(calibration.z)[found[0]], strict=True))
-        deviation = np.sqrt(np.maximum(np.diag(calibration.z_covariance), 0.0))[layout.own[found[0]]]
-        errors = dict(zip(kind.unknowns, deviation, strict=True))
-        fx, fy, cx, cy = (float(values[f"camera.{name}"]) * KILO for name in ("fx", "fy", "cx", "cy"))
-        if kind.on_wrist:
-            T = calibration.T_tool_target[found[0]]
-        else:
-            at = np.array([values[f"camera.{name}"] for name in ("tx", "ty", "tz", "rx", "ry", "rz")])
-            T = se3.inverse(calibration.T_tracker_base) @ se3.pose(se3.exp(at[3:]), at[:3])
-        return cls(
-            lens=kind.lens,
-            matrix=np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]),
-            distortion=np.array([values[f"camera.{name}"] for name in DISTORTION[kind.lens.model]]),
-            error=np.array([errors[f"camera.{name}"] * KILO ** (name[0] in "fc") for name in kind.lens.unknowns]),
-            parent=(robot.links or (BASE, tip_of(robot)))[kind.on_wrist],
-            on_wrist=kind.on_wrist,
-            T_parent_camera=T,
-        )
+        return found[0]
 
     def exported(self, text: str) -> Export:
         """A file with this camera, and its pose beside."""

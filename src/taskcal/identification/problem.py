@@ -407,7 +407,7 @@ class Problem:
     @property
     def measured_numbers(self) -> int:
         """How many numbers were measured."""
-        return int(self.seen.valid.sum(axis=0) @ np.array([kind.width for kind in self.seen.kinds]))
+        return sum(kind.count_numbers(own) for kind, own in zip(self.seen.kinds, self.seen.valid.T, strict=True))
 
     def covariance(self, variances: Float[np.ndarray, " groups"]) -> Float[np.ndarray, "n targets b b"]:
         """Measurement noise and model error together: variance of position and, for poses, of rotation."""

@@ -390,6 +390,10 @@ class Observation(ABC):
         known = dict(zip(other.unknowns, unknown, strict=True))
         return np.array([known.get(name, np.nan) for name in self.unknowns])
 
+    def count_numbers(self, valid: Bool[np.ndarray, " n"]) -> int:
+        """How many numbers were measured in the rows in which something was read."""
+        return self.width * int(valid.sum())
+
     def told_of_unknowns(self, unknown: Float[np.ndarray, " u"]) -> Float[np.ndarray, "n k u"]:
         """Derivatives of what each row tells of the unknowns alone, wherever its target is, over the noise; nothing by default."""
         return np.zeros((0 if self.of is None else len(self.of), 0, len(unknown)))
@@ -416,8 +420,8 @@ class Observation(ABC):
 
     def reproject(
         self, target: Float[np.ndarray, "n 4 4"], unknown: Float[np.ndarray, " u"]
-    ) -> Float[np.ndarray, "c 2"] | None:
-        """Pixels of all corners less those predicted for the target where the robot has it; None for kinds without pictures."""
+    ) -> tuple[Float[np.ndarray, "c 2"], ...] | None:
+        """Pixels of each camera's corners less those predicted for the target where the robot has it; None without pictures."""
         return None
 
     def with_stated(self, path: Path) -> "Observation | None":

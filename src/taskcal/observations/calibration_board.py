@@ -391,13 +391,16 @@ def board_text(keys: Mapping[str, Any]) -> str:
 
 
 def read_boards(path: str | Path) -> tuple[Board, ...]:
-    """Read the boards of a file.
+    """Read the boards of a file, or of all files of a folder.
 
     Raises:
         FileError: it is missing, no TOML, or does not describe boards; or two of its boards cannot be told apart.
     """
     path = Path(path)
-    boards = tuple(section.board() for section in read_toml(path, BoardFile).board)
+    files = sorted(path.glob("*.toml")) if path.is_dir() else [path]
+    if not files:
+        raise FileError(path, "has no files of boards; name a file, or a folder with files such as floor.toml")
+    boards = tuple(section.board() for file in files for section in read_toml(file, BoardFile).board)
     for k, one in enumerate(boards):
         for other in boards[:k]:
             if one.name == other.name:

@@ -34,6 +34,10 @@ FOCAL_PRIOR, CENTRE_PRIOR = 1.0, 0.2
 FEWEST_CORNERS = 4
 """Corners that a pose needs."""
 
+IN_LINE = 1e-9
+"""Determinant of the scatter of corners, over its squared trace, up to which they are in a line: rounding; two rows of a grid have
+a thousandth and more."""
+
 FOCAL_GUESSES = (0.35, 0.6, 1.0, 1.6, 2.6, 4.0)
 """Focal lengths over the picture's width, tried where homographies do not tell: lenses from 110° to 14°."""
 
@@ -118,6 +122,8 @@ class Pictures:
     """Of the pictures."""
     board: Int[np.ndarray, " n"]
     """Number of the board in each."""
+    view: Int[np.ndarray, " n"]
+    """Number of the posture of the robot in each; an image with several boards is a picture of each of them."""
     first: Int[np.ndarray, " n1"]
     """Number of the first corner of each picture, and of all."""
     corner: Float[np.ndarray, "c 3"]
@@ -168,6 +174,7 @@ class Pictures:
             self,
             names=tuple(self.names[k] for k in numbers),
             board=self.board[numbers],
+            view=self.view[numbers],
             first=np.concatenate([[0], np.cumsum(np.diff(self.first)[numbers])]),
             corner=self.corner[corners],
             pixel=self.pixel[corners],
@@ -175,6 +182,11 @@ class Pictures:
             T_camera_board=self.T_camera_board[numbers],
             _last=[],
         )
+
+    def of_views(self, views: Int[np.ndarray, " m"]) -> "Pictures":
+        """The pictures of some postures, numbered anew."""
+        part = self.take(np.flatnonzero(np.isin(self.view, views)))
+        return replace(part, view=np.searchsorted(views, part.view))
 
     @property
     def of(self) -> Int[np.ndarray, " c"]:
@@ -204,6 +216,7 @@ def calibrate_camera(
     first: Int[np.ndarray, " n1"],
     corner: Float[np.ndarray, "c 3"],
     pixel: Float[np.ndarray, "c 2"],
+    view: Int[np.ndarray, " n"] | None = None,
 ) -> Pictures:
     """Find a camera and the poses of boards from pictures, and the noise of the corners.
 
@@ -214,6 +227,7 @@ def calibrate_camera(
         first: number of the first corner of each picture, and of all.
         corner: places on the boards, metres, all of a picture in one plane z = 0.
         pixel: where each was seen.
+        view: number of the posture of the robot in each picture; by default each has its own.
 
     Raises:
         CampaignError: a picture has too few corners, or no camera fits the pictures.
@@ -226,6 +240,7 @@ def calibrate_camera(
         lens=lens,
         names=names,
         board=board,
+        view=np.arange(len(names)) if view is None else view,
         first=first,
         corner=np.ascontiguousarray(corner),
         pixel=np.ascontiguousarray(pixel),
@@ -336,6 +351,16 @@ def homography(plane: Float[np.ndarray, "c 2"], pixel: Float[np.ndarray, "c 2"])
     rows = np.concatenate([np.hstack([a, zero, -b[:, :1] * a]), np.hstack([zero, a, -b[:, 1:2] * a])])
     H = np.linalg.inv(B) @ np.linalg.svd(rows)[2][-1].reshape(3, 3) @ A
     return H / np.linalg.norm(H)
+
+
+def determines_pose(plane: Float[np.ndarray, "c 2"]) -> bool:
+    """Whether corners of a board determine its homography: four or more, of which not all but one are in a line."""
+    if len(plane) < FEWEST_CORNERS:
+        return False
+    off = plane - plane.mean(axis=0)
+    n, (a, b, d) = len(off), (off[:, 0] @ off[:, 0], off[:, 0] @ off[:, 1], off[:, 1] @ off[:, 1])
+    x, y = np.sqrt(n / (n - 1.0)) * off.T  # the scatter about their mean without each
+    return bool(((a - x * x) * (d - y * y) - (b - x * y) ** 2).min() > IN_LINE * (a + d) ** 2)
 
 
 def _focal_lengths(lens: Lens, homographies: list[Float[np.ndarray, "3 3"]]) -> list[float]:

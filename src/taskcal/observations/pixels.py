@@ -1,12 +1,15 @@
-"""Pixels: corners of boards in a camera's pictures, the camera on the wrist or beside the robot that carries the board.
+"""Pixels: corners of boards in pictures of cameras, on the wrist or beside the robot.
 
-A row is a picture. What moves, camera or board, is the target; what stands is fixed in the robot's base. Of a camera θ, a picture
-has the pose M(θ) of what moves in the frame of what stands, with the covariance that its corners leave it; what the corners say of
-θ beside these poses is stated of it (`camera`).
+A row is a posture, with a picture of each board in the image of each camera. What moves, a camera or a board, is the target; what
+stands is fixed in the robot's base. Of cameras θ, a picture has the pose M(θ) of what moves in the frame of what stands, with the
+covariance that its corners leave it; those of one posture are put together (`views`). What the corners say of θ beside these poses
+is stated of it (`camera`).
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
@@ -17,7 +20,7 @@ from jaxtyping import Bool, Float, Int
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.geometry.point_registration import orientations
-from taskcal.kernels.projection import project
+from taskcal.kernels.projection import POSE, project
 from taskcal.kinematics.clearance import Links
 from taskcal.observations.base import (
     Differential,
@@ -30,12 +33,13 @@ from taskcal.observations.base import (
     TrackerNoise,
 )
 from taskcal.observations.calibration_board import Board, read_boards
-from taskcal.observations.camera import DISTORTION, EXACT, FEWEST_CORNERS, KILO, LENSES, Lens, Pictures, Settled
+from taskcal.observations.camera import DISTORTION, EXACT, FEWEST_CORNERS, KILO, LENSES, Lens, Pictures
 from taskcal.observations.camera_file import StatedCamera, read_camera
 from taskcal.observations.instrument import Fixtures, Instrument, Setting, far_apart, on_the_floor
 from taskcal.observations.landmark import STANDING
 from taskcal.observations.pose import turn_by_rotation
 from taskcal.observations.standalone import Search, Standalone
+from taskcal.observations.views import Posed, Views, apart, join_views
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.parameter import ShownUnit
 from taskcal.short_repr import short_repr
@@ -55,9 +59,30 @@ NO_INFORMATION = 1e-12
 """Eigenvalues of what the corners say of a camera, over the largest, under which they say nothing."""
 
 
+class Sightings(NamedTuple):
+    """What each picture is of."""
+
+    view: Int[np.ndarray, " n"]
+    """Number of its posture."""
+    camera: Int[np.ndarray, " n"]
+    board: Int[np.ndarray, " n"]
+    moving: Int[np.ndarray, " n"]
+    """Which camera or board on the wrist."""
+    standing: Int[np.ndarray, " n"]
+    """Which one of those that stand."""
+    of_camera: Bool[np.ndarray, " n"]
+    """Whether it is the camera that moves."""
+    first: Int[np.ndarray, " views"]
+    """Of each posture, the picture with most corners."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Pixels(Standalone):
-    """M(θ) = L⁻¹·X: what moves, X, in the frame L of what stands, as pictures of a camera θ have it."""
+    """M(θ) = L⁻¹·X: what moves, X, in the frame L of what stands, as pictures have it whose cameras and boards are θ.
+
+    Cameras and boards are on the wrist or stand. Of what is on the wrist the first is the target, and the others have a place in
+    its frame; what stands has one in the base.
+    """
 
     key: ClassVar[str] = "pixels"
     width: ClassVar[int] = 6
@@ -83,167 +108,296 @@ class Pixels(Standalone):
     things: ClassVar[str] = "images"
     good_m: ClassVar[float] = 1e-2
     images: tuple[str, ...] = ()
-    """Names of the pictures that rows refer to."""
+    """Names of the images, one for each posture, that rows refer to."""
     boards: tuple[str, ...] = ()
     """Names of the boards; of none before the pictures are looked at."""
     u_scale: tuple[float, ...] = ()
     """Relative standard uncertainty of the size of each as it is stated; zero where that is taken for exact."""
-    lens: Lens | None = None
-    on_wrist: bool = True
-    """Whether the camera moves, and the boards stand; else the one board moves."""
-    given: StatedCamera | None = None
-    """What is known of the camera beforehand; None for nothing, and of a calibration, whose covariance has it."""
-    pictures: Pictures | None = None
-    """What the images show, in their order; None of a calibration, whose own rows are not kept."""
+    cameras: tuple[str, ...] = ("camera",)
+    """Names of the cameras, ``camera`` of the only one."""
+    lenses: tuple[Lens, ...] = ()
+    """Of the cameras; of none before the pictures are looked at."""
+    moving: tuple[str, ...] = ("camera",)
+    """Cameras and boards on the wrist, as `bodies` has them, the target first; all others stand."""
+    given: tuple[StatedCamera | None, ...] = (None,)
+    """What is known of each camera beforehand; None for nothing, and of a calibration, whose covariance has it."""
+    pictures: tuple[Pictures, ...] | None = None
+    """What the images of each camera show; None of a calibration, whose own rows are not kept."""
+    start: Float[np.ndarray, " u"] | None = None
+    """The unknowns as the nominal robot has them, by which pictures of one posture are weighed; None of a calibration."""
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Boards and cameras."""
+        return (*(f"board {name}" for name in self.boards), *self.cameras)
 
     @property
     def standing(self) -> tuple[str, ...]:
         """Names of what stands."""
-        return tuple(f"board {name}" for name in self.boards) if self.on_wrist else ("camera",)
+        return tuple(name for name in self.bodies if name not in self.moving)
+
+    @property
+    def on_wrist(self) -> tuple[bool, ...]:
+        """Whether each camera is on the wrist."""
+        return tuple(name in self.moving for name in self.cameras)
+
+    @property
+    def target(self) -> str:
+        """Name of what is on the wrist: a camera or a board, or the first of them."""
+        return self.moving[0] if len(self.moving) > 1 else self.moving[0].partition(" ")[0]
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """Places of what stands, the camera, and the scales of the boards whose size is not exact."""
+        """Places of what stands, the cameras, the scales of the boards whose size is not exact, and places of more on the wrist."""
         poses = (f"{name}.{c}" for name in self.standing for c in COMPONENTS)
-        camera = () if self.lens is None else (f"camera.{name}" for name in self.lens.unknowns)
-        return (*poses, *camera, *(f"board {self.boards[b]}.scale" for b in self._scaled))
+        numbers = (
+            f"{name}.{number}"
+            for name, lens in zip(self.cameras, self.lenses, strict=False)
+            for number in lens.unknowns
+        )
+        scales = (f"board {self.boards[b]}.scale" for b in self._scaled)
+        return (*poses, *numbers, *scales, *(f"{name}.{c}" for name in self.moving[1:] for c in COMPONENTS))
 
     @property
     def _scaled(self) -> list[int]:
         return [b for b, u in enumerate(self.u_scale) if u > 0.0]
 
     @property
-    def _camera(self) -> slice:
-        """Of the camera among the unknowns."""
-        first = 6 * len(self.standing)
-        return slice(first, first + (0 if self.lens is None else len(self.lens.unknowns)))
+    def _own(self) -> tuple[slice, ...]:
+        """Of each camera among the unknowns."""
+        ends = 6 * len(self.standing) + np.cumsum([0, *(len(lens.unknowns) for lens in self.lenses)])
+        return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+
+    @property
+    def _scale_columns(self) -> slice:
+        first = 6 * len(self.standing) + sum(len(lens.unknowns) for lens in self.lenses)
+        return slice(first, first + len(self._scaled))
 
     @property
     def deviations(self) -> Float[np.ndarray, " u"]:
         """As good as unknown; of the scales `stated` says more."""
-        camera = np.ones(0) if self.lens is None else self.lens.deviations
-        return np.concatenate([np.ones(6 * len(self.standing)), camera, np.ones(len(self._scaled))])
+        out = np.ones(len(self.unknowns))
+        for own, lens in zip(self._own, self.lenses, strict=True):
+            out[own] = lens.deviations
+        return out
 
     def _scales(self, unknown: Float[np.ndarray, " u"]) -> Float[np.ndarray, " boards"]:
         out = np.ones(max(len(self.boards), 1))
-        out[self._scaled] += unknown[self._camera.stop :]
+        out[self._scaled] += unknown[self._scale_columns]
         return out
 
-    def _pictured(self) -> Settled:
-        """The pictures at the camera that they alone have."""
+    @property
+    def _looked_at(self) -> tuple[Pictures, ...]:
         if self.pictures is None:
             raise CampaignError(
                 "these rows name images that were not looked at; give --images FOLDER and --board BOARD.toml"
             )
-        return self.pictures.settle(self.pictures.camera)
+        return self.pictures
 
-    @property
-    def board_of(self) -> Int[np.ndarray, " n"]:
-        """Board of each row."""
-        return np.zeros(len(self.numbers), dtype=int) if self.pictures is None else self.pictures.board[self.numbers]
+    def _posed(self, name: str, unknown: Float[np.ndarray, " u"]) -> Posed:
+        """Place of a camera or a board: in the base if it stands, else in the frame of the target, which is at its own origin."""
+        if name == self.moving[0]:
+            return Posed(np.eye(4)[None], np.zeros((1, 6, len(unknown))))
+        others = self.moving[1:]
+        first = 6 * (self.standing.index(name) if name in self.standing else others.index(name) - len(others))
+        first %= len(unknown)
+        return Posed.of_numbers(unknown[None, first : first + 6], np.array([first]), len(unknown))
 
-    def measured(self, settled: Settled) -> Float[np.ndarray, "images 4 4"]:
-        """What moves in the frame of what stands, of boards of their stated size."""
-        T = settled.T_camera_board
-        return se3.inverse(T) if self.on_wrist else T
+    def place_on_robot(
+        self, name: str, target: Posed, unknown: Float[np.ndarray, " u"], own: Int[np.ndarray, " u"]
+    ) -> Posed:
+        """Place of a camera or a board: in the base if it stands, else in the tool frame; and its derivatives by an estimate.
 
-    def _twist(self, T_camera_board: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 6 6"]:
-        """Move and turn of M by those of the board in the camera's frame."""
-        out = np.tile(np.eye(6), (len(T_camera_board), 1, 1))
-        if self.on_wrist:
-            back = -np.swapaxes(T_camera_board[:, :3, :3], 1, 2)
-            out[:, :3, :3] = out[:, 3:, 3:] = back
-            out[:, :3, 3:] = back @ np.cross(np.eye(3), T_camera_board[:, None, :3, 3])
-        return out
+        Args:
+            name: one of `bodies`.
+            target: its place in the tool frame, and the derivatives.
+            unknown: the unknowns.
+            own: their places in the estimate.
+        """
+        at = self._posed(name, unknown)
+        by = np.zeros((1, 6, target.by.shape[2]))
+        by[:, :, own] = at.by
+        return Posed(at.T, by) if name in self.standing else target.then(Posed(at.T, by))
+
+    def _places(self, names: Sequence[str], of: Int[np.ndarray, " n"], unknown: Float[np.ndarray, " u"]) -> Posed:
+        """Places of cameras and boards, by the number of each among some names."""
+        each = [self._posed(name, unknown) for name in names]
+        return Posed(np.concatenate([one.T for one in each]), np.concatenate([one.by for one in each])).take(of)
+
+    @cached_property
+    def sightings(self) -> Sightings:
+        """Which posture, camera and board each picture is of, those of one camera after another."""
+        pictures = self._looked_at
+        camera = np.repeat(np.arange(len(pictures)), [len(one) for one in pictures])
+        view, board = (
+            np.concatenate([getattr(one, name) for one in pictures]).astype(int) for name in ("view", "board")
+        )
+        of_camera = np.array([name in self.moving for name in self.cameras])[camera]
+        names = np.array(self.bodies, dtype=object)
+        seen, seeing = names[board], names[len(self.boards) + camera]
+        moving = np.array([self.moving.index(name) for name in np.where(of_camera, seeing, seen)], dtype=int)
+        standing = np.array([self.standing.index(name) for name in np.where(of_camera, seen, seeing)], dtype=int)
+        corners = np.concatenate([np.diff(one.first) for one in pictures])
+        order = np.lexsort((-corners, view))
+        first = order[np.searchsorted(view[order], np.arange(len(self.images)))] if len(order) else order
+        return Sightings(view, camera, board, moving, standing, of_camera, first)
+
+    def seen(self, unknown: Float[np.ndarray, " u"], noise: bool = False) -> Posed:
+        """What moves in the frame of what stands as each picture has it, and its derivatives by the unknowns.
+
+        Args:
+            unknown: the unknowns.
+            noise: with the derivatives by a move and a turn of the board in the camera's frame before them.
+        """
+        parts: list[Posed] = []
+        scales, before = self._scales(unknown), 6 * noise
+        for pictures, own, on_wrist in zip(self._looked_at, self._own, self.on_wrist, strict=True):
+            settled = pictures.settle(unknown[own])
+            T, by = settled.T_camera_board.copy(), np.zeros((len(pictures), 6, before + len(unknown)))
+            by[:, :, :before] = np.eye(6)[:, :before]
+            by[:, :, before + own.start : before + own.stop] = settled.by_camera
+            for column, b in enumerate(self._scaled, start=before + self._scale_columns.start):
+                by[:, :3, column] = (pictures.board == b)[:, None] * T[:, :3, 3] / scales[b]
+            scale = scales[pictures.board, None]
+            T[:, :3, 3] *= scale
+            by[:, :3] *= scale[:, None]
+            parts.append(Posed(T, by).inverse if on_wrist else Posed(T, by))
+        return Posed(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+    def views(self, unknown: Float[np.ndarray, " u"]) -> Views:
+        """What the pictures of each posture say together of what moves, in the frame of what stands."""
+        of, u = self.sightings, len(unknown)
+        M, place = self.seen(unknown, noise=True), of.standing[of.first]
+
+        def beside(posed: Posed) -> Posed:
+            return Posed(posed.T, np.concatenate([np.zeros((len(posed.T), 6, 6)), posed.by], axis=2))
+
+        others = np.flatnonzero(of.moving > 0)
+        if len(others):
+            carried = M.take(others).then(beside(self._places(self.moving, of.moving[others], unknown)).inverse)
+            M.T[others], M.by[others] = carried
+        others = np.flatnonzero(of.standing != place[of.view])
+        if len(others):
+            at, to = (
+                beside(self._places(self.standing, own[others], unknown)) for own in (place[of.view], of.standing)
+            )
+            M.T[others], M.by[others] = at.inverse.then(to).then(M.take(others))
+        corners = [pictures.settle(unknown[own]) for pictures, own in zip(self._looked_at, self._own, strict=True)]
+        back = np.linalg.inv(M.by[:, :, :6])
+        information = np.concatenate([one.information[:, :POSE, :POSE] for one in corners])
+        return join_views(
+            Posed(M.T, M.by[:, :, 6 : 6 + u]),
+            np.swapaxes(back, 1, 2) @ information @ back,
+            of.view,
+            of.first,
+            place,
+        )
 
     def differentiate(
         self, target: Float[np.ndarray, "n 4 4"], unknown: Float[np.ndarray, " u"], measured: Measured
     ) -> Differential:
         """Residual and derivatives, in the axes of what stands."""
         assert measured.rotations is not None
-        n, board, own = len(target), self.board_of, self._camera
-        place = board if self.on_wrist else np.zeros(n, dtype=int)
-        poses, scale = unknown[: own.start].reshape(-1, 6), self._scales(unknown)
-        M, by_camera = se3.pose(measured.rotations, measured.points), np.zeros((n, 6, own.stop - own.start))
+        n, u = len(target), len(unknown)
+        M, by_own, place = se3.pose(measured.rotations, measured.points), np.zeros((n, 6, u)), np.zeros(n, dtype=int)
         if self.pictures is not None and self.of is not None:
-            settled = self.pictures.settle(unknown[own])
-            pictured = np.flatnonzero(self.of >= 0)
-            k = self.of[pictured]
-            M[pictured] = self.measured(settled)[k]
-            by_camera[pictured] = (self._twist(settled.T_camera_board) @ settled.by_camera)[k]
-        M[:, :3, 3] *= scale[board, None]
-        by_camera[:, :3] *= scale[board, None, None]
-        R = np.swapaxes(se3.exp(poses[:, 3:]), 1, 2)[place]
-        between = target[:, :3, 3] - poses[place, :3]
-        seen, turned = measured.valid, np.zeros((n, 3))
-        turned[seen] = se3.log(M[seen, :3, :3] @ np.swapaxes(R[seen] @ target[seen, :3, :3], 1, 2))
-        by_turn = turn_by_rotation(turned)
-        by_target, by_unknown = np.zeros((n, 6, 6)), np.zeros((n, 6, len(unknown)))
-        by_target[:, :3, :3], by_target[:, 3:, 3:] = R, by_turn @ R
-        jacobian = np.stack([se3.left_jacobian(r) for r in poses[:, 3:]])[place]
-        by_pose = np.zeros((n, 6, 6))
-        by_pose[:, :3, :3] = -R
-        by_pose[:, :3, 3:] = R @ np.swapaxes(np.cross(between[:, None], np.swapaxes(jacobian, 1, 2)), 1, 2)
-        by_pose[:, 3:, 3:] = -by_turn @ R @ jacobian
-        by_unknown[np.arange(n)[:, None], :, 6 * place[:, None] + np.arange(6)] = np.swapaxes(by_pose, 1, 2)
-        by_unknown[:, :3, own] = -by_camera[:, :3]
-        by_unknown[:, 3:, own] = -np.swapaxes(by_turn, 1, 2) @ by_camera[:, 3:]
-        for column, b in enumerate(self._scaled, start=own.stop):
-            by_unknown[:, :3, column] = (board == b)[:, None] * M[:, :3, 3] / -scale[b]
-        residual = np.concatenate([M[:, :3, 3] - (R @ between[:, :, None])[..., 0], turned], axis=1)
-        return Differential(residual, by_target, by_unknown)
+            views, rows = self.views(unknown), np.flatnonzero(self.of >= 0)
+            k = self.of[rows]
+            M[rows], by_own[rows], place[rows] = views.moving.T[k], views.moving.by[k], views.place[k]
+        by_twist = np.concatenate([np.tile(np.eye(6), (n, 1, 1)), np.zeros((n, 6, u))], axis=2)
+        at = self._places(self.standing, place, unknown)
+        there = Posed(at.T, np.concatenate([np.zeros((n, 6, 6)), at.by], axis=2)).inverse.then(Posed(target, by_twist))
+        residual, seen = np.zeros((n, 6)), measured.valid
+        residual[:, :3] = M[:, :3, 3] - there.T[:, :3, 3]
+        residual[seen] = apart(M[seen], there.T[seen])
+        by_turn = turn_by_rotation(residual[:, 3:])
+        by = there.by.copy()
+        by[:, 3:] = by_turn @ by[:, 3:]
+        by[:, :3, 6:] -= by_own[:, :3]
+        by[:, 3:, 6:] -= np.swapaxes(by_turn, 1, 2) @ by_own[:, 3:]
+        return Differential(residual, by[:, :, :6], by[:, :, 6:])
 
     def covariance(
         self, measured: Measured, uncertainty: Float[np.ndarray, " n"] | None, tracker: TrackerNoise
     ) -> Float[np.ndarray, "n w w"]:
         """Covariance of each row by the noise of its corners."""
-        settled = self._pictured()
-        twist = self._twist(settled.T_camera_board)
-        return (twist @ settled.pose_covariance @ np.swapaxes(twist, 1, 2))[self.numbers]
+        assert self._looked_at
+        assert self.start is not None
+        return self.views(self.start).covariance[self.numbers]
 
     def stated(self, unknown: Float[np.ndarray, " u"]) -> Stated:
-        """What the corners say of the camera, however the boards are placed; what is known of it; and how large the boards are."""
-        own, scales = self._camera, np.array([self.u_scale[b] for b in self._scaled])
+        """What the corners say beside the poses, of cameras and of all among each other; what is known; and the boards' sizes."""
+        scales, own = np.array([self.u_scale[b] for b in self._scaled]), self._scale_columns
         by_unknown = np.eye(len(unknown))
-        parts = [Stated(-unknown[own.stop :], by_unknown[own.stop :], scales)]
-        if self.given is not None and self.given.uncertainty is not None:
-            u = np.maximum(self.given.uncertainty, EXACT)
-            parts.append(Stated(self.given.numbers - unknown[own], by_unknown[own], u))
+        parts = [Stated(-unknown[own], by_unknown[own], scales)]
+        for given, own in zip(self.given, self._own, strict=False):
+            if given is not None and given.uncertainty is not None:
+                u = np.maximum(given.uncertainty, EXACT)
+                parts.append(Stated(given.numbers - unknown[own], by_unknown[own], u))
         if self.pictures is not None and self.of is not None:
             used = np.unique(self.of[self.of >= 0])
-            information, gradient = (part[used].sum(axis=0) for part in self.pictures.settle(unknown[own]).of_camera)
-            root, back = _roots(information[None])
-            by_camera = np.zeros((len(gradient), len(unknown)))
-            by_camera[:, own] = root[0]
-            parts.append(Stated(back[0] @ gradient, by_camera, np.ones(len(gradient))))
+            for pictures, own in zip(self.pictures, self._own, strict=True):
+                there = np.isin(pictures.view, used)
+                information, gradient = (part[there].sum(axis=0) for part in pictures.settle(unknown[own]).of_camera)
+                root, back = _roots(information[None])
+                by_camera = np.zeros((len(gradient), len(unknown)))
+                by_camera[:, own] = root[0]
+                parts.append(Stated(back[0] @ gradient, by_camera, np.ones(len(gradient))))
+            views = self.views(unknown)
+            there = np.isin(views.of, used)
+            off = views.residual[there].reshape(-1)
+            by_off = -views.by_unknown[there].reshape(len(off), len(unknown))
+            parts.append(Stated(off, by_off, np.ones(len(off))))
         return Stated(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
+    def count_numbers(self, valid: Bool[np.ndarray, " n"]) -> int:
+        """Of each picture the pose; what its corners say beside tells of the camera."""
+        if self.pictures is None or self.of is None:
+            return super().count_numbers(valid)
+        return self.width * int(np.isin(self.sightings.view, self.of[valid & (self.of >= 0)]).sum())
+
     def told_of_unknowns(self, unknown: Float[np.ndarray, " u"]) -> Float[np.ndarray, "n k u"]:
-        """What the corners of each row's image say of the camera, wherever its board is."""
-        own = self._camera
-        out = np.zeros((len(self.numbers), own.stop - own.start, len(unknown)))
-        if self.pictures is not None:
-            out[:, :, own] = _roots(self.pictures.settle(unknown[own]).of_camera[0])[0][self.numbers]
-        return out
+        """What the corners of each row's images say of cameras, and of boards and cameras among each other, wherever all are."""
+        if self.pictures is None:
+            return np.zeros((len(self.numbers), 0, len(unknown)))
+        parts: list[np.ndarray] = []
+        for pictures, own in zip(self.pictures, self._own, strict=True):
+            information = np.zeros((len(self.images), own.stop - own.start, own.stop - own.start))
+            np.add.at(information, pictures.view, pictures.settle(unknown[own]).of_camera[0])
+            parts.append(np.zeros((*information.shape[:2], len(unknown))))
+            parts[-1][:, :, own] = _roots(information)[0]
+        views = self.views(unknown)
+        order = np.argsort(views.of, kind="stable")
+        rank = np.arange(len(order)) - np.searchsorted(views.of[order], views.of[order])
+        for k in range(rank.max(initial=-1) + 1):
+            own = order[rank == k]
+            parts.append(np.zeros((len(self.images), 6, len(unknown))))
+            parts[-1][views.of[own]] = views.by_unknown[own]
+        return np.concatenate(parts, axis=1)[self.numbers]
 
     def reproject(
         self, target: Float[np.ndarray, "n 4 4"], unknown: Float[np.ndarray, " u"]
-    ) -> Float[np.ndarray, "c 2"] | None:
-        """Pixels of all corners less those predicted for the target where the robot has it."""
+    ) -> tuple[Float[np.ndarray, "c 2"], ...] | None:
+        """Pixels of all corners of each camera less those predicted for the target where the robot has it."""
         if self.pictures is None or self.of is None:
             return None
-        rows = np.zeros(len(self.pictures), dtype=int)
+        rows, of = np.zeros(len(self.images), dtype=int), self.sightings
         rows[self.of[self.of >= 0]] = np.flatnonzero(self.of >= 0)
-        poses, own = unknown[: self._camera.start].reshape(-1, 6), self._camera
-        place = self.pictures.board if self.on_wrist else np.zeros(len(rows), dtype=int)
-        M = se3.inverse(se3.pose(se3.exp(poses[:, 3:]), poses[:, :3])[place]) @ target[rows]
-        T = se3.inverse(M) if self.on_wrist else M
+        standing, carried = (
+            self._places(names, own, unknown).T
+            for names, own in ((self.standing, of.standing), (self.moving, of.moving))
+        )
+        T = se3.inverse(standing) @ target[rows[of.view]] @ carried
+        T[of.of_camera] = se3.inverse(T[of.of_camera])
         # corners are at their stated places, so that a larger board is seen as one that is nearer
-        T[:, :3, 3] /= self._scales(unknown)[self.pictures.board, None]
-        return self.pictures.pixel - self.pictures.predicted(T, unknown[own])
+        T[:, :3, 3] /= self._scales(unknown)[of.board, None]
+        return tuple(
+            pictures.pixel - pictures.predicted(T[of.camera == k], unknown[own])
+            for k, (pictures, own) in enumerate(zip(self.pictures, self._own, strict=True))
+        )
 
     def two_steps(self, tool: Float[np.ndarray, "n 4 4"]) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, " u"]]:
-        """The usual way: a camera from the pictures alone, then hand and eye from their poses and those of the nominal tool.
+        """The usual way: cameras from the pictures alone, then hand and eye from their poses and those of the nominal tool.
 
         Args:
             tool: its nominal poses at all rows.
@@ -254,16 +408,41 @@ class Pixels(Standalone):
         assert self.of is not None
         rows = np.flatnonzero(self.of >= 0)
         here = replace(self, of=self.of[rows])
-        T, M = here._of_one_board(tool[rows])
+        T, M = here._most_seen(tool[rows])
         R = hand_eye_rotation(T, M)
         X, unknown = se3.pose(R, hand_eye_place(T, M, R)), np.full(len(self.unknowns), np.nan)
         return X, here.settle(tool[rows] @ X, here.blank(len(rows)), unknown)
 
-    def _of_one_board(self, tool: Float[np.ndarray, "n 4 4"]) -> tuple[np.ndarray, np.ndarray]:
-        """Poses of the tool, and M as pictures alone have it, of the rows that show the board that most show."""
-        M, board = self.measured(self._pictured())[self.numbers], self.board_of
-        most = board == np.bincount(board).argmax() if self.on_wrist else np.ones(len(board), dtype=bool)
-        return tool[most], M[most]
+    def on_robot(self, tool: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, " u"]:
+        """The unknowns by poses of the tool: two steps where there are rows for it, else with the target at the tool."""
+        assert self.of is not None
+        if (self._rows >= 0).sum() >= FEWEST:
+            return np.nan_to_num(self.two_steps(tool)[1])
+        return np.nan_to_num(self.settle(tool, self.blank(len(tool)), np.full(len(self.unknowns), np.nan)))
+
+    def _most_seen(self, tool: Float[np.ndarray, "n 4 4"]) -> tuple[np.ndarray, np.ndarray]:
+        """Poses of the tool, and M as pictures alone have it, of the target and what it is seen with most."""
+        of = self.sightings
+        row, there = self._rows, self.sightings.moving == 0
+        there &= row >= 0
+        own = np.flatnonzero(there & (of.standing == np.bincount(of.standing[there]).argmax()))
+        return tool[row[own]], self.seen(self._alone).T[own]
+
+    @property
+    def _alone(self) -> Float[np.ndarray, " u"]:
+        """The cameras as their pictures alone have them, and all others unknown."""
+        out = np.zeros(len(self.unknowns))
+        for pictures, own in zip(self._looked_at, self._own, strict=True):
+            out[own] = pictures.camera
+        return out
+
+    @property
+    def _rows(self) -> Int[np.ndarray, " pictures"]:
+        """Row of each picture; −1 where none refers to its posture."""
+        assert self.of is not None
+        rows = np.full(len(self.images), -1)
+        rows[self.of[self.of >= 0]] = np.flatnonzero(self.of >= 0)
+        return rows[self.sightings.view]
 
     def check(self, rows: Search) -> None:
         """Raise a `CampaignError` where the pictures are too few to find camera and board."""
@@ -275,31 +454,77 @@ class Pixels(Standalone):
     def starts(self, rows: Search) -> Iterable[Float[np.ndarray, " x"]]:
         """The hand-eye of linear equations, and many orientations, with the places that fit best beside them."""
         here = replace(self, of=rows.kind.of)
-        T, M = here._of_one_board(rows.tool)
+        T, M = here._most_seen(rows.tool)
         for R in (hand_eye_rotation(T, M), *orientations()):
             yield rows.about(se3.pose(R, hand_eye_place(T, M, R)))
 
     def settle(
         self, target: Float[np.ndarray, "n 4 4"], measured: Measured, known: Float[np.ndarray, " u"]
     ) -> Float[np.ndarray, " u"]:
-        """Each thing that stands in the middle of what its rows say; the camera as it is known, or as its pictures have it."""
+        """Each thing that stands in the middle of what its rows say; cameras as they are known, or as their pictures have them."""
         assert measured.rotations is not None
-        out, own, seen = known.copy(), self._camera, measured.valid
-        camera = known[own]
-        if self.pictures is not None and self.of is not None:
-            camera = np.where(np.isnan(camera), self.pictures.camera, camera)
-            M = self.measured(self.pictures.settle(camera))[self.numbers]
-        else:
+        out, poses = known.copy(), 6 * len(self.standing)
+        out[self._scale_columns] = np.nan_to_num(out[self._scale_columns])
+        out[:poses] = np.nan
+        if self.pictures is None or self.of is None:
+            seen = measured.valid
             M = se3.pose(measured.rotations, measured.points)
-        out[own] = camera
-        out[own.stop :] = np.nan_to_num(out[own.stop :])
-        M[:, :3, 3] *= self._scales(out)[self.board_of, None]
-        L = target[seen] @ se3.inverse(M[seen])
-        place = self.board_of[seen] if self.on_wrist else np.zeros(len(L), dtype=int)
-        for number in range(len(self.standing)):
-            here = L[place == number]
-            out[6 * number : 6 * number + 6] = np.nan if not len(here) else _middle(here)
+            out[:6] = _middle(target[seen] @ se3.inverse(M[seen]))
+            return out
+        for pictures, own in zip(self.pictures, self._own, strict=True):
+            out[own] = np.where(np.isnan(out[own]), pictures.camera, out[own])
+        row = self._rows
+        sound = measured.valid & np.isfinite(target).all(axis=(1, 2))
+        self._spread(out, target[row], self.seen(np.nan_to_num(out)).T, (row >= 0) & sound[row])
         return out
+
+    def _spread(
+        self,
+        out: Float[np.ndarray, " u"],
+        target: Float[np.ndarray, "pictures 4 4"],
+        M: Float[np.ndarray, "pictures 4 4"],
+        usable: Bool[np.ndarray, " pictures"],
+    ) -> None:
+        """Fill in where cameras and boards are, from one to the next that have pictures together.
+
+        Args:
+            out: the unknowns.
+            target: its pose at each picture.
+            M: what moves in the frame of what stands, of each picture.
+            usable: which pictures count.
+        """
+        of, others = self.sightings, self.moving[1:]
+        first = len(out) - 6 * len(others)
+        carried: dict[int, np.ndarray] = {0: np.eye(4)}
+        for k in range(len(others)):
+            own = out[first + 6 * k : first + 6 * k + 6]
+            if np.isfinite(own).all():
+                carried[k + 1] = se3.pose(se3.exp(own[3:]), own[:3])
+        standing: dict[int, np.ndarray] = {}
+        while True:
+            places = [
+                (s, m, np.flatnonzero(usable & (of.standing == s) & (of.moving == m)))
+                for s, m in dict.fromkeys(zip(of.standing[usable].tolist(), of.moving[usable].tolist(), strict=True))
+            ]
+            ready = [(s, m, own) for s, m, own in places if (s in standing) != (m in carried)]
+            if ready:  # that with most pictures first: it is the surest
+                s, m, own = max(ready, key=lambda one: len(one[2]))
+                if s in standing:
+                    x = _middle(se3.inverse(target[own]) @ standing[s] @ M[own])
+                    out[first + 6 * m - 6 : first + 6 * m] = x
+                    carried[m] = se3.pose(se3.exp(x[3:]), x[:3])
+                else:
+                    x = _middle(target[own] @ carried[m] @ se3.inverse(M[own]))
+                    out[6 * s : 6 * s + 6] = x
+                    standing[s] = se3.pose(se3.exp(x[3:]), x[:3])
+                continue
+            left = [(m, own) for s, m, own in places if s not in standing]
+            if not left:
+                return
+            m, own = max(left, key=lambda one: len(one[1]))  # no picture leads there: by the robot
+            R = hand_eye_rotation(target[own], M[own])
+            carried[m] = se3.pose(R, hand_eye_place(target[own], M[own], R))
+            out[first + 6 * m - 6 : first + 6 * m] = [*carried[m][:3, 3], *se3.log(R)]
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Pixels":
         """The observation of some rows, with their images."""
@@ -308,7 +533,7 @@ class Pixels(Standalone):
         numbers, of = np.unique(self.of[rows][self.of[rows] >= 0], return_inverse=True)
         there = np.full(len(rows), -1)
         there[self.of[rows] >= 0] = of
-        pictures = None if self.pictures is None else self.pictures.take(numbers)
+        pictures = None if self.pictures is None else tuple(one.of_views(numbers) for one in self.pictures)
         return replace(self, of=there, images=tuple(self.images[k] for k in numbers), pictures=pictures)
 
     @classmethod
@@ -343,19 +568,24 @@ class Pixels(Standalone):
         return {"image": self.labels(measured)}
 
     def describe(self) -> dict[str, Any]:
-        """Camera and boards, without pictures."""
-        lens = None if self.lens is None else {k: getattr(self.lens, k) for k in ("model", "width", "height")}
-        return {"boards": list(self.boards), "u_scale": list(self.u_scale), "lens": lens, "on_wrist": self.on_wrist}
+        """Cameras and boards, without pictures."""
+        return {
+            "boards": list(self.boards),
+            "u_scale": list(self.u_scale),
+            "cameras": list(self.cameras),
+            "lenses": [{k: getattr(lens, k) for k in ("model", "width", "height")} for lens in self.lenses],
+            "moving": list(self.moving),
+        }
 
     @classmethod
     def of_description(cls, content: Mapping[str, Any]) -> "Pixels":
         """Make it from what `describe` gave."""
-        lens = None if content["lens"] is None else Lens(**content["lens"])
         return cls(
             boards=tuple(content["boards"]),
             u_scale=tuple(map(float, content["u_scale"])),
-            lens=lens,
-            on_wrist=bool(content["on_wrist"]),
+            cameras=tuple(content["cameras"]),
+            lenses=tuple(Lens(**lens) for lens in content["lenses"]),
+            moving=tuple(content["moving"]),
         )
 
 
@@ -738,9 +968,10 @@ class PixelInstrument(Instrument):
         kind = Pixels(
             boards=tuple(board.name for board in self.board),
             u_scale=tuple(board.u_scale for board in self.board),
-            lens=self.camera.lens,
-            on_wrist=self.on_wrist,
-            given=self.camera,
+            lenses=(self.camera.lens,),
+            moving=("camera" if self.on_wrist else f"board {self.board[0].name}",),
+            given=(self.camera,),
+            start=self.unknown,
             of=np.zeros(0, dtype=int),
         )
         if target is None:
@@ -763,6 +994,7 @@ class PixelInstrument(Instrument):
             lens=self.camera.lens,
             names=names,
             board=which[rows],
+            view=np.arange(len(rows)),
             first=np.concatenate([[0], np.cumsum(seen[rows].sum(axis=1))]),
             corner=places[first[which[row]] + corner],
             pixel=pixel[row, corner],
@@ -771,7 +1003,7 @@ class PixelInstrument(Instrument):
             T_camera_board=T,
             noise=self.noise_px,
         )
-        return replace(kind, of=there, images=names, pictures=pictures)
+        return replace(kind, of=there, images=names, pictures=(pictures,))
 
     def rotations(
         self, tip: Float[np.ndarray, "n 4 4"], of: Int[np.ndarray, " n"]

@@ -1,7 +1,7 @@
 """Pictures of a campaign: the corners that they show, from a folder or a file, and which row each of them belongs to."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FileError, TaskcalError, shown
+from taskcal.geometry import se3
 from taskcal.geometry.euler import to_angles
 from taskcal.observations import ObservedColumns, Pixels
 from taskcal.observations.calibration_board import MAX_SCALE_ERROR, Board
@@ -21,6 +22,7 @@ from taskcal.observations.camera import (
     Lens,
     Pictures,
     calibrate_camera,
+    determines_pose,
     homography,
     noise_with,
     recalibrate,
@@ -45,6 +47,9 @@ FEWEST_SHIFTED = 6
 
 MIN_TURN_RAD = np.radians(1.0)
 """Median by which poses are off before images are taken for shifted: nominal robots err by a tenth of it, images by less."""
+
+STANDS_BESIDE = 5.0
+"""Times that, by which the robot must turn before a board that turns by less is taken to stand before its camera."""
 
 FAR_BETTER = 3.0
 """By how much a shift, or a move, must explain the poses better than none. Sound campaigns gain up to half."""
@@ -105,6 +110,13 @@ class Corners:
     blurred: tuple[str, ...] = ()
     """Images whose edges are far wider than usual."""
     notes: tuple[str, ...] = ()
+    camera: str = ""
+    """Name of the camera; empty for the only one."""
+
+    @property
+    def label(self) -> str:
+        """The camera, as unknowns and messages call it."""
+        return f"camera {self.camera}".strip()
 
     def table(self) -> dict[str, list[str]]:
         """Columns of a file from which `read_corners` reads the same; an image without a board has a line of its own."""
@@ -335,11 +347,11 @@ def _wrist_as_joints(readings: Readings, robot: Robot) -> Readings:
 
 def with_pictures(
     campaign: Campaign,
-    corners: Corners,
+    corners: Sequence[Corners],
     boards: Sequence[Board],
     robot: Robot,
     model: str,
-    given: StatedCamera | None = None,
+    given: Sequence[StatedCamera | None] = (None,),
     *,
     judged: bool = True,
 ) -> Campaign:
@@ -347,60 +359,157 @@ def with_pictures(
 
     Args:
         campaign: as read.
-        corners: in the images.
+        corners: in the images of each camera.
         boards: that were printed.
-        robot: whose nominal poses tell whether the camera moves, or the board.
-        model: of the lens, ``pinhole`` or ``fisheye``.
-        given: what is known of the camera, with an uncertainty.
+        robot: whose nominal poses tell which cameras and boards move.
+        model: of the lenses, ``pinhole`` or ``fisheye``.
+        given: what is known of each camera, with an uncertainty.
         judged: whether pictures that do not fit the robot are refused.
 
     Raises:
-        CampaignError: images are not there, too few show a board, they do not fit the robot, or the camera that is known does not.
+        CampaignError: images are not there, too few show a board, one board is in none, they do not fit the robot, or a camera that
+            is known does not.
     """
     blank = next(one for one in campaign.observations if isinstance(one, Pixels))
     number = _numbers(campaign, blank, corners)
+    shapes = [_shapes(own, of, boards) for own, of in zip(corners, number, strict=True)]
+    rows = np.unique([shape.row for own in shapes for shape in own]).astype(int)
+    _refuse_unseen(shapes, corners, boards)
+    parts = [
+        _picture(own, found, rows, boards, model, known)
+        for own, found, known in zip(corners, shapes, given, strict=True)
+    ]
+    notes = [note for _, own in parts for note in own]
+    named = (number >= 0).any(axis=0)
+    few = [blank.images[blank.of[row]] for row in np.flatnonzero(named) if blank.of is not None and row not in rows]
+    if few:
+        notes.append(f"no board is seen in {in_words(few)}")
+    of = np.full(len(campaign), -1)
+    of[rows] = np.arange(len(rows))
+    kind = Pixels(
+        images=tuple(next(shape.image for own in shapes for shape in own if shape.row == row) for row in rows),
+        of=of,
+        boards=tuple(board.name for board in boards),
+        u_scale=tuple(board.u_scale for board in boards),
+        cameras=tuple(own.label for own in corners),
+        lenses=tuple(pictures.lens for pictures, _ in parts),
+        given=tuple(given),
+        pictures=tuple(pictures for pictures, _ in parts),
+    )
+    T = ErrorModel(robot).poses(campaign.q)
+    pairs = BoardPoses.each(kind, T)
+    kind = replace(kind, moving=find_mounts(kind, pairs, campaign.source))
+    kind = replace(kind, start=kind.on_robot(T))
+    notes += [
+        f"{'' if len(corners) == 1 else f'{own.label}: '}{said}"
+        for own, (pictures, _) in zip(corners, parts, strict=True)
+        if (said := focus_drift(pictures)) is not None
+    ]
+    M = np.tile(np.eye(4), (len(campaign), 1, 1))
+    M[:, :3, 3] = np.nan
+    assert kind.start is not None
+    M[rows] = kind.views(kind.start).moving.T
+    sources = ", ".join(dict.fromkeys(own.source for own in corners))
+    pictured = replace(
+        campaign,
+        targets=(kind.target,),
+        points=M[:, None, :3, 3],
+        rotations=np.ascontiguousarray(M[:, :3, :3]),
+        observations=(kind,),
+        source=f"{campaign.source} with {sources}" if sources != campaign.source else campaign.source,
+        notes=(*campaign.notes, *notes),
+    )
+    if judged:
+        for pair in pairs:
+            _refuse_misfit(kind, pair, campaign.source)
+    return pictured
+
+
+class Shape(NamedTuple):
+    """A board in an image."""
+
+    image: str
+    """Its name."""
+    row: int
+    board: int
+    """Number of the board."""
+    corner: Float[np.ndarray, "c 3"]
+    pixel: Float[np.ndarray, "c 2"]
+
+
+def _shapes(corners: Corners, number: Int[np.ndarray, " n"], boards: Sequence[Board]) -> list[Shape]:
+    """Boards of which enough corners are in the images that rows name.
+
+    Raises:
+        CampaignError: a corner is not on its board.
+    """
     by_name = {board.name: k for k, board in enumerate(boards)}
     shown_board = np.array([_board(name, by_name, corners) for name in corners.board], dtype=int)
     places = [(dict(zip(board.ids().tolist(), board.corners(), strict=True))) for board in boards]
-    shapes: list[Shape] = []
-    of, twice, few = np.full(len(campaign), -1), list[str](), list[str]()
-    for row in np.flatnonzero(number >= 0):
-        own = np.flatnonzero(corners.image == number[row])
-        seen = np.bincount(shown_board[own], minlength=len(boards))
-        board, name = int(seen.argmax()), corners.images[number[row]]
-        if (seen > 0).sum() > 1:
-            twice.append(name)
-        if seen[board] < FEWEST_CORNERS:
-            few.append(name)
-            continue
-        own = own[shown_board[own] == board]
-        for k in own:
-            if int(corners.id[k]) not in places[board]:
-                raise CampaignError(
-                    f"{corners.source}: corner {corners.id[k]} in image '{name}' is not on board '{boards[board].name}', whose "
-                    f"corners are {min(places[board])} to {max(places[board])}; check rows and columns of the board"
-                )
-        of[row] = len(shapes)
-        shapes.append((name, board, np.stack([places[board][int(k)] for k in corners.id[own]]), corners.pixel[own]))
-    if not shapes:
+    out: list[Shape] = []
+    for row in np.flatnonzero(number >= 0).tolist():
+        whole, name = corners.image == number[row], corners.images[number[row]]
+        for b, board in enumerate(boards):
+            own = np.flatnonzero(whole & (shown_board == b))
+            for k in own:
+                if int(corners.id[k]) not in places[b]:
+                    raise CampaignError(
+                        f"{corners.source}: corner {corners.id[k]} in image '{name}' is not on board '{board.name}', whose "
+                        f"corners are {min(places[b])} to {max(places[b])}; check rows and columns of the board"
+                    )
+            corner = np.array([places[b][int(k)] for k in corners.id[own]]).reshape(-1, 3)
+            if determines_pose(corner[:, :2]):
+                out.append(Shape(name, row, b, corner, corners.pixel[own]))
+    return out
+
+
+def _refuse_unseen(shapes: Sequence[Sequence[Shape]], corners: Sequence[Corners], boards: Sequence[Board]) -> None:
+    """See that each camera sees a board, and each board is seen.
+
+    Raises:
+        CampaignError: one does not, or is not.
+    """
+    for own, found in zip(corners, shapes, strict=True):
+        if not found:
+            raise CampaignError(
+                f"{own.source}: no image of the rows shows {FEWEST_CORNERS} corners of a board; check the board's file"
+            )
+    unseen = [board.name for b, board in enumerate(boards) if all(shape.board != b for own in shapes for shape in own)]
+    if unseen:
         raise CampaignError(
-            f"{corners.source}: no image of the rows shows {FEWEST_CORNERS} corners of a board; check the board's file"
+            f"{corners[0].source}: no image of the rows shows {FEWEST_CORNERS} corners of board {in_words(unseen)}; leave it out "
+            "of --board, or check its description"
         )
-    lens = Lens(model=model, width=corners.width, height=corners.height)
+
+
+def _picture(
+    corners: Corners,
+    shapes: Sequence[Shape],
+    rows: Int[np.ndarray, " views"],
+    boards: Sequence[Board],
+    model: str,
+    given: StatedCamera | None,
+) -> tuple[Pictures, list[str]]:
+    """What the images of a camera show, with the camera that they have, and what is to be said of it.
+
+    Raises:
+        CampaignError: no camera fits, or the one that is known does not.
+    """
+    lens = Lens(model=model if given is None else given.lens.model, width=corners.width, height=corners.height)
     if given is not None and given.lens != lens:
         raise CampaignError(
             f"{given.source} is of images of {given.lens.width} × {given.lens.height} pixels, and those of {corners.source} have "
             f"{lens.width} × {lens.height}: a camera has other numbers for another size; leave out --camera, or give the one of "
             "this size"
         )
-    pictures = _calibrate(lens, shapes, corners, boards)
+    pictures = _calibrate(lens, shapes, rows, corners, boards)
     notes = list(corners.notes)
-    other = next(name for name in LENSES if name != model)
+    other = next(name for name in LENSES if name != lens.model)
     noise = noise_with(pictures, other)
     if noise < MAX_NOISE_RATIO * pictures.noise:
         notes.append(
-            f"a lens of the model {other} leaves {noise:.2f} px of the corners, where {model} leaves {pictures.noise:.2f} px: take "
-            f"--lens {other}"
+            f"a lens of the model {other} leaves {noise:.2f} px of the corners, where {lens.model} leaves {pictures.noise:.2f} px: "
+            f"take --lens {other}"
         )
     pictures, bent = find_bend(pictures)
     notes += [
@@ -412,74 +521,40 @@ def with_pictures(
         assert given.uncertainty is not None
         alone, pictures = pictures, recalibrate(pictures, (given.numbers, given.uncertainty))
         notes += _compare_cameras(given, alone, pictures)
-    if few:
-        notes.append(f"no board is seen in {in_words(few)}")
-    if twice:
-        notes.append(f"several boards are seen in {in_words(twice)}; the one with most corners counts in each")
-    kind = Pixels(
-        images=pictures.names,
-        of=of,
-        boards=tuple(board.name for board in boards),
-        u_scale=tuple(board.u_scale for board in boards),
-        lens=pictures.lens,
-        given=given,
-        pictures=pictures,
-    )
-    poses = BoardPoses.of(replace(campaign, observations=(kind,)), ErrorModel(robot).poses(campaign.q))
-    apart = poses.apart if len(poses.rows) >= FEWEST else None
-    kind = replace(kind, on_wrist=len(boards) > 1 or apart is None or apart[0].turn < apart[1].turn)
-    focus = focus_drift(kind)
-    notes += [] if focus is None else [focus]
-    M = np.tile(np.eye(4), (len(campaign), 1, 1))
-    M[:, :3, 3] = np.nan
-    M[of >= 0] = kind.measured(pictures.settle(pictures.camera))[of[of >= 0]]
-    pictured = replace(
-        campaign,
-        targets=("camera" if kind.on_wrist else "board",),
-        points=M[:, None, :3, 3],
-        rotations=np.ascontiguousarray(M[:, :3, :3]),
-        observations=(kind,),
-        source=f"{campaign.source} with {corners.source}" if corners.source != campaign.source else campaign.source,
-        notes=(*campaign.notes, *notes),
-    )
-    if judged and apart is not None:
-        _refuse_misfit(kind, poses, apart, campaign.source)
-    return pictured
+    return pictures, [f"{corners.label}: {note}" for note in notes] if corners.camera else notes
 
 
-Shape = tuple[str, int, Float[np.ndarray, "c 3"], Float[np.ndarray, "c 2"]]
-"""Name of an image, number of the board in it, and places and pixels of its corners."""
-
-
-def _calibrate(lens: Lens, shapes: Sequence[Shape], corners: Corners, boards: Sequence[Board]) -> Pictures:
+def _calibrate(
+    lens: Lens, shapes: Sequence[Shape], rows: Int[np.ndarray, " views"], corners: Corners, boards: Sequence[Board]
+) -> Pictures:
     """The camera that the images alone have.
 
     Raises:
         CampaignError: none fits them, or columns and rows of a board are swapped.
     """
-    seen = {name: board for name, board, *_ in shapes}
     try:
         pictures = calibrate_camera(
             lens,
-            tuple(name for name, *_ in shapes),
-            np.array([board for _, board, *_ in shapes]),
-            np.concatenate([[0], np.cumsum([len(corner) for _, _, corner, _ in shapes])]),
-            np.concatenate([corner for _, _, corner, _ in shapes]),
-            np.concatenate([pixel for *_, pixel in shapes]),
+            tuple(shape.image for shape in shapes),
+            np.array([shape.board for shape in shapes]),
+            np.concatenate([[0], np.cumsum([len(shape.corner) for shape in shapes])]),
+            np.concatenate([shape.corner for shape in shapes]),
+            np.concatenate([shape.pixel for shape in shapes]),
+            np.searchsorted(rows, [shape.row for shape in shapes]),
         )
     except CampaignError:
-        _refuse_swapped_counts(seen, corners, boards)
+        _refuse_swapped_counts(shapes, corners, boards)
         raise
     if pictures.noise > MAX_NOISE_PX:
-        _refuse_swapped_counts(seen, corners, boards)
+        _refuse_swapped_counts(shapes, corners, boards)
     return pictures
 
 
-def _refuse_swapped_counts(seen: Mapping[str, int], corners: Corners, boards: Sequence[Board]) -> None:
+def _refuse_swapped_counts(shapes: Sequence[Shape], corners: Corners, boards: Sequence[Board]) -> None:
     """See that corners do not lie on a plane far better where columns and rows of a board are exchanged.
 
     Args:
-        seen: number of the board in each image, by its name.
+        shapes: boards in images.
         corners: in the images.
         boards: that were printed.
     """
@@ -487,9 +562,11 @@ def _refuse_swapped_counts(seen: Mapping[str, int], corners: Corners, boards: Se
 
     def off(board: Board, images: Sequence[str]) -> float:
         places = dict(zip(board.ids().tolist(), board.drawn_corners(), strict=True))
+        of_board = np.array([name in ("", board.name) for name in corners.board])
         out: list[float] = []
         for name in images:
-            own = [c for c in np.flatnonzero(corners.image == number[name]) if int(corners.id[c]) in places]
+            there = of_board & (corners.image == number[name])
+            own = [c for c in np.flatnonzero(there) if int(corners.id[c]) in places]
             if len(own) > FEWEST_CORNERS:  # four lie on any plane
                 plane, pixel = np.stack([places[int(c)] for c in corners.id[own]]), corners.pixel[own]
                 seen = np.column_stack([plane, np.ones(len(own))]) @ homography(plane, pixel).T
@@ -498,7 +575,7 @@ def _refuse_swapped_counts(seen: Mapping[str, int], corners: Corners, boards: Se
 
     for b, board in enumerate(boards):
         swapped = replace(board, columns=board.rows, rows=board.columns)
-        images = [name for name, own in seen.items() if own == b]
+        images = [shape.image for shape in shapes if shape.board == b]
         if FAR_BETTER * off(swapped, images) < off(board, images):
             raise CampaignError(
                 f"{corners.source}: columns and rows of board '{board.name}' are swapped: its corners lie on a plane if it has "
@@ -535,25 +612,28 @@ def _compare_cameras(given: StatedCamera, alone: Pictures, pictures: Pictures) -
     return [*out, f"{given.source} and the images differ by more than their uncertainty: {named}"] if len(far) else out
 
 
-def _numbers(campaign: Campaign, blank: Pixels, corners: Corners) -> Int[np.ndarray, " n"]:
-    """Number of each row's image; −1 where it names none."""
+def _numbers(campaign: Campaign, blank: Pixels, corners: Sequence[Corners]) -> Int[np.ndarray, "cameras n"]:
+    """Number of each row's image among those of each camera; −1 where it names none of them.
+
+    Raises:
+        CampaignError: no camera has it.
+    """
     assert blank.of is not None
-    whole = {name.casefold(): k for k, name in enumerate(corners.images)}
-    stems = {Path(name).stem.casefold(): k for k, name in enumerate(corners.images)}
-    out, missing = np.full(len(campaign), -1), list[str]()
+    out, missing = np.full((len(corners), len(campaign)), -1), list[str]()
+    whole = [{name.casefold(): k for k, name in enumerate(one.images)} for one in corners]
+    stems = [{Path(name).stem.casefold(): k for k, name in enumerate(one.images)} for one in corners]
     for row in np.flatnonzero(blank.of >= 0):
         text = blank.images[blank.of[row]]
         name = Path(text.replace("\\", "/")).name.casefold()
-        found = whole.get(text.casefold(), whole.get(name, stems.get(Path(name).stem)))
-        if found is None:
+        for c in range(len(corners)):
+            out[c, row] = whole[c].get(text.casefold(), whole[c].get(name, stems[c].get(Path(name).stem, -1)))
+        if (out[:, row] < 0).all():
             missing.append(text)
-        else:
-            out[row] = found
     if missing:
-        others = shown(", ".join(sorted(corners.images, key=natural_order)[:3]), 80)
+        others = shown(", ".join(sorted(corners[0].images, key=natural_order)[:3]), 80)
         raise CampaignError(
-            f"{campaign.source}: {corners.source} has no image {in_words(missing)}; its images are {others} …: correct the column "
-            "image, or leave out the rows"
+            f"{campaign.source}: {corners[0].source} has no image {in_words(missing)}; its images are {others} …: correct the "
+            "column image, or leave out the rows"
         )
     return out
 
@@ -578,8 +658,12 @@ def _board(name: str, numbers: dict[str, int], corners: Corners) -> int:
 
 
 class BoardPoses(NamedTuple):
-    """Rows that show the board that most rows show, in their order, as the nominal robot and the pictures have them."""
+    """Rows in which one camera sees one board, in their order, as the nominal robot and the pictures have them."""
 
+    camera: int
+    """Number of the camera."""
+    board: int
+    """Number of the board."""
     rows: Int[np.ndarray, " n"]
     T: Float[np.ndarray, "n 4 4"]
     """Of the tool."""
@@ -589,16 +673,29 @@ class BoardPoses(NamedTuple):
     """Of the images."""
 
     @classmethod
-    def of(cls, campaign: Campaign, T: Float[np.ndarray, "n 4 4"]) -> "BoardPoses":
-        """Of a campaign of images and its nominal poses of the tool."""
-        kind = next(one for one in campaign.observations if isinstance(one, Pixels))
+    def each(cls, kind: Pixels, T: Float[np.ndarray, "n 4 4"]) -> list["BoardPoses"]:
+        """Of every camera and board of some images, and the nominal poses of the tool; those of most rows first."""
         assert kind.of is not None
         assert kind.pictures is not None
-        rows = np.flatnonzero(kind.of >= 0)
-        rows = rows[kind.board_of[rows] == np.bincount(kind.board_of[rows]).argmax()]
-        settled = kind.pictures.settle(kind.pictures.camera)
-        wrist, base = (replace(kind, on_wrist=one).measured(settled)[kind.of[rows]] for one in (True, False))
-        return cls(rows, T[rows], (wrist, base), tuple(kind.images[k] for k in kind.of[rows]))
+        row, out = np.full(len(kind.images), -1), list[BoardPoses]()
+        row[kind.of[kind.of >= 0]] = np.flatnonzero(kind.of >= 0)
+        for c, pictures in enumerate(kind.pictures):
+            at = pictures.settle(pictures.camera).T_camera_board
+            for b in np.unique(pictures.board).tolist():
+                own = np.flatnonzero((pictures.board == b) & (row[pictures.view] >= 0))
+                own = own[np.argsort(row[pictures.view[own]])]
+                rows, names = row[pictures.view[own]], tuple(pictures.names[k] for k in own)
+                out.append(cls(c, b, rows, T[rows], (se3.inverse(at[own]), at[own]), names))
+        return sorted(out, key=lambda one: -len(one.rows))
+
+    @property
+    def stands(self) -> bool:
+        """Whether camera and board keep their pose to each other while the robot turns."""
+        M, tool = (
+            np.linalg.norm(se3.log(P[:, :3, :3] @ P[:1, :3, :3].swapaxes(1, 2)), axis=1)
+            for P in (self.mounts[1], self.T)
+        )
+        return bool(np.median(M) < MIN_TURN_RAD and np.median(tool) > STANDS_BESIDE * MIN_TURN_RAD)
 
     @property
     def apart(self) -> tuple[Apart, Apart]:
@@ -607,16 +704,68 @@ class BoardPoses(NamedTuple):
         return wrist, base
 
 
-def _refuse_misfit(kind: Pixels, poses: BoardPoses, apart: tuple[Apart, Apart], source: str) -> None:
+def find_mounts(kind: Pixels, pairs: Sequence[BoardPoses], source: str) -> tuple[str, ...]:
+    """Cameras and boards that are on the wrist, the one that most images show first.
+
+    Args:
+        kind: what images show.
+        pairs: of all cameras and boards that see each other, those of most rows first.
+        source: the file a message is about.
+
+    Raises:
+        CampaignError: a camera and a board that see each other are both on the wrist, or both stand; or some are in too few images,
+            and see none of the others.
+    """
+    moves, group = dict[str, bool](), {name: k for k, name in enumerate(kind.bodies)}
+    most = dict[int, int]()
+    for pair in pairs:
+        camera, board = kind.cameras[pair.camera], f"board {kind.boards[pair.board]}"
+        if pair.stands:
+            raise CampaignError(
+                f"{source}: {camera} sees {board} in the same pose in {in_words(pair.names)} while the robot turns: both stand, or "
+                "both are on the wrist, and such images tell nothing of the robot; leave them out, or check that rows and images "
+                "belong together"
+            )
+        if camera not in moves and board not in moves:
+            wrist, base = pair.apart if len(pair.rows) >= FEWEST else (None, None)
+            moves[camera] = wrist is None or base is None or wrist.turn < base.turn
+        moves[camera] = moves.get(camera, not moves.get(board, False))
+        moves.setdefault(board, not moves[camera])
+        if moves[camera] == moves[board]:
+            raise CampaignError(
+                f"{source}: {camera} sees {board} in {in_words(pair.names)}, and as other images have it both "
+                f"{'are on the wrist' if moves[board] else 'stand'}: such images tell nothing of the robot; leave them out, or "
+                "check that rows and images belong together"
+            )
+        one, other = sorted((group[camera], group[board]))
+        group = {name: one if k == other else k for name, k in group.items()}
+        most[one] = max(most.get(one, 0), most.pop(other, 0), len(pair.rows))
+    for k, count in most.items() if len(most) > 1 else ():
+        if count < FEWEST:
+            names = " and ".join(name for name in moves if group[name] == k)
+            raise CampaignError(
+                f"{source}: {names} see each other in {count} images, and none of the others: that does not tell where they are; "
+                f"take {FEWEST} images of them or more, better 20, or leave them out"
+            )
+    camera, board = kind.cameras[pairs[0].camera], f"board {kind.boards[pairs[0].board]}"
+    first = camera if moves[camera] else board
+    return (first, *(name for name in kind.bodies if moves[name] and name != first))
+
+
+def _refuse_misfit(kind: Pixels, poses: BoardPoses, source: str) -> None:
     """See that robot and pictures fit each other.
 
     Raises:
         CampaignError: they do not; or they fit if images are shifted by one row, boards have another size, or something moved
             between two images.
     """
-    (wrist, base), one = apart, apart[0 if kind.on_wrist else 1]
+    if len(poses.rows) < FEWEST:
+        return
+    moves, alone = kind.on_wrist[poses.camera], len(kind.bodies) == 2
+    (wrist, base), one = poses.apart, poses.apart[0 if moves else 1]
+    camera, board = kind.cameras[poses.camera], "board" if alone else f"board {kind.boards[poses.board]}"
     _refuse_shifted(poses, min(wrist.turn, base.turn), source)
-    if len(kind.boards) == 1 and max(wrist.turn, base.turn) < SURE * min(wrist.turn, base.turn):
+    if alone and max(wrist.turn, base.turn) < SURE * min(wrist.turn, base.turn):
         raise CampaignError(
             f"{source}: the poses of the board in the images follow the robot neither with the camera on the wrist (off "
             f"by {np.degrees(wrist.turn):.2g}°, median) nor beside the robot ({np.degrees(base.turn):.2g}°): check that rows and "
@@ -624,13 +773,13 @@ def _refuse_misfit(kind: Pixels, poses: BoardPoses, apart: tuple[Apart, Apart], 
         )
     if is_of_other_size(one):
         raise CampaignError(
-            f"{source}: the robot moves {one.scale:.3g} times as far as boards of the stated size say; check the unit of "
-            "square_mm (millimetres, not inches or metres), and that one square is stated and not the whole board"
+            f"{source}: the robot moves {one.scale:.3g} times as far as {'boards' if alone else board} of the stated size say; "
+            "check the unit of square_mm (millimetres, not inches or metres), and that one square is stated and not the whole board"
         )
-    moved = find_move(poses.T, poses.mounts[0 if kind.on_wrist else 1])
+    moved = find_move(poses.T, poses.mounts[0 if moves else 1])
     if moved is not None:
         raise CampaignError(
-            f"{source}: the {'board' if kind.on_wrist else 'camera'} moved by about {moved.jump * 1e3:.0f} mm between "
+            f"{source}: the {board if moves else camera} moved by about {moved.jump * 1e3:.0f} mm between "
             f"{poses.names[moved.first - 1]} and {poses.names[moved.first]}; fit the rows before and after by themselves (--rows)"
         )
 
@@ -688,10 +837,8 @@ def find_move(T: Float[np.ndarray, "n 4 4"], M: Float[np.ndarray, "n 4 4"]) -> M
     return best if best is not None and best.jump > MIN_JUMP_M else None
 
 
-def focus_drift(kind: Pixels) -> str | None:
+def focus_drift(pictures: Pictures) -> str | None:
     """What to say of focal lengths that change steadily from the first image to the last; None of sound ones."""
-    assert kind.pictures is not None
-    pictures = kind.pictures
     information, gradient = pictures.settle(pictures.camera).of_camera
     n, k = gradient.shape
     if n < FEWEST_SHIFTED:

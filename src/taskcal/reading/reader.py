@@ -165,7 +165,7 @@ def _read_pictures(paths: Sequence[str | Path], robot: Robot, options: ReadOptio
         FileError: several files are named, or there are no images.
     """
     from taskcal.observations.calibration_board import read_boards
-    from taskcal.observations.camera_file import as_prior, read_camera
+    from taskcal.observations.camera_file import StatedCamera, as_prior, read_camera
     from taskcal.reading import detection, pictures
 
     assert options.board is not None
@@ -190,14 +190,13 @@ def _read_pictures(paths: Sequence[str | Path], robot: Robot, options: ReadOptio
     else:
         readings = _at_standstill(table, robot, corners, options)
     readings = _one_row_a_pose(readings, robot, options)
-    given = None
+    given: StatedCamera | None = None
     if options.camera is not None:
         given = as_prior(read_camera(options.camera), exact=options.camera_exact)
         if given.lens.model == "pinhole" != options.lens:
             raise FileError(Path(options.camera), f"is of a pinhole, and the lens is to be {options.lens}")
-    model = options.lens if given is None else given.lens.model
     campaign = campaign_of(readings, robot)
-    return pictures.with_pictures(campaign, corners, boards, robot, model, given, judged=options.judged)
+    return pictures.with_pictures(campaign, (corners,), boards, robot, options.lens, (given,), judged=options.judged)
 
 
 def _at_standstill(table: Table, robot: Robot, corners: Corners, options: ReadOptions) -> Readings:

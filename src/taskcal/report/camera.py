@@ -10,10 +10,11 @@ from jaxtyping import Float
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError
+from taskcal.export.camera import pictured_target, place_of, unknowns_of
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.observations import Pixels
-from taskcal.observations.camera import KILO
+from taskcal.observations.camera import KILO, Pictures
 from taskcal.reading.detection import thumbnail
 from taskcal.report.chart import BLUE, VERMILION, Axis, Cells, Figure, Panel, Series
 from taskcal.report.content import Chart, Column, Section, Table, decimals_of
@@ -31,65 +32,59 @@ MAX_IMAGES = 8
 ARROW_SHARE = 0.04
 """Of the image's width that an arrow takes at most, those of the largest twentieth apart: about the distance of corners."""
 
+ARROWS_NOTE = (
+    "Each arrow goes from where a corner is predicted towards where it was seen, enlarged as stated. With the board of each image "
+    "placed where it fits best, what is left is lens and noise: arrows that turn together, as in a ring or towards a corner, are "
+    "of a lens that the model does not describe. With the board where the robot has it, the arrows of one image go the same way, "
+    "and tell how far robot and board are off there. The worst images follow."
+)
+
 COVERED = 8, 6
 """Parts of the image plane, across and down, in which corners are counted."""
 
 
 def describe_camera(calibration: Calibration, campaign: Campaign | None = None) -> dict[str, Any]:
-    """Camera, hand-eye, boards, and how far corners are from where they are predicted; empty without images.
+    """Cameras, hand-eye, boards, and how far corners are from where they are predicted; empty without images.
 
     Args:
         calibration: of images.
         campaign: with images, the rows that were fitted or others; without, nothing is said of corners.
     """
-    layout, deviation = calibration.layout, np.sqrt(np.maximum(np.diag(calibration.z_covariance), 0.0))
-    t = _pictured(calibration)
+    t = pictured_target(calibration)
     if t is None:
         return {}
-    kind, unknown, error = layout.kinds[t], layout.unknowns(calibration.z)[t], deviation[layout.own[t]]
-    assert isinstance(kind, Pixels)
-    assert kind.lens is not None
-    known = dict(zip(kind.unknowns, zip(unknown, error, strict=True), strict=True))
-    T = calibration.T_tool_target[t]
-    standing = {
-        name: _placed([known[f"{name}.{c}"] for c in ("tx", "ty", "tz", "rx", "ry", "rz")]) for name in kind.standing
+    kind, values, errors = unknowns_of(calibration, t)
+    corners = {} if campaign is None else _describe_corners(calibration, campaign, t)
+    cameras = {
+        name: {
+            "model": lens.model,
+            "width": lens.width,
+            "height": lens.height,
+            **{number: KILO ** (number[0] in "fc") * values[f"{name}.{number}"] for number in lens.unknowns},
+            "standard_error": {
+                number: KILO ** (number[0] in "fc") * errors[f"{name}.{number}"] for number in lens.unknowns
+            },
+            **_placed(calibration, t, name),
+            **corners.get("cameras", {}).get(name, {}),
+        }
+        for name, lens in zip(kind.cameras, kind.lenses, strict=True)
     }
-    numbers = {name: [KILO ** (name[0] in "fc") * v for v in known[f"camera.{name}"]] for name in kind.lens.unknowns}
     boards: dict[str, Any] = {}
     for name in kind.boards:
-        scale = known.get(f"board {name}.scale")
+        scale = f"board {name}.scale"
         boards[name] = {
-            **standing.get(f"board {name}", {}),
-            "scale_ppm": None if scale is None else scale[0] * 1e6,
-            "scale_standard_error_ppm": None if scale is None else scale[1] * 1e6,
+            **_placed(calibration, t, f"board {name}"),
+            "scale_ppm": values[scale] * 1e6 if scale in values else None,
+            "scale_standard_error_ppm": errors[scale] * 1e6 if scale in errors else None,
         }
-    places = layout.places[t]
-    own = calibration.z_covariance[np.ix_(places, places)]  # in the axes of what is on the wrist
-    mm, mrad = (_in_axes(T[:3, :3], block) * 1e3 for block in (own[:3, :3], own[3:, 3:]))
+    hand_eye = {key: value for key, value in _placed(calibration, t, kind.moving[0]).items() if key != "frame"}
     return {
-        "camera": {
-            "model": kind.lens.model,
-            "width": kind.lens.width,
-            "height": kind.lens.height,
-            **{name: value for name, (value, _) in numbers.items()},
-            "standard_error": {name: deviation for name, (_, deviation) in numbers.items()},
-            **standing.get("camera", {}),
-        },
-        "hand_eye": {
-            "on_wrist": "camera" if kind.on_wrist else "board",
-            **_placed_at(T),
-            "standard_error_mm": mm.tolist(),
-            "standard_error_mrad": mrad.tolist(),
-        },
+        "camera": cameras[kind.cameras[0]],
+        "hand_eye": {"on_wrist": kind.target, **hand_eye},
         "board": boards,
-        **({} if campaign is None else _describe_corners(calibration, campaign, t)),
+        **corners,
+        "cameras": cameras,
     }
-
-
-def _pictured(calibration: Calibration) -> int | None:
-    """Number of the target that images show; None without images."""
-    kinds = () if calibration.layout.fixed_frames else calibration.layout.kinds
-    return next((t for t, kind in enumerate(kinds) if isinstance(kind, Pixels) and kind.lens is not None), None)
 
 
 def _seen(calibration: Calibration, campaign: Campaign, t: int) -> tuple[Pixels, Float[np.ndarray, " u"]]:
@@ -101,18 +96,24 @@ def _seen(calibration: Calibration, campaign: Campaign, t: int) -> tuple[Pixels,
     layout, found = calibration.layout, campaign.observations
     kind, own = found[t] if len(found) == len(layout.kinds) else None, layout.kinds[t]
     assert isinstance(own, Pixels)
-    assert own.lens is not None
-    if not isinstance(kind, Pixels) or (kind.lens, kind.on_wrist) != (own.lens, own.on_wrist):
+    if not isinstance(kind, Pixels) or (kind.cameras, kind.lenses, kind.moving) != (
+        own.cameras,
+        own.lenses,
+        own.moving,
+    ):
+        cameras = ", ".join(
+            f"{name}: {lens.model}, {lens.width} × {lens.height} pixels, {'on the wrist' if moves else 'beside the robot'}"
+            for name, lens, moves in zip(own.cameras, own.lenses, own.on_wrist, strict=True)
+        )
         raise CampaignError(
-            f"{campaign.source or 'the campaign'} does not show the calibration's camera ({own.lens.model}, {own.lens.width} × "
-            f"{own.lens.height} pixels, {'on the wrist' if own.on_wrist else 'beside the robot'}); name the campaign that was "
-            "fitted, with its --images, --board and --lens"
+            f"{campaign.source or 'the campaign'} does not show what the calibration has ({cameras}; on the wrist: "
+            f"{', '.join(own.moving)}); name the campaign that was fitted, with its --images, --board and --lens"
         )
     return kind, kind.named_like(layout.kinds[t], layout.unknowns(calibration.z)[t])
 
 
-def _residuals(calibration: Calibration, campaign: Campaign, t: int) -> Float[np.ndarray, "c 2"]:
-    """Pixels of corners less those predicted for the board where the robot has it."""
+def _residuals(calibration: Calibration, campaign: Campaign, t: int) -> tuple[Float[np.ndarray, "c 2"], ...]:
+    """Pixels of each camera's corners less those predicted for the boards where the robot has them."""
     kind, unknown = _seen(calibration, campaign, t)
     found = kind.reproject(calibration.target_poses(campaign.q, campaign.conditions)[:, t], unknown)
     assert found is not None
@@ -125,35 +126,54 @@ def _describe_corners(calibration: Calibration, campaign: Campaign, t: int) -> d
     assert kind.pictures is not None
     X, by_steps = kind.two_steps(ErrorModel(calibration.model.robot).poses(campaign.q))
     nominal = ErrorModel(calibration.model.robot).poses(campaign.q) @ X
-    apart = se3.inverse(T) @ X
+    apart, residual = se3.inverse(T) @ X, _residuals(calibration, campaign, t)
+    steps = kind.reproject(nominal, by_steps)
+    assert steps is not None
+    weights = [len(pictures.pixel) for pictures in kind.pictures]
     return {
-        "reprojection_px": _rms(_residuals(calibration, campaign, t)),
-        "corner_noise_px": kind.pictures.noise,
+        "reprojection_px": _rms(np.concatenate(residual)),
+        "corner_noise_px": math.sqrt(np.average([one.noise**2 for one in kind.pictures], weights=weights)),
         "two_steps": {
-            "reprojection_px": _rms(kind.reproject(nominal, by_steps)),
+            "reprojection_px": _rms(np.concatenate(steps)),
             "hand_eye": _placed_at(X),
             "apart_mm": float(np.linalg.norm(apart[:3, 3])) * 1e3,
             "apart_mrad": float(np.linalg.norm(se3.log(apart[:3, :3]))) * 1e3,
+        },
+        "cameras": {
+            name: {
+                "images": len(set(pictures.names)),
+                "reprojection_px": _rms(r) if len(r) else None,
+                "corner_noise_px": pictures.noise,
+            }
+            for name, pictures, r in zip(kind.cameras, kind.pictures, residual, strict=True)
         },
     }
 
 
 def camera_facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     """The same in words; nothing without images."""
-    if "camera" not in result:
+    if "cameras" not in result:
         return []
-    camera, hand_eye, steps = result["camera"], result["hand_eye"], result["two_steps"]
-    error = camera["standard_error"]
-    mm, mrad = (float(np.linalg.norm(hand_eye[f"standard_error_{unit}"])) for unit in ("mm", "mrad"))
+    hand_eye, steps, out = result["hand_eye"], result["two_steps"], list[tuple[str, str]]()
+    for name, camera in result["cameras"].items():
+        error = camera["standard_error"]
+        out.append(
+            (
+                name,
+                f"{camera['model']}, fx {camera['fx']:.1f} ± {error['fx']:.2g}, fy {camera['fy']:.1f} ± {error['fy']:.2g}, cx "
+                f"{camera['cx']:.1f} ± {error['cx']:.2g}, cy {camera['cy']:.1f} ± {error['cy']:.2g} px (1σ)",
+            )
+        )
+    places = {**result["cameras"], **{f"board {name}": board for name, board in result["board"].items()}}
+    if len(places) > 2:
+        for name, place in places.items():
+            where = "on the wrist" if place["frame"] == "tool" else "stands"
+            out.append((f"place of {name}", f"{where}, known to {_known_to(place)} (1σ, in space)"))
     return [
-        (
-            "camera",
-            f"{camera['model']}, fx {camera['fx']:.1f} ± {error['fx']:.2g}, fy {camera['fy']:.1f} ± {error['fy']:.2g}, cx "
-            f"{camera['cx']:.1f} ± {error['cx']:.2g}, cy {camera['cy']:.1f} ± {error['cy']:.2g} px (1σ)",
-        ),
+        *out,
         (
             "hand-eye",
-            f"{hand_eye['on_wrist']} on the wrist, known to {mm:.2g} mm and {np.degrees(mrad / 1e3):.2g}° (1σ, in space); "
+            f"{hand_eye['on_wrist']} on the wrist, known to {_known_to(hand_eye)} (1σ, in space); "
             f"camera first, then hand-eye: {steps['apart_mm']:.2g} mm and {np.degrees(steps['apart_mrad'] / 1e3):.2g}° elsewhere",
         ),
         (
@@ -164,26 +184,30 @@ def camera_facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
-def _rms(residual: Float[np.ndarray, "c 2"] | None) -> float:
-    assert residual is not None
+def _known_to(place: Mapping[str, Any]) -> str:
+    """How well a place is known, in space."""
+    mm, mrad = (float(np.linalg.norm(place[f"standard_error_{unit}"])) for unit in ("mm", "mrad"))
+    return f"{mm:.2g} mm and {np.degrees(mrad / 1e3):.2g}°"
+
+
+def _rms(residual: Float[np.ndarray, "c 2"]) -> float:
     return float(np.sqrt(np.nanmean((residual**2).sum(axis=1))))
 
 
-def _in_axes(R: Float[np.ndarray, "3 3"], covariance: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 3"]:
-    """Standard deviations of a turned vector."""
-    return np.sqrt(np.maximum(np.diag(R @ covariance @ R.T), 0.0))
-
-
-def _placed_at(T: Float[np.ndarray, "4 4"]) -> dict[str, list[float]]:
+def _placed_at(T: Float[np.ndarray, "4 4"]) -> dict[str, Any]:
     return {"position_mm": (T[:3, 3] * 1e3).tolist(), "quaternion": se3.to_quaternion(T[:3, :3]).tolist()}
 
 
-def _placed(numbers: list[tuple[float, float]]) -> dict[str, list[float]]:
-    values, errors = np.array(numbers).T
+def _placed(calibration: Calibration, t: int, name: str) -> dict[str, Any]:
+    """Place of a camera or a board in the base, or in the tool frame, and the standard errors along and about its axes."""
+    kind, (T, covariance) = calibration.layout.kinds[t], place_of(calibration, t, name)
+    assert isinstance(kind, Pixels)
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * 1e3
     return {
-        **_placed_at(se3.pose(se3.exp(values[3:]), values[:3])),
-        "standard_error_mm": (errors[:3] * 1e3).tolist(),
-        "standard_error_mrad": (errors[3:] * 1e3).tolist(),
+        "frame": "base" if name in kind.standing else "tool",
+        **_placed_at(T),
+        "standard_error_mm": errors[:3].tolist(),
+        "standard_error_mrad": errors[3:].tolist(),
     }
 
 
@@ -203,11 +227,15 @@ def camera_section(
     Raises:
         FileError: an image is not one that OpenCV reads.
     """
-    t = _pictured(calibration)
+    t = pictured_target(calibration)
     if t is None:
         return None
     found = describe_camera(calibration, campaign)
-    own = _tabulate_camera(found["camera"]), _tabulate_hand_eye(found["hand_eye"])
+    own = (
+        *(_tabulate_camera(name, camera) for name, camera in found["cameras"].items()),
+        _tabulate_hand_eye(found["hand_eye"]),
+        _tabulate_places(found),
+    )
     if campaign is None:
         return Section(
             "Camera and hand-eye",
@@ -216,43 +244,77 @@ def camera_section(
             "steps give, are shown by taskcal report CAL.json --campaign CAMPAIGN.csv --images FOLDER --board BOARD.toml, with the "
             f"files that were fitted ({calibration.provenance.campaign}).",
         )
-    kind = _seen(calibration, campaign, t)[0]
-    camera = np.array([found["camera"][name] for name in kind.lens.unknowns]) if kind.lens else np.zeros(0)
-    coverage, share = _draw_coverage(kind)
-    return Section(
-        "Camera and hand-eye",
-        *own,
-        _tabulate_steps(found),
-        Chart(
-            "Residuals of the corners over the image",
-            _draw_arrows(kind, _residuals(calibration, campaign, t), camera, images),
-            "Each arrow goes from where a corner is predicted towards where it was seen, enlarged as stated. With the board of "
-            "each image placed where it fits best, what is left is lens and noise: arrows that turn together, as in a ring or "
-            "towards a corner, are of a lens that the model does not describe. With the board where the robot has it, the arrows "
-            "of one image go the same way, and tell how far robot and board are off there. The worst images follow.",
-        ),
-        Chart(
-            "Corners over the image",
-            coverage,
-            f"Corners were seen in {share:.0%} of {math.prod(COVERED)} parts. In empty ones the lens is extrapolated: let the "
-            "board reach them.",
-        ),
-    )
+    kind, charts = _seen(calibration, campaign, t)[0], list[Chart]()
+    assert kind.pictures is not None
+    for name, pictures, residual in zip(kind.cameras, kind.pictures, _residuals(calibration, campaign, t), strict=True):
+        if not len(residual):
+            continue
+        several, numbers = len(kind.cameras) > 1, np.array([found["cameras"][name][k] for k in pictures.lens.unknowns])
+        folder = images / name.removeprefix("camera ") if several and images is not None else images
+        coverage, share = _draw_coverage(pictures)
+        of = f" of {name}" if several else ""
+        charts += [
+            Chart(
+                f"Residuals of the corners over the image{of}",
+                _draw_arrows(pictures, residual, numbers, folder),
+                ARROWS_NOTE,
+            ),
+            Chart(
+                f"Corners over the image{of}",
+                coverage,
+                f"Corners were seen in {share:.0%} of {math.prod(COVERED)} parts. In empty ones the lens is extrapolated: let the "
+                "board reach them.",
+            ),
+        ]
+    return Section("Camera and hand-eye", *own, _tabulate_steps(found), *charts)
 
 
-def _tabulate_camera(camera: Mapping[str, Any]) -> Table:
+def _tabulate_camera(name: str, camera: Mapping[str, Any]) -> Table:
     """The camera's numbers and their standard errors."""
     errors: Mapping[str, float] = camera["standard_error"]
     rows = [
-        (name, *_stated(camera[name], error), "px" if name in ("fx", "fy", "cx", "cy") else "")
-        for name, error in errors.items()
+        (number, *_stated(camera[number], error), "px" if number in ("fx", "fy", "cx", "cy") else "")
+        for number, error in errors.items()
     ]
     return Table.of_rows(
-        f"Camera: {camera['model']}, {camera['width']} × {camera['height']} pixels",
+        f"{name.capitalize()}: {camera['model']}, {camera['width']} × {camera['height']} pixels",
         ("number", "value", "1σ", "unit"),
         rows,
         text_columns=(0, 3),
         note="As OpenCV defines them; the middle of the first pixel is 0, 0.",
+    )
+
+
+def _tabulate_places(found: Mapping[str, Any]) -> Table:
+    """Where each camera and each board is, and how large a board is."""
+    rows: list[dict[str, Any]] = []
+    for name, one in (*found["cameras"].items(), *((f"board {name}", one) for name, one in found["board"].items())):
+        mm, mrad = (float(np.linalg.norm(one[f"standard_error_{unit}"])) for unit in ("mm", "mrad"))
+        rows.append(
+            {
+                "name": name,
+                "frame": one["frame"],
+                **dict(zip("xyz", one["position_mm"], strict=True)),
+                "mm": mm,
+                "degrees": math.degrees(mrad / 1e3),
+                "scale": one.get("scale_ppm"),
+                "scale_error": one.get("scale_standard_error_ppm"),
+            }
+        )
+    columns = (
+        Column("", "name"),
+        Column("in the frame of the", "frame"),
+        *(Column(f"{axis} mm", axis, ".2f") for axis in "xyz"),
+        Column("1σ mm", "mm", ".3f"),
+        Column("1σ °", "degrees", ".3f"),
+        Column("larger than stated ppm", "scale", ".0f"),
+        Column("1σ ppm", "scale_error", ".0f"),
+    )
+    return Table.of(
+        "Where cameras and boards are",
+        columns,
+        rows,
+        note="Errors are in space, of the place and of the turn. The origin of a board is the outer corner of its first square.",
     )
 
 
@@ -306,25 +368,25 @@ def _tabulate_steps(found: Mapping[str, Any]) -> Table:
 
 
 def _draw_arrows(
-    kind: Pixels, residual: Float[np.ndarray, "c 2"], camera: Float[np.ndarray, " k"], images: Path | None
+    pictures: Pictures, residual: Float[np.ndarray, "c 2"], camera: Float[np.ndarray, " k"], images: Path | None
 ) -> Mapping[str, Figure]:
     """Residuals over the image plane: of all images, then of those with the largest ones, over these."""
-    assert kind.pictures is not None
-    pictures, robot = kind.pictures, "board where the robot has it"
+    robot = "board where the robot has it"
     numbers = camera / np.repeat([KILO, 1.0], [4, len(camera) - 4])
     alone = pictures.residual(pictures.settle(numbers), numbers)
     every = np.arange(0, len(residual), math.ceil(len(residual) / MAX_ARROWS))
     panels = (
-        _arrows(kind, every, residual, VERMILION, robot),
-        _arrows(kind, every, alone, BLUE, "board where it fits best"),
+        _arrows(pictures, every, residual, VERMILION, robot),
+        _arrows(pictures, every, alone, BLUE, "board where it fits best"),
     )
     views = {"all images": Figure(panels=panels, columns=2)}
-    each = [np.flatnonzero(pictures.of == k) for k in range(len(pictures))]
-    sizes = np.array([_rms(residual[own]) for own in each])
-    for k in np.argsort(-sizes)[:MAX_IMAGES].tolist():
-        own = each[k]
-        views[f"{pictures.names[k]}, {sizes[k]:.2f} px rms"] = Figure(
-            panels=(_arrows(kind, own[:MAX_ARROWS], residual, VERMILION, robot, _shown(images, pictures.names[k])),)
+    name_of = np.array(pictures.names, dtype=object)[pictures.of]
+    each = {name: np.flatnonzero(name_of == name) for name in dict.fromkeys(pictures.names)}
+    sizes = {name: _rms(residual[own]) for name, own in each.items()}
+    for name in sorted(sizes, key=lambda one: -sizes[one])[:MAX_IMAGES]:
+        own = each[name][:MAX_ARROWS]
+        views[f"{name}, {sizes[name]:.2f} px rms"] = Figure(
+            panels=(_arrows(pictures, own, residual, VERMILION, robot, _shown(images, name)),)
         )
     return views
 
@@ -336,11 +398,15 @@ def _shown(images: Path | None, name: str) -> bytes:
 
 
 def _arrows(
-    kind: Pixels, corners: np.ndarray, residual: Float[np.ndarray, "c 2"], colour: str, what: str, image: bytes = b""
+    pictures: Pictures,
+    corners: np.ndarray,
+    residual: Float[np.ndarray, "c 2"],
+    colour: str,
+    what: str,
+    image: bytes = b"",
 ) -> Panel:
     """Arrows of some corners, enlarged by the largest of 1, 2, 5, 10 … with which they have room."""
-    assert kind.pictures is not None
-    lens, seen, r = kind.pictures.lens, kind.pictures.pixel[corners], residual[corners]
+    lens, seen, r = pictures.lens, pictures.pixel[corners], residual[corners]
     usual = max(float(np.nanpercentile(np.linalg.norm(r, axis=1), 95)), 1e-9)
     room = ARROW_SHARE * lens.width / usual
     decade = 10.0 ** math.floor(math.log10(room))
@@ -363,10 +429,9 @@ def _arrows(
     )
 
 
-def _draw_coverage(kind: Pixels) -> tuple[Figure, float]:
+def _draw_coverage(pictures: Pictures) -> tuple[Figure, float]:
     """How many corners were seen in each part of the image plane, and in which share of the parts any."""
-    assert kind.pictures is not None
-    lens, (u, v) = kind.pictures.lens, kind.pictures.pixel.T
+    lens, (u, v) = pictures.lens, pictures.pixel.T
     counts, across, down = np.histogram2d(u, v, bins=COVERED, range=((0.0, lens.width), (0.0, lens.height)))
     middles = [0.5 * (edges[1:] + edges[:-1]) for edges in (across, down)]
     panel = Panel(

@@ -1,5 +1,6 @@
 """Images of a printed board as a camera takes them: the board's plane seen through the lens, with blur, light and noise."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,21 +96,52 @@ def render_board(
     rng: np.random.Generator,
     exposure: Exposure | None = None,
 ) -> UInt8[np.ndarray, "h w"]:
-    """The image of a board.
+    """The image of one board, as `render_boards` has it."""
+    return render_boards((board,), lens, camera, T_camera_board[None], rng=rng, exposure=exposure)
+
+
+def render_boards(
+    boards: Sequence[Board],
+    lens: Lens,
+    camera: Float[np.ndarray, " k"],
+    T_camera_board: Float[np.ndarray, "boards 4 4"],
+    *,
+    rng: np.random.Generator,
+    exposure: Exposure | None = None,
+) -> UInt8[np.ndarray, "h w"]:
+    """The image of boards that do not cover each other.
 
     Args:
-        board: in the size that was measured.
+        boards: in the sizes that were measured.
         lens: of the camera.
         camera: its numbers, as `Lens.unknowns`.
-        T_camera_board: pose of the board in the camera's frame, z forward, metres.
+        T_camera_board: pose of each board in the camera's frame, z forward, metres.
         rng: source of the noise.
         exposure: blur, light and noise.
 
     Raises:
-        CampaignError: a part of the board is behind the camera.
-        TaskcalError: the board has markers, and OpenCV is not installed.
+        CampaignError: a part of a board is behind the camera.
+        TaskcalError: a board has markers, and OpenCV is not installed.
     """
-    look, drawing, margin = exposure or Exposure(), draw_board(board), MARGIN * board.square_m
+    look, image = exposure or Exposure(), np.zeros((lens.height, lens.width))
+    image += look.background
+    for board, T in zip(boards, T_camera_board, strict=True):
+        _lay(image, board, lens, camera, T, look)
+    image = gaussian_filter(image, look.blur_px) if look.blur_px else image
+    image *= 1.0 + look.gradient * np.linspace(-1.0, 1.0, lens.width)
+    return np.clip(np.rint(image + look.noise * rng.normal(size=image.shape)), 0, 255).astype(np.uint8)
+
+
+def _lay(
+    image: Float[np.ndarray, "h w"],
+    board: Board,
+    lens: Lens,
+    camera: Float[np.ndarray, " k"],
+    T_camera_board: Float[np.ndarray, "4 4"],
+    look: Exposure,
+) -> None:
+    """Lay a board's sheet into an image, without blur and noise."""
+    drawing, margin = draw_board(board), MARGIN * board.square_m
     numbers = camera * np.concatenate([np.full(4, KILO), np.ones(len(camera) - 4)])
     plane = _Plane(LENSES[lens.model], numbers, T_camera_board, board)
     low, high = drawing.outline[:2] - margin, drawing.outline[2:] + margin
@@ -131,14 +163,9 @@ def render_board(
         down, across = (_between(length, offset) for length, offset in zip(shown.shape, off, strict=False))
         there = np.stack([_mixed(down, _mixed(across, place[..., i].T).T) for i in (0, 1)], axis=-1)
         shown += texture.look(there) / SUBPIXELS**2
-    image = np.full((lens.height, lens.width), look.background)
     ink, sheet = shown[..., 0], shown[..., 1]
-    image[first[1] : last[1] + 1, first[0] : last[0] + 1] = (
-        sheet * look.white - ink * (look.white - look.black) + (1.0 - sheet) * look.background
-    )
-    image = gaussian_filter(image, look.blur_px) if look.blur_px else image
-    image *= 1.0 + look.gradient * np.linspace(-1.0, 1.0, lens.width)
-    return np.clip(np.rint(image + look.noise * rng.normal(size=image.shape)), 0, 255).astype(np.uint8)
+    part = image[first[1] : last[1] + 1, first[0] : last[0] + 1]
+    part[:] = sheet * look.white - ink * (look.white - look.black) + (1.0 - sheet) * part
 
 
 def _between(count: int, offset: float) -> tuple[np.ndarray, np.ndarray]:

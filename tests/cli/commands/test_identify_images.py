@@ -57,7 +57,7 @@ def test_images_give_the_hand_eye_and_a_file_that_gives_it_again(run, tmp_path, 
         (arrows,) = panel.series
         tail, tip = (np.column_stack([arrows.x[k::7], arrows.y[k::7]]) for k in (0, 1))
         seen = tail + (tip - tail) / float(panel.title.split("×")[1])
-        np.testing.assert_allclose(seen, again.observations[0].pictures.pixel, atol=1e-6)
+        np.testing.assert_allclose(seen, again.observations[0].pictures[0].pixel, atol=1e-6)
     done("report cal.json --campaign shots.csv --images seen --board board.toml -o page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "Residuals of the corners over the image" in page

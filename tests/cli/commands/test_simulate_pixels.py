@@ -39,8 +39,8 @@ def test_a_simulated_campaign_of_images_is_identified(run, folder):
     robot = load_robot("abb-irb6660-205-1.9")
     campaign = read_campaign("shots.csv", robot, options=ReadOptions(board="board.toml"))
     (kind,) = campaign.observations
-    assert kind.pictures.noise == pytest.approx(0.15, rel=0.15)
-    np.testing.assert_allclose(kind.pictures.camera[:4] * 1e3, [1440.0, 1440.0, 799.5, 599.5], atol=15.0)
+    assert kind.pictures[0].noise == pytest.approx(0.15, rel=0.15)
+    np.testing.assert_allclose(kind.pictures[0].camera[:4] * 1e3, [1440.0, 1440.0, 799.5, 599.5], atol=15.0)
 
 
 def test_rendered_images_show_the_corners_of_the_file(run, folder):

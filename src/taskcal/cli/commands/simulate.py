@@ -73,7 +73,7 @@ PIXELS, IMAGE_SIZE = "pixels", "1600x1200"
 class CameraOptions:
     """Board and camera of ``--observe pixels``."""
 
-    board: Path | None = option(None, "BOARD.toml", "With --observe pixels: the board, the first of the file.")
+    board: Path | None = option(None, "BOARD.toml", "With --observe pixels: the boards, which stand side by side.")
     camera_file: Path | None = option(
         None, "CAMERA.toml|.yaml", "The camera, in place of --image-size and --focal-px.", named="--camera"
     )
@@ -133,8 +133,8 @@ class CameraOptions:
         from taskcal.virtual.pictures import render_shots, take_shots
 
         assert self.board is not None
-        board, camera, rng = read_boards(self.board)[0], self.camera(), np.random.default_rng(seed)
-        shots, truth = take_shots(model, q, board, camera, rng=rng, options=options)
+        boards, camera, rng = read_boards(self.board), self.camera(), np.random.default_rng(seed)
+        shots, truth = take_shots(model, q, boards, camera, rng=rng, options=options)
         names = tuple(f"{k:04d}.png" for k in range(len(q)))
         corners = Corners(
             source=output.name,
@@ -142,14 +142,14 @@ class CameraOptions:
             width=camera.lens.width,
             height=camera.lens.height,
             image=shots.image,
-            board=(board.name,) * len(shots.image),
+            board=tuple(boards[b].name for b in shots.board),
             id=shots.id,
             pixel=shots.pixel,
         ).table()
         rows = np.array([names.index(name) for name in corners["image"]], dtype=int)
         contents: dict[Path | None, str | bytes] = {output: joints_text(shots.q[rows], model.robot, corners)}
         if self.images is not None:
-            pictures = render_shots(shots, board, camera, rng)
+            pictures = render_shots(shots, boards, camera, rng)
             contents |= {self.images / name: png for name, png in zip(names, pictures, strict=True)}
         return contents, truth
 

@@ -64,7 +64,9 @@ class TableOptions:
     images: Path | None = option(
         None, "FOLDER|CORNERS.csv", "Images of a board, one for each row of the campaign, or the corners found in them."
     )
-    board: Path | None = option(None, "BOARD.toml", "The boards that the images show.")
+    board: Path | None = option(
+        None, "BOARD.toml|FOLDER", "The boards that the images show: a file, or a folder of them."
+    )
     image_times: str | None = option(
         None,
         "names|exif|TIMES.csv",
