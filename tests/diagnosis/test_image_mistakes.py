@@ -7,6 +7,7 @@ import pytest
 
 from taskcal.diagnosis.diagnose import diagnose
 from tests.observations.pictured import CORNERS, LENS, MODEL, PIXELS, take_pictures
+from tests.observations.rig import two_boards
 
 
 def seen(seed: int):
@@ -112,3 +113,15 @@ def test_images_follow_their_rows_into_the_mended_campaign():
     mended = diagnose(shifted(pictured), MODEL.robot).campaign
     labels = mended.observations[0].labels(mended.read(0))
     assert labels == ["", *map(str, range(1, 15))]
+
+
+def test_a_second_board_that_moved_is_named():
+    """By its pictures alone, where the first is sound."""
+    rig = two_boards(3, 30)
+    (seen,) = rig.corners
+    late = (seen.image >= 15) & np.isin(seen.board, "side")
+    moved = replace(rig, corners=(replace(seen, pixel=seen.pixel + np.where(late, 60.0, 0.0)[:, None]),))
+    assert not diagnose(rig.campaign(judged=False), MODEL.robot).findings
+    (found,) = diagnose(moved.campaign(judged=False), MODEL.robot).findings
+    assert found.id == "fixture-moved"
+    assert "board side" in found.fix

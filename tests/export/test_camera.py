@@ -21,11 +21,13 @@ from taskcal.geometry import se3
 from taskcal.geometry.euler import from_angles
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.identify import identify
+from taskcal.identification.options import FitOptions
 from taskcal.observations import read_camera
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
 from tests.laws.calibrations import calibrated
 from tests.observations.pictured import CAMERA, CORNERS, MODEL, Pictured, take_pictures
+from tests.observations.rig import wrist_and_floor
 
 
 @pytest.fixture(scope="module", params=[True, False], ids=["on the wrist", "beside the robot"])
@@ -95,3 +97,20 @@ def test_every_file_reads_back_as_it_was_written(found, tmp_path):
 def test_a_calibration_without_images_has_no_camera():
     with pytest.raises(TaskcalError, match="has no camera"):
         export_camera_info(calibrated("ur5"))
+
+
+def test_the_camera_of_several_is_named():
+    """Without a name, or with another one, the names of all are said."""
+    rig = wrist_and_floor(1, 12, error=5e-5)
+    calibration = identify(MODEL, rig.campaign(), options=FitOptions(keep=()))
+    for words in ({}, {"name": "other"}):
+        with pytest.raises(TaskcalError, match="wrist, cell"):
+            export_camera_toml(calibration, **words)
+    for name in ("wrist", "cell"):
+        camera = Camera.of(calibration, name)
+        export = export_camera_urdf(calibration, name)
+        assert camera.link == f"camera_{name}_optical_frame"
+        assert f'link name="{camera.link}"' in export.text
+        assert camera.on_wrist == (name == "wrist")
+        there = rig.bodies[f"camera {name}"]
+        assert np.linalg.norm(camera.T_parent_camera[:3, 3] - there[:3, 3]) < 0.03

@@ -11,7 +11,7 @@ from taskcal.observations.calibration_board import Board, bend_terms
 from taskcal.observations.camera import Lens
 from taskcal.observations.flatness import find_bend
 from taskcal.reading.detection import detect_corners
-from taskcal.virtual.rendering import render_board
+from taskcal.virtual.rendering import render_boards
 from tests.observations.pictured import CAMERA, CORNERS, PIXELS, take_pictures
 
 BEND = np.array([3e-4, -1e-4, 2e-4])
@@ -62,7 +62,9 @@ def test_bent_boards_are_rendered_where_their_corners_project(tmp_path):
     )
     lens, turn = Lens(model="pinhole", width=800, height=600), se3.exp(np.array([0.4, -0.3, 0.2]))
     camera, T = lens.start(0.9), se3.pose(turn, np.array([0.0, 0.0, 0.4]) - turn @ board.corners().mean(axis=0))
-    cv2.imwrite(str(tmp_path / "seen.png"), render_board(board, lens, camera, T, rng=np.random.default_rng(0)))
+    cv2.imwrite(
+        str(tmp_path / "seen.png"), render_boards((board,), lens, camera, T[None], rng=np.random.default_rng(0))
+    )
     found = detect_corners(tmp_path, [board])
 
     def projected(one):

@@ -8,8 +8,9 @@ from taskcal.errors import FileError
 from taskcal.geometry import se3
 from taskcal.observations import Board
 from taskcal.observations.camera import KILO, Lens
-from taskcal.reading.detection import detect_corners
-from taskcal.virtual.rendering import render_board
+from taskcal.reading.detection import corners_of, detect_corners
+from taskcal.reading.writer import corners_text
+from taskcal.virtual.rendering import render_boards
 from tests.observations.test_board_drawing import BOARDS
 
 cv2 = pytest.importorskip("cv2")
@@ -57,7 +58,7 @@ def test_corners_of_other_boards_are_where_they_project(tmp_path, name, roll):
     turn, camera = se3.exp(np.array([0.2, -0.15, 0.0])) @ se3.exp(np.array([0.0, 0.0, roll])), lens.start(0.9)
     middle, size = board.corners().mean(axis=0), np.ptp(board.corners(), axis=0).max()
     T = se3.pose(turn, np.array([0.0, 0.0, 2.0 * size]) - turn @ middle)
-    image = render_board(board, lens, camera, T, rng=np.random.default_rng(0))
+    image = render_boards((board,), lens, camera, T[None], rng=np.random.default_rng(0))
     cv2.imwrite(str(tmp_path / "seen.png"), image)
     found = detect_corners(tmp_path, [board])
     fx, fy, cx, cy = camera[:4] * KILO
@@ -103,9 +104,18 @@ def test_files_that_are_no_images_are_refused(folder, content):
         detect_corners(folder, [BOARD])
 
 
-def test_folders_of_several_cameras_are_named(tmp_path):
-    (tmp_path / "left").mkdir()
-    (tmp_path / "left" / "0.png").touch()
-    (tmp_path / "notes").mkdir()
-    with pytest.raises(FileError, match=r"has no images .*, but its folders left have: name one; a fit has one camera"):
-        detect_corners(tmp_path, ())
+def test_each_folder_of_images_is_a_camera(folder, tmp_path):
+    """Their corners are read the same from a file, which names the camera of each; one folder alone is to be named itself."""
+    whole = tmp_path / "shots"
+    for name, view in (("left", "1.png"), ("right", "2.png")):
+        (whole / name).mkdir(parents=True)
+        (folder / view).rename(whole / name / "0001.png")
+    found = corners_of(whole, [BOARD])
+    assert [(one.camera, one.images) for one in found] == [("left", ("0001.png",)), ("right", ("0001.png",))]
+    (tmp_path / "seen.csv").write_text(corners_text(found))
+    for one, again in zip(found, corners_of(tmp_path / "seen.csv", [BOARD]), strict=True):
+        assert (again.camera, again.images, again.board, again.width) == (one.camera, one.images, one.board, 640)
+        np.testing.assert_allclose(again.pixel, one.pixel, atol=1e-4)
+    (whole / "right" / "0001.png").unlink()
+    with pytest.raises(FileError, match=r"has no images .*, but its folder left has: name that"):
+        corners_of(whole, [BOARD])

@@ -9,12 +9,13 @@ from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify
 from taskcal.kernels.projection import FISHEYE, project
-from taskcal.reading.pictures import read_corners
+from taskcal.reading.pictures import read_corners, tabulate_corners
 from taskcal.reading.reader import ReadOptions, read_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.tables.forms import read_table
 from tests.observations.pictured import COLUMNS, CORNERS, LENS, MODEL, ROWS, SQUARE, take_pictures
+from tests.observations.rig import two_cameras
 
 SEEN = take_pictures(2, 8)
 JOINTS = {f"J{j + 1}_deg": [f"{q:.9f}" for q in np.degrees(SEEN.q[:, j])] for j in range(6)}
@@ -94,12 +95,44 @@ def test_poses_of_the_wrist_stand_for_joints(folder):
 
 
 def test_corners_are_written_as_they_are_read(folder):
-    found = read_corners(read_table(folder / "seen.corners.csv"))
+    (found,) = read_corners(read_table(folder / "seen.corners.csv"))
     blank = replace(found, images=("nothing.png", *found.images), image=found.image + 1)
-    again = read_corners(read_table(write(folder / "again.corners.csv", blank.table())))
+    (again,) = read_corners(read_table(write(folder / "again.corners.csv", blank.table())))
     assert (again.images, again.board, again.width) == (blank.images, blank.board, 1600)
     np.testing.assert_array_equal(again.image, blank.image)
     np.testing.assert_allclose(again.pixel, found.pixel, atol=1e-4)
+
+
+def test_a_campaign_of_two_cameras_is_read_as_it_was_written(folder):
+    """Rows and images of each camera by their names, in one file or two; what is known of a camera is in a file with its name."""
+    rig = two_cameras(1, 10)
+    columns = tabulate_corners(rig.corners)
+    (folder / "boards").mkdir()
+    keys = ['name = "floor"', 'kind = "charuco"', "columns = 7", "rows = 5", "square_mm = 30.0", "marker_mm = 22.0"]
+    (folder / "boards" / "floor.toml").write_text("\n".join(["[[board]]", *keys, 'dictionary = "5X5_100"']))
+    row = [int(name.partition(".")[0]) for name in columns["image"]]
+    joints = {f"J{k + 1}_rad": rig.q[:, k] for k in range(6)}
+    write(folder / "whole.csv", columns | {name: values[row] for name, values in joints.items()})
+    write(folder / "seen.csv", columns)
+    write(folder / "rows.csv", {"image": [f"{k:04d}" for k in range(10)], **joints})
+    options = ReadOptions(board=folder / "boards")
+    one = read_campaign(folder / "whole.csv", ROBOT, options=options)
+    two = read_campaign(folder / "rows.csv", ROBOT, options=replace(options, images=folder / "seen.csv"))
+    (kind,) = one.observations
+    assert (kind.cameras, kind.moving) == (("camera left", "camera right"),) * 2
+    expected = rig.campaign().take(np.flatnonzero(rig.campaign().seen))
+    for found in (one, two):
+        found = found.take(np.flatnonzero(found.seen))
+        np.testing.assert_allclose(found.points, expected.points, atol=1e-4)  # corners are written to 1e-4 px
+    (folder / "known").mkdir()
+    known = "[camera]\nwidth = 1600\nheight = 1200\nfx = 1310.0\n[camera.u]\n"
+    known += "".join(f"{name} = 20.0\n" for name in ("fx", "fy", "cx", "cy")) + "k1 = 0.2\nk2 = 0.2\n"
+    (folder / "known" / "right.toml").write_text(known)
+    given = read_campaign(folder / "whole.csv", ROBOT, options=replace(options, camera=folder / "known"))
+    assert [None if camera is None else camera.source for camera in given.observations[0].given] == [None, "right.toml"]
+    (folder / "known" / "right.toml").rename(folder / "known" / "other.toml")
+    with pytest.raises(TaskcalError, match=r"other\.toml: is of none of the cameras left, right"):
+        read_campaign(folder / "whole.csv", ROBOT, options=replace(options, camera=folder / "known"))
 
 
 def test_images_without_a_board_are_named_and_their_rows_not_used(folder):

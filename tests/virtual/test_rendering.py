@@ -7,7 +7,7 @@ from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.kernels.projection import PINHOLE, project
 from taskcal.observations.camera import KILO, Lens
-from taskcal.virtual.rendering import Exposure, render_board
+from taskcal.virtual.rendering import Exposure, render_boards
 from tests.observations.test_board_drawing import BOARDS, found
 
 LENS = Lens(model="pinhole", width=800, height=600)
@@ -28,7 +28,7 @@ def test_corners_of_a_rendered_board_are_where_they_project(name):
     """Within 0.1 px, and on the mean within 0.02 px."""
     board, ids = BOARDS[name], BOARDS[name].ids()
     T = before_camera(board, seed=1)
-    image = render_board(board, LENS, CAMERA, T, rng=np.random.default_rng(1))
+    image = render_boards((board,), LENS, CAMERA, T[None], rng=np.random.default_rng(1))
     corners = found(image, board)
     assert len(corners) >= 0.8 * len(ids)
     R, t = np.tile(T[:3, :3], (len(ids), 1, 1)), np.tile(T[:3, 3], (len(ids), 1))
@@ -44,7 +44,7 @@ def test_dots_are_drawn_where_they_project():
     turn, distance = np.eye(3), 0.3
     T = se3.pose(turn, np.array([0.0, 0.0, distance]) - board.corners().mean(axis=0))
     plain = Exposure(noise=0.0, gradient=0.0)
-    image = render_board(board, LENS, CAMERA, T, rng=np.random.default_rng(0), exposure=plain).astype(float)
+    image = render_boards((board,), LENS, CAMERA, T[None], rng=np.random.default_rng(0), exposure=plain).astype(float)
     n = len(board.ids())
     projected = project(PINHOLE, PIXELS, np.tile(T[:3, :3], (n, 1, 1)), np.tile(T[:3, 3], (n, 1)), board.corners())[0]
     radius = int(0.6 * board.square_m / distance * PIXELS[0])
@@ -58,4 +58,4 @@ def test_dots_are_drawn_where_they_project():
 def test_a_board_behind_the_camera_is_refused():
     board = BOARDS["checkerboard"]
     with pytest.raises(CampaignError, match="behind the camera"):
-        render_board(board, LENS, CAMERA, np.eye(4), rng=np.random.default_rng(0))
+        render_boards((board,), LENS, CAMERA, np.eye(4)[None], rng=np.random.default_rng(0))

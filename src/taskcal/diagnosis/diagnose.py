@@ -206,7 +206,7 @@ def scope_of(campaign: Campaign) -> str:
     if not kinds:
         return ""
     if pictures_of(campaign) is not None:
-        return "images are examined by the poses of the board in them; of several boards and cameras by the two that most of them show"
+        return "images are examined by the poses of the board in them; other boards and cameras for moves, size and focus alone"
     if _is_quick(campaign):
         examined, left = "the joints (units, signs, zeros, couplings, order) and the robot, in pairs too", "frames"
     else:
@@ -485,6 +485,7 @@ def _diagnose_pictured(case: Case, progress: Progress) -> Diagnosis:
         if one.id not in NOT_TOLD_OF_IMAGES and not (focus and one.id == "drift")
     ]
     findings += [] if focus is None else [focus]
+    findings += [] if findings else seen.find_in_others()
     lasting = tuple(one.id for one in findings if one.id in (*found.unmended, *NOT_MENDED_OF_IMAGES))
     mended = seen.mended(case, found.campaign) if len(findings) > len(lasting) else case.campaign
     return Diagnosis(

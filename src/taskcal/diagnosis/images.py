@@ -13,7 +13,7 @@ from taskcal.diagnosis.fits import fit_linearly
 from taskcal.diagnosis.hypotheses import Case, Finding, looked_for
 from taskcal.observations import Pixels
 from taskcal.observations.camera import Pictures
-from taskcal.reading.pictures import LOCK, BoardPoses, focus_drift, is_of_other_size
+from taskcal.reading.pictures import FEWEST_SHIFTED, LOCK, BoardPoses, find_move, focus_drift, is_of_other_size
 
 NOT_TOLD_OF_IMAGES = ("inverse-poses", "small-workspace")
 """The first says no more than that the camera is beside the robot, or on the wrist, after all; and a camera that looks at a board
@@ -40,18 +40,20 @@ class SeenPoses:
     poses: BoardPoses
     given: Campaign
     """With their images; other rows show nothing."""
+    others: tuple[BoardPoses, ...]
+    """Of other boards, and of other cameras."""
 
     @classmethod
     def of(cls, case: Case) -> "SeenPoses":
         """Of the rows in which a camera sees the board that it sees in most of them."""
         kind, campaign = pictures_of(case.campaign), case.campaign
         assert kind is not None
-        poses = BoardPoses.each(kind, case.poses(np.arange(len(campaign))))[0]
+        poses, *others = BoardPoses.each(kind, case.poses(np.arange(len(campaign))))
         M = np.tile(np.eye(4), (len(campaign), 1, 1))
         M[:, :3, 3] = np.nan
         M[poses.rows] = poses.mounts[0 if kind.on_wrist[poses.camera] else 1]
         given = replace(campaign, points=M[:, None, :3, 3], rotations=np.ascontiguousarray(M[:, :3, :3]))
-        return cls(kind=kind, poses=poses, given=given)
+        return cls(kind=kind, poses=poses, given=given, others=tuple(others))
 
     @property
     def board(self) -> str:
@@ -117,6 +119,32 @@ class SeenPoses:
         variance = np.einsum("ni,nij,nj->n", t, settled.pose_covariance[:, :3, :3], t) / square
         return float(np.sqrt((variance / square).mean()))
 
+    def find_in_others(self) -> list[Finding]:
+        """What is wrong with other boards and cameras, each pair by itself, where joints and robot are right."""
+        out: list[Finding] = []
+        for pair in self.others:
+            camera, board = self.kind.cameras[pair.camera], f"board {self.kind.boards[pair.board]}"
+            moves = self.kind.on_wrist[pair.camera]
+            if len(pair.rows) < FEWEST_SHIFTED or not np.isfinite(pair.T).all():
+                continue
+            one, moved = pair.apart[0 if moves else 1], find_move(pair.T, pair.mounts[0 if moves else 1])
+            if is_of_other_size(one):
+                out.append(
+                    _of_images("square-size", board, f"the robot moves {one.scale:.3g} times as far as its size says")
+                )
+            elif moved is not None:
+                first = pair.names[moved.first]
+                fix = f"the {board if moves else camera} that stands moved by about {moved.jump * 1e3:.0f} mm before {first}"
+                out.append(
+                    _of_images("fixture-moved", first, f"{fix}: fit the rows before and after by themselves (--rows)")
+                )
+        assert self.kind.pictures is not None
+        for k, pictures in enumerate(self.kind.pictures):
+            said = None if k == self.poses.camera else focus_drift(pictures)
+            if said is not None:
+                out.append(_of_images("focus-changed", self.kind.cameras[k], said))
+        return out
+
     @looked_for("images", "mirrored-images", "fixture-moved")
     def tell(self, finding: Finding) -> Finding:
         """A finding of a tracker's campaign in the words of images."""
@@ -151,3 +179,7 @@ class SeenPoses:
         assert kind.of is not None
         of = np.where(row >= 0, kind.of[row], -1)
         return replace(found, observations=(replace(kind, of=of).take(np.arange(len(of))),))
+
+
+def _of_images(id: str, subject: str, fix: str) -> Finding:
+    return Finding(id=id, subject=(subject,), error_before=None, error_after=None, confidence=0.9, fix=fix)

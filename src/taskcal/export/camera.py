@@ -1,5 +1,6 @@
 """The camera of a calibration from images, and where it is, for ROS and OpenCV."""
 
+import re
 from dataclasses import dataclass
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -8,16 +9,13 @@ import numpy as np
 import tomli_w
 from jaxtyping import Float
 
-from taskcal.errors import TaskcalError
+from taskcal.errors import TaskcalError, UnknownName
 from taskcal.export.descriptions import BASE, tip_of
 from taskcal.export.forms import Export, Loss, placed
 from taskcal.identification.calibration import Calibration
 from taskcal.observations import Pixels
 from taskcal.observations.camera import DISTORTION, KILO, Lens
 from taskcal.observations.views import Posed
-
-OPTICAL = "camera_optical_frame"
-"""Link of the camera: x to the right and y down in the image, z forward (REP 103)."""
 
 ROS_MODELS = {"pinhole": "plumb_bob", "fisheye": "equidistant"}
 """Distortion models of ``sensor_msgs/CameraInfo`` with the coefficients of each lens, in OpenCV's order."""
@@ -63,6 +61,8 @@ EXACT = Loss(rms=0.0, maximum=0.0, poses=0, reasons=())
 class Camera:
     """A camera that was found."""
 
+    name: str
+    """``camera``, or ``camera left`` of several."""
     lens: Lens
     matrix: Float[np.ndarray, "3 3"]
     """Focal lengths and centre, pixels; the middle of the first pixel is at zero."""
@@ -87,6 +87,7 @@ class Camera:
         for name, lens, on_wrist in zip(kind.cameras, kind.lenses, kind.on_wrist, strict=True):
             fx, fy, cx, cy = (float(values[f"{name}.{number}"]) * KILO for number in ("fx", "fy", "cx", "cy"))
             out[name] = cls(
+                name=name,
                 lens=lens,
                 matrix=np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]),
                 distortion=np.array([values[f"{name}.{number}"] for number in DISTORTION[lens.model]]),
@@ -98,37 +99,52 @@ class Camera:
         return out
 
     @classmethod
-    def of(cls, calibration: Calibration) -> "Camera":
-        """The camera of a calibration.
+    def of(cls, calibration: Calibration, name: str | None = None) -> "Camera":
+        """A camera of a calibration.
+
+        Args:
+            calibration: from images.
+            name: of the camera, as its folder was called; needed where there are several.
 
         Raises:
-            TaskcalError: it was not made from images.
+            TaskcalError: it was not made from images, or has several cameras and none is named.
+            UnknownName: it has no camera of this name.
         """
-        found = list(cls.each(calibration).values())
+        found = cls.each(calibration)
         if not found:
             raise TaskcalError(
                 "this calibration has no camera: it was not made from images (taskcal identify --images)"
             )
-        return found[0]
+        names = {one.removeprefix("camera").strip(): camera for one, camera in found.items()}
+        if name is None and len(found) > 1:
+            raise TaskcalError(f"this calibration has the cameras {', '.join(names)}: name one (--camera)")
+        if name is not None and name not in names:
+            raise UnknownName("camera", name, [one for one in names if one])
+        return next(iter(found.values())) if name is None else names[name]
+
+    @property
+    def link(self) -> str:
+        """Link of its optical frame: x to the right and y down in the image, z forward (REP 103)."""
+        return f"{re.sub(r'[^A-Za-z0-9]+', '_', self.name)}_optical_frame"
 
     def exported(self, text: str) -> Export:
         """A file with this camera, and its pose beside."""
-        where = "camera in the tool" if self.on_wrist else "camera in the base"
+        where = f"{self.name} in the {'tool' if self.on_wrist else 'base'}"
         return Export(text=text, loss=EXACT, frames={where: self.T_parent_camera})
 
 
-def export_camera_info(calibration: Calibration) -> Export:
+def export_camera_info(calibration: Calibration, name: str | None = None) -> Export:
     """The camera as ROS keeps it (``camera_info``, of camera_calibration_parsers).
 
     Raises:
-        TaskcalError: the calibration was not made from images.
+        TaskcalError: the calibration was not made from images, or has several cameras and none is named.
     """
-    camera = Camera.of(calibration)
+    camera = Camera.of(calibration, name)
     K, D = camera.matrix, camera.distortion
     lines = [
         f"image_width: {camera.lens.width}",
         f"image_height: {camera.lens.height}",
-        "camera_name: camera",
+        f"camera_name: {re.sub(r'[^A-Za-z0-9]+', '_', camera.name)}",
         *_matrix("camera_matrix", K),
         f"distortion_model: {ROS_MODELS[camera.lens.model]}",
         *_matrix("distortion_coefficients", D[None]),
@@ -138,13 +154,13 @@ def export_camera_info(calibration: Calibration) -> Export:
     return camera.exported("\n".join(lines) + "\n")
 
 
-def export_opencv_yaml(calibration: Calibration) -> Export:
+def export_opencv_yaml(calibration: Calibration, name: str | None = None) -> Export:
     """The camera and its pose as OpenCV's FileStorage reads them.
 
     Raises:
-        TaskcalError: the calibration was not made from images.
+        TaskcalError: the calibration was not made from images, or has several cameras and none is named.
     """
-    camera = Camera.of(calibration)
+    camera = Camera.of(calibration, name)
     tag = " !!opencv-matrix"
     lines = [
         "%YAML:1.0",
@@ -159,13 +175,13 @@ def export_opencv_yaml(calibration: Calibration) -> Export:
     return camera.exported("\n".join(lines) + "\n")
 
 
-def export_camera_toml(calibration: Calibration) -> Export:
+def export_camera_toml(calibration: Calibration, name: str | None = None) -> Export:
     """The camera with its standard errors, as `read_camera` reads it.
 
     Raises:
-        TaskcalError: the calibration was not made from images.
+        TaskcalError: the calibration was not made from images, or has several cameras and none is named.
     """
-    camera = Camera.of(calibration)
+    camera = Camera.of(calibration, name)
     K, names = camera.matrix, DISTORTION[camera.lens.model]
     content: dict[str, Any] = {
         "lens": camera.lens.model,
@@ -181,24 +197,24 @@ def export_camera_toml(calibration: Calibration) -> Export:
     return camera.exported(tomli_w.dumps({"camera": content}))
 
 
-def export_camera_urdf(calibration: Calibration) -> Export:
+def export_camera_urdf(calibration: Calibration, name: str | None = None) -> Export:
     """The camera's optical frame as a link of a URDF, fixed to the robot's link of the tool, or of the base.
 
     Raises:
-        TaskcalError: the calibration was not made from images.
+        TaskcalError: the calibration was not made from images, or has several cameras and none is named.
     """
-    camera = Camera.of(calibration)
+    camera = Camera.of(calibration, name)
     xyz = " ".join(repr(float(value)) for value in camera.T_parent_camera[:3, 3])
     rpy = " ".join(repr(float(np.radians(value))) for value in placed(camera.T_parent_camera)["rpy_deg"])
     parent = quoteattr(camera.parent)
     text = f"""<?xml version="1.0"?>
 <robot name={quoteattr(f"{calibration.model.robot.name}-camera")}>
   <link name={parent}/>
-  <link name="{OPTICAL}"/>
-  <joint name={quoteattr(f"{camera.parent}-{OPTICAL}")} type="fixed">
+  <link name="{camera.link}"/>
+  <joint name={quoteattr(f"{camera.parent}-{camera.link}")} type="fixed">
     <origin xyz="{xyz}" rpy="{rpy}"/>
     <parent link={parent}/>
-    <child link="{OPTICAL}"/>
+    <child link="{camera.link}"/>
   </joint>
 </robot>
 """

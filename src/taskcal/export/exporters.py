@@ -35,8 +35,8 @@ class Exporter:
     Raises:
         TaskcalError: the form cannot hold the robot, or loses something that is not accepted (`Loss.refuse`).
     """
-    of_robot: bool = True
-    """Whether it holds the robot, of which the calibration must know something over its poses; else its camera alone."""
+    camera: Callable[[Calibration, str | None], Export] | None = None
+    """Of a form that holds a camera alone: its file, given the camera's name, None for the only one; `write` is then not asked."""
     description: Form | None = None
     """Of links and joints, which may have meshes and samples (`export_description`, `export_samples`): the form's name there."""
 
@@ -75,7 +75,7 @@ for _name, _export in (
     ("camera-toml", export_camera_toml),
     ("camera-urdf", export_camera_urdf),
 ):
-    _EXPORTERS[_name] = Exporter(name=_name, write=lambda one, _, __, export=_export: export(one), of_robot=False)
+    _EXPORTERS[_name] = Exporter(name=_name, camera=_export, write=lambda one, _, __, export=_export: export(one))
 
 
 def exporters() -> tuple[Exporter, ...]:

@@ -144,7 +144,8 @@ class Pixels(Standalone):
     @property
     def target(self) -> str:
         """Name of what is on the wrist: a camera or a board, or the first of them."""
-        return self.moving[0] if len(self.moving) > 1 else self.moving[0].partition(" ")[0]
+        first, *others = self.moving
+        return first if others else first.partition(" ")[0]
 
     @property
     def unknowns(self) -> tuple[str, ...]:

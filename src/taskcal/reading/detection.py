@@ -59,15 +59,18 @@ class Found(NamedTuple):
 NOTHING = Found(np.zeros(0, dtype=int), np.zeros((0, 2)))
 
 
-def corners_of(path: Path, boards: Sequence[Board]) -> Corners:
-    """Corners in the images of a folder, or as a file has them.
+def corners_of(path: Path, boards: Sequence[Board]) -> tuple[Corners, ...]:
+    """Corners in the images of each camera: of a folder, of the folders in it, one for each camera, or as a file has them.
 
     Raises:
         FileError: there is neither, or no image.
         TaskcalError: OpenCV is not installed.
     """
     if path.is_dir():
-        return detect_corners(path, boards)
+        cameras = sorted((one for one in path.iterdir() if one.is_dir() and _has_images(one)), key=lambda one: one.name)
+        if _has_images(path) or len(cameras) < 2:
+            return (detect_corners(path, boards),)
+        return tuple(replace(detect_corners(one, boards), camera=one.name) for one in cameras)
     table = read_table(path)
     if not has_corners(table):
         raise FileError(path, f"is not a file of corners: it needs columns {', '.join(CORNER_COLUMNS[:5])}", line=1)
@@ -99,7 +102,7 @@ def detect_corners(folder: Path, boards: Sequence[Board]) -> Corners:
     )
     if not paths:
         inside = sorted(path.name for path in folder.iterdir() if path.is_dir() and _has_images(path))
-        several = f", but its folders {in_words(inside)} have: name one; a fit has one camera" if inside else ""
+        several = f", but its folder {in_words(inside)} has: name that" if inside else ""
         raise FileError(folder, f"has no images ({', '.join(sorted(SUFFIXES))}){several}")
     finders = [_finder(board) for board in boards]
     before = cv2.getNumThreads()

@@ -39,6 +39,9 @@ from taskcal.tables.table import Table
 CORNER_COLUMNS = ("image", "board", "corner", "u_px", "v_px", "width_px", "height_px")
 """Of a file of corners; joints and other columns of a campaign may follow."""
 
+CAMERA = "camera"
+"""The column that names the camera of each corner, where there are several."""
+
 MAX_NAMED = 6
 """Images that a message names."""
 
@@ -134,17 +137,43 @@ class Corners:
         return {**sorted_rows, "width_px": whole[0], "height_px": whole[1]}
 
 
+def tabulate_corners(corners: Sequence[Corners]) -> dict[str, list[str]]:
+    """Columns of a file from which `read_corners` reads the same cameras; with the name of each where there are several."""
+    tables = [one.table() for one in corners]
+    out = {name: [cell for table in tables for cell in table[name]] for name in tables[0]}
+    cameras = [one.camera for one, table in zip(corners, tables, strict=True) for _ in table["image"]]
+    return {"camera": cameras, **out} if any(cameras) else out
+
+
 def has_corners(table: Table) -> bool:
     """Whether a file has a row for each corner."""
     return all(name in table for name in ("image", "corner", "u_px", "v_px"))
 
 
-def read_corners(table: Table) -> Corners:
-    """Read a file of corners: ``image``, ``board``, ``corner``, ``u_px``, ``v_px``, ``width_px``, ``height_px``.
+def read_corners(table: Table) -> tuple[Corners, ...]:
+    """Read a file of corners: ``image board corner u_px v_px width_px height_px``, and ``camera`` where there are several.
 
     Raises:
-        FileError: a cell is not what it must be, a corner is there twice, or the sizes of images differ.
+        FileError: a cell is not what it must be, a corner is there twice, or the sizes of a camera's images differ.
     """
+    if CAMERA not in table:
+        return (_corners_of_camera(table),)
+    cameras = table.texts(CAMERA)
+    for row, name in enumerate(cameras):
+        if not name:
+            raise table.error("the cell is empty; name the camera in every row, or leave the column out", row, CAMERA)
+    names = dict.fromkeys(cameras)
+    return tuple(
+        replace(
+            _corners_of_camera(table.take(np.array([one == name for one in cameras]))),
+            camera=name if len(names) > 1 else "",
+        )
+        for name in names
+    )
+
+
+def _corners_of_camera(table: Table) -> Corners:
+    """Those of one camera."""
     names = table.texts("image")
     images = tuple(dict.fromkeys(names))
     number = {name: k for k, name in enumerate(images)}
@@ -196,7 +225,7 @@ def one_row_an_image(table: Table) -> Table:
     names = table.texts("image")
     first = np.zeros(len(names), dtype=bool)
     first[list({name: row for row, name in reversed(list(enumerate(names)))}.values())] = True
-    return without_columns(table.take(first), CORNER_COLUMNS[1:])
+    return without_columns(table.take(first), (CAMERA, *CORNER_COLUMNS[1:]))
 
 
 def without_columns(table: Table, names: Sequence[str]) -> Table:
@@ -210,7 +239,7 @@ def without_columns(table: Table, names: Sequence[str]) -> Table:
 # Rows and their images.
 
 
-def with_images(readings: Readings, robot: Robot, corners: Corners) -> Readings:
+def with_images(readings: Readings, robot: Robot, corners: Sequence[Corners]) -> Readings:
     """Readings whose rows name images, and hold nothing else that was measured.
 
     Positions and rotations beside joints are the controller's own; without joints they are those of a wrist that a robot of three
@@ -219,34 +248,40 @@ def with_images(readings: Readings, robot: Robot, corners: Corners) -> Readings:
     Raises:
         FileError: there are neither joints nor poses of such a wrist, or rows and images cannot be paired.
     """
-    readings = _joints_alone(readings, robot)
+    readings, images = _joints_alone(readings, robot), _names_of_images(corners)
     if readings.observed is not None and "image" in readings.observed:
-        return readings.noted(*_unpaired(readings, corners))
+        return readings.noted(*_unpaired(readings, images))
     ids = readings.ids or ()
-    cells, names = ids, {Path(name).stem.casefold() for name in corners.images}
+    cells, names = ids, {Path(name).stem.casefold() for name in images}
     if not any(Path(text).stem.casefold() in names for text in ids):
-        if len(corners.images) != len(readings):
+        if len(images) != len(readings):
+            several = f" of {len(corners)} cameras, those of one posture under one name" if len(corners) > 1 else ""
             raise FileError(
                 readings.path,
-                f"names no images, and has {len(readings)} rows where {corners.source} has {len(corners.images)} images; add a "
+                f"names no images, and has {len(readings)} rows where {corners[0].source} has {len(images)} images{several}; add a "
                 "column image with the name of each row's file",
                 line=1,
             )
-        cells = tuple(sorted(corners.images, key=natural_order))
+        cells = tuple(sorted(images, key=natural_order))
         readings = readings.noted(
             f"no column image: rows and images are paired in their order, from {cells[0]} to {cells[-1]}"
         )
     readings = _naming(readings, cells)
-    return readings.noted(*_unpaired(readings, corners))
+    return readings.noted(*_unpaired(readings, images))
 
 
-def _unpaired(readings: Readings, corners: Corners) -> list[str]:
+def _names_of_images(corners: Sequence[Corners]) -> tuple[str, ...]:
+    """Names of the images of all cameras, those of one posture once, whatever their suffix."""
+    return tuple({_stem(name): name for one in reversed(corners) for name in one.images}.values())
+
+
+def _unpaired(readings: Readings, names: Sequence[str]) -> list[str]:
     """What is to be said of rows that name no image, and of images that no row names."""
     assert readings.observed is not None
     cells = readings.observed.texts("image")
     lines = [str(line) for line, text in zip(readings.lines, cells, strict=True) if not text.strip()]
     named = {_stem(text) for text in cells}
-    images = [name for name in corners.images if _stem(name) not in named]
+    images = [name for name in names if _stem(name) not in named]
     notes = [f"no image is named in line {in_words(lines)}: not used"] if lines else []
     return [*notes, f"no row names {in_words(images)}: not used"] if images else notes
 

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from taskcal.arguments import checked
 from taskcal.campaigns.campaign import Campaign, with_distances, with_unknown_scale
 from taskcal.errors import FileError, WrongValue, shown
-from taskcal.observations import Point, Pose, Read, kinds
+from taskcal.observations import Point, Pose, Read, StatedCamera, kinds
 from taskcal.reading.pictures import Corners
 from taskcal.reading.readings import MAX_TARGETS, AngleForm, Readings, no_joint, read_readings
 from taskcal.reading.rows import average_shots, side_by_side, with_targets_in_names, without_means
@@ -38,8 +38,9 @@ class ReadOptions:
     """Whether the scale of measured lengths (`d_mm`) is unknown."""
     board: str | Path | None = None
     """File of the boards that images show."""
-    images: str | Path | Corners | None = None
-    """Folder of the images, or the corners in them, or their file; None where the campaign's own file has the corners."""
+    images: str | Path | tuple[Corners, ...] | None = None
+    """Folder of the images, with a folder for each of several cameras, or the corners in them, or their file; None where the
+    campaign's own file has the corners."""
     lens: Literal["pinhole", "fisheye"] = "pinhole"
     """Of the camera that took them."""
     camera: str | Path | None = None
@@ -165,7 +166,6 @@ def _read_pictures(paths: Sequence[str | Path], robot: Robot, options: ReadOptio
         FileError: several files are named, or there are no images.
     """
     from taskcal.observations.calibration_board import read_boards
-    from taskcal.observations.camera_file import StatedCamera, as_prior, read_camera
     from taskcal.reading import detection, pictures
 
     assert options.board is not None
@@ -174,7 +174,7 @@ def _read_pictures(paths: Sequence[str | Path], robot: Robot, options: ReadOptio
     table = read_table(paths[0], options.form)
     own, corners = pictures.has_corners(table), None
     boards = read_boards(options.board)
-    if isinstance(options.images, Corners):
+    if isinstance(options.images, tuple):
         corners = options.images
     elif options.images is not None:
         corners = detection.corners_of(Path(options.images), boards)
@@ -190,16 +190,43 @@ def _read_pictures(paths: Sequence[str | Path], robot: Robot, options: ReadOptio
     else:
         readings = _at_standstill(table, robot, corners, options)
     readings = _one_row_a_pose(readings, robot, options)
-    given: StatedCamera | None = None
-    if options.camera is not None:
-        given = as_prior(read_camera(options.camera), exact=options.camera_exact)
-        if given.lens.model == "pinhole" != options.lens:
-            raise FileError(Path(options.camera), f"is of a pinhole, and the lens is to be {options.lens}")
+    given = _stated_cameras(options, corners)
     campaign = campaign_of(readings, robot)
-    return pictures.with_pictures(campaign, (corners,), boards, robot, options.lens, (given,), judged=options.judged)
+    return pictures.with_pictures(campaign, corners, boards, robot, options.lens, given, judged=options.judged)
 
 
-def _at_standstill(table: Table, robot: Robot, corners: Corners, options: ReadOptions) -> Readings:
+def _stated_cameras(options: ReadOptions, corners: Sequence[Corners]) -> "list[StatedCamera | None]":
+    """What is known of each camera: of the only one from a file, of several from files of a folder with their names.
+
+    Raises:
+        FileError: a file is missing or no camera's, or one is of another lens or of no camera.
+    """
+    from taskcal.observations.camera_file import YAML_SUFFIXES, as_prior, read_camera
+
+    if options.camera is None:
+        return [None] * len(corners)
+    path, names = Path(options.camera), [one.camera for one in corners]
+    files = {names[0]: path}
+    if len(corners) > 1:
+        if not path.is_dir():
+            raise FileError(
+                path,
+                f"is not a folder; of the cameras {', '.join(names)} name one with a file for each, as {names[0]}.toml",
+            )
+        files = {one.stem: one for one in sorted(path.iterdir()) if one.suffix.lower() in (".toml", *YAML_SUFFIXES)}
+        for name, file in files.items():
+            if name not in names:
+                raise FileError(file, f"is of none of the cameras {', '.join(names)}; leave it out, or rename it")
+    out: list[StatedCamera | None] = []
+    for name in names:
+        given = as_prior(read_camera(files[name]), exact=options.camera_exact) if name in files else None
+        if given is not None and given.lens.model == "pinhole" != options.lens:
+            raise FileError(files[name], f"is of a pinhole, and the lens is to be {options.lens}")
+        out.append(given)
+    return out
+
+
+def _at_standstill(table: Table, robot: Robot, cameras: Sequence[Corners], options: ReadOptions) -> Readings:
     """A row for each image of a log's table that was taken while the robot stood.
 
     Raises:
@@ -211,6 +238,13 @@ def _at_standstill(table: Table, robot: Robot, corners: Corners, options: ReadOp
     assert options.image_times is not None
     if pictures.has_corners(table) or "image" in table:
         raise FileError(table.path, "names the image of each row; leave out --image-times, or the column image", line=1)
+    if len(cameras) > 1:
+        names = ", ".join(one.camera for one in cameras)
+        raise FileError(
+            Path(options.images) if isinstance(options.images, str | Path) else table.path,
+            f"has images of the cameras {names}; --image-times pairs those of one: name the image of each row in a column image",
+        )
+    (corners,) = cameras
     rows = times_of(table)
     try:
         images = image_times(corners.images, options.image_times, corners.folder)

@@ -14,7 +14,7 @@ from taskcal.geometry import se3
 from taskcal.io.files import write_whole
 from taskcal.observations import Pixels
 from taskcal.observations.base import written
-from taskcal.reading.pictures import Corners
+from taskcal.reading.pictures import Corners, tabulate_corners
 from taskcal.reading.readings import Readings
 from taskcal.robot.robot import Robot
 from taskcal.tables.parquet import parquet_of
@@ -120,9 +120,9 @@ def joints_text(q: Float[np.ndarray, "n joints"], robot: Robot, more: Mapping[st
     return _table({"id": ids, **_joint_columns(q, robot), **own})
 
 
-def corners_text(corners: Corners) -> str:
+def corners_text(corners: Sequence[Corners]) -> str:
     """Text of a file of corners, which ``--images`` reads."""
-    return _table(corners.table())
+    return _table(tabulate_corners(corners))
 
 
 def pictured_text(campaign: Campaign, corners: Corners, robot: Robot) -> str:

@@ -8,4 +8,4 @@ from taskcal.virtual.pictures import Shots as Shots
 from taskcal.virtual.pictures import VirtualCamera as VirtualCamera
 from taskcal.virtual.pictures import take_shots as take_shots
 from taskcal.virtual.rendering import Exposure as Exposure
-from taskcal.virtual.rendering import render_board as render_board
+from taskcal.virtual.rendering import render_boards as render_boards

@@ -87,19 +87,6 @@ class _Texture:
         return np.stack([ink, sheet], axis=-1)
 
 
-def render_board(
-    board: Board,
-    lens: Lens,
-    camera: Float[np.ndarray, " k"],
-    T_camera_board: Float[np.ndarray, "4 4"],
-    *,
-    rng: np.random.Generator,
-    exposure: Exposure | None = None,
-) -> UInt8[np.ndarray, "h w"]:
-    """The image of one board, as `render_boards` has it."""
-    return render_boards((board,), lens, camera, T_camera_board[None], rng=rng, exposure=exposure)
-
-
 def render_boards(
     boards: Sequence[Board],
     lens: Lens,

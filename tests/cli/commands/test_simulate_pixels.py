@@ -49,8 +49,8 @@ def test_rendered_images_show_the_corners_of_the_file(run, folder):
     ended = run(*FLAGS.split(), *size.split(), "--task", "task.toml", "-n", "3", "-o", "shots.csv")
     assert ended.status == 0, ended.err
     boards = read_boards("board.toml")
-    seen = corners_of(folder / "seen", boards)
-    written = corners_of(folder / "shots.csv", boards)
+    (seen,) = corners_of(folder / "seen", boards)
+    (written,) = corners_of(folder / "shots.csv", boards)
     there = dict(zip(zip(written.image.tolist(), written.id.tolist(), strict=True), written.pixel, strict=True))
     both = [k for k in zip(seen.image.tolist(), seen.id.tolist(), strict=True) if k in there]
     assert len(both) > 0.7 * len(there) > 20

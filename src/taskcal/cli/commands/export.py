@@ -49,6 +49,7 @@ def command(
         "File to write, optional for offsets; for c and cffi a folder, whose name all names begin with; a folder with --samples.",
         also="-o",
     ),
+    camera: str | None = option(None, "NAME", "The camera to write, of a calibration from images of several."),
     meshes: str | None = option(
         None, "URDF", "The URDF of this robot, whose visible meshes the links of urdf, mjcf, sdf and usd get."
     ),
@@ -76,6 +77,10 @@ def command(
     for option_name, value in (("--meshes", meshes), ("--samples", samples)):
         if value is not None and (exporter is None or exporter.description is None):
             raise typer.BadParameter(f"is not for {form}, but for urdf, mjcf, sdf and usd", param_hint=option_name)
+    if camera is not None and (exporter is None or exporter.camera is None):
+        raise typer.BadParameter(
+            f"is not for {form}, but for camera-info, opencv-yaml, camera-toml and camera-urdf", param_hint="--camera"
+        )
     several = samples is not None or (exporter is not None and exporter.folder is not None)
     if several and output is not None and output.exists() and not output.is_dir():
         raise typer.BadParameter(
@@ -97,10 +102,18 @@ def command(
         out.give(result, lambda: _show_offsets(name, offsets, task))
         return
     q = _poses(reached)[0]
-    if exporter.of_robot and not accept_uncertain:
+    if exporter.camera is None and not accept_uncertain:
         _check_known(calibrated, form, q)
     export = _export(
-        exporter, calibrated, q, output, meshes=meshes, samples=samples, seed=seed, accept_loss=accept_loss
+        exporter,
+        calibrated,
+        q,
+        output,
+        camera=camera,
+        meshes=meshes,
+        samples=samples,
+        seed=seed,
+        accept_loss=accept_loss,
     )
     outputs.write({output / name: text for name, text in export.files.items()} if several else {output: export.text})
     for remark in export.remarks:
@@ -117,6 +130,7 @@ def _export(
     q: "np.ndarray | None",
     output: Path,
     *,
+    camera: str | None,
     meshes: str | None,
     samples: int | None,
     seed: int,
@@ -125,6 +139,8 @@ def _export(
     """The files of a form."""
     if exporter.folder is not None:
         return exporter.folder(calibration, output.name)
+    if exporter.camera is not None:
+        return exporter.camera(calibration, camera)
     if exporter.description is None:
         return exporter.write(calibration, q, accept_loss)
     keys: dict[str, Any] = {"meshes": meshes, "accept_loss": accept_loss, "accept_uncertain": True}

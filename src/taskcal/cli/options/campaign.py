@@ -62,7 +62,9 @@ class TableOptions:
         False, help="Fit the scale of measured lengths (d_mm) too; the robot's size is then nominal."
     )
     images: Path | None = option(
-        None, "FOLDER|CORNERS.csv", "Images of a board, one for each row of the campaign, or the corners found in them."
+        None,
+        "FOLDER|CORNERS.csv",
+        "Images of boards, one for each row, in a folder for each of several cameras; or the corners found in them.",
     )
     board: Path | None = option(
         None, "BOARD.toml|FOLDER", "The boards that the images show: a file, or a folder of them."
@@ -74,14 +76,15 @@ class TableOptions:
     )
     camera: Path | None = option(
         None,
-        "CAMERA.toml|.yaml",
-        "What is known of the camera of the images: Taskcal's TOML, or YAML of ROS (camera_info) or OpenCV. A plan needs it.",
+        "CAMERA.toml|.yaml|FOLDER",
+        "What is known of the camera of the images: Taskcal's TOML, or YAML of ROS (camera_info) or OpenCV; of several "
+        "a folder with a file named after each. A plan needs it.",
     )
     camera_exact: bool = option(False, help="Take the camera's numbers as exact.")
     lens: Literal["pinhole", "fisheye"] = option("pinhole", help="Lens of the camera that took the images.")
 
-    def find_corners(self) -> "Corners | None":
-        """Corners in the images of a folder; None where none is given.
+    def find_corners(self) -> "tuple[Corners, ...] | None":
+        """Corners in the images of each camera of a folder; None where none is given.
 
         Raises:
             TaskcalError: images or boards cannot be read, or OpenCV is not installed.
@@ -89,9 +92,9 @@ class TableOptions:
         if self.images is None or self.board is None or not self.images.is_dir():
             return None
         from taskcal.observations.calibration_board import read_boards
-        from taskcal.reading.detection import detect_corners
+        from taskcal.reading.detection import corners_of
 
-        return detect_corners(self.images, read_boards(self.board))
+        return corners_of(self.images, read_boards(self.board))
 
     @property
     def read_options(self) -> "taskcal.reading.ReadOptions":
@@ -207,7 +210,7 @@ class CampaignOptions(TableOptions):
         *,
         targets: Sequence[str] | None = None,
         noise: "taskcal.TrackerNoise | None" = None,
-        corners: "Corners | None" = None,
+        corners: "tuple[Corners, ...] | None" = None,
     ) -> CampaignRead:
         """Read a campaign of a robot.
 
@@ -216,7 +219,7 @@ class CampaignOptions(TableOptions):
             robot: that was measured.
             targets: those to read where the user names none; None for all that are not reference points.
             noise: the tracker's, by which reference points are judged.
-            corners: in the images, where they are found already.
+            corners: in the images of each camera, where they are found already.
 
         Raises:
             FileError: it cannot be read, or does not have what was asked for.
