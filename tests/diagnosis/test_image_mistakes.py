@@ -117,11 +117,16 @@ def test_images_follow_their_rows_into_the_mended_campaign():
 
 def test_a_second_board_that_moved_is_named():
     """By its pictures alone, where the first is sound."""
-    rig = two_boards(3, 30)
-    (seen,) = rig.corners
-    late = (seen.image >= 15) & np.isin(seen.board, "side")
-    moved = replace(rig, corners=(replace(seen, pixel=seen.pixel + np.where(late, 60.0, 0.0)[:, None]),))
-    assert not diagnose(rig.campaign(judged=False), MODEL.robot).findings
+    before, after = (two_boards(3, 30, look=0.25, by=by) for by in (0.0, 0.025))
+    parts = [(one.corners[0], late) for one, late in ((before, False), (after, True))]
+    rows = [np.flatnonzero((seen.image >= 15) == late) for seen, late in parts]
+    both = {
+        name: np.concatenate([getattr(seen, name)[own] for (seen, _), own in zip(parts, rows, strict=True)])
+        for name in ("image", "id", "pixel")
+    }
+    board = tuple(seen.board[k] for (seen, _), own in zip(parts, rows, strict=True) for k in own)
+    moved = replace(before, corners=(replace(parts[0][0], board=board, **both),))
+    assert not diagnose(before.campaign(judged=False), MODEL.robot).findings
     (found,) = diagnose(moved.campaign(judged=False), MODEL.robot).findings
     assert found.id == "fixture-moved"
     assert "board side" in found.fix

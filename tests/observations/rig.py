@@ -145,12 +145,12 @@ def take_rig(
     return Rig(x=x, q=q, bodies={**moving, **standing}, boards=boards, numbers=cameras, corners=tuple(found))
 
 
-def two_boards(seed: int, count: int = 24, **more: float) -> Rig:
-    """A camera on the wrist, and two boards that stand before it, tilted to each other."""
+def two_boards(seed: int, count: int = 24, *, by: float = 0.0, **more: float) -> Rig:
+    """A camera on the wrist, and two boards that stand before it, tilted to each other; the second so many metres aside."""
     there = MODEL.poses(MIDDLE[None])[0] @ SENSOR
     standing = {
         "board floor": there @ ahead(-0.1, 0.0, 0.5, 0.1, 0.05, 0.3),
-        "board side": there @ ahead(0.12, 0.02, 0.45, 0.3, -0.4, 0.2),
+        "board side": there @ ahead(0.12 + by, 0.02, 0.45, 0.3, -0.4, 0.2),
     }
     return take_rig(seed, count, {"camera": SENSOR}, standing, (FLOOR, SIDE), {"": CAMERA}, **more)
 

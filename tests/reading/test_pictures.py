@@ -11,6 +11,7 @@ from taskcal.identification.identify import identify
 from taskcal.kernels.projection import FISHEYE, project
 from taskcal.reading.pictures import read_corners, tabulate_corners
 from taskcal.reading.reader import ReadOptions, read_campaign
+from taskcal.reading.writer import pictured_text
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.tables.forms import read_table
@@ -124,6 +125,9 @@ def test_a_campaign_of_two_cameras_is_read_as_it_was_written(folder):
     for found in (one, two):
         found = found.take(np.flatnonzero(found.seen))
         np.testing.assert_allclose(found.points, expected.points, atol=1e-4)  # corners are written to 1e-4 px
+    (folder / "again.csv").write_text(pictured_text(two, rig.corners, ROBOT))
+    again = read_campaign(folder / "again.csv", ROBOT, options=options)
+    np.testing.assert_allclose(again.points, two.take(np.flatnonzero(two.seen)).points, atol=1e-4)
     (folder / "known").mkdir()
     known = "[camera]\nwidth = 1600\nheight = 1200\nfx = 1310.0\n[camera.u]\n"
     known += "".join(f"{name} = 20.0\n" for name in ("fx", "fy", "cx", "cy")) + "k1 = 0.2\nk2 = 0.2\n"

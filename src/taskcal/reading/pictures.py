@@ -272,7 +272,7 @@ def with_images(readings: Readings, robot: Robot, corners: Sequence[Corners]) ->
 
 def _names_of_images(corners: Sequence[Corners]) -> tuple[str, ...]:
     """Names of the images of all cameras, those of one posture once, whatever their suffix."""
-    return tuple({_stem(name): name for one in reversed(corners) for name in one.images}.values())
+    return tuple({stem_of(name): name for one in reversed(corners) for name in one.images}.values())
 
 
 def _unpaired(readings: Readings, names: Sequence[str]) -> list[str]:
@@ -280,13 +280,13 @@ def _unpaired(readings: Readings, names: Sequence[str]) -> list[str]:
     assert readings.observed is not None
     cells = readings.observed.texts("image")
     lines = [str(line) for line, text in zip(readings.lines, cells, strict=True) if not text.strip()]
-    named = {_stem(text) for text in cells}
-    images = [name for name in names if _stem(name) not in named]
+    named = {stem_of(text) for text in cells}
+    images = [name for name in names if stem_of(name) not in named]
     notes = [f"no image is named in line {in_words(lines)}: not used"] if lines else []
     return [*notes, f"no row names {in_words(images)}: not used"] if images else notes
 
 
-def _stem(text: str) -> str:
+def stem_of(text: str) -> str:
     """Name of an image without its folder and suffix."""
     return Path(text.replace("\\", "/")).stem.casefold()
 

@@ -14,7 +14,7 @@ from taskcal.geometry import se3
 from taskcal.io.files import write_whole
 from taskcal.observations import Pixels
 from taskcal.observations.base import written
-from taskcal.reading.pictures import Corners, tabulate_corners
+from taskcal.reading.pictures import Corners, stem_of, tabulate_corners
 from taskcal.reading.readings import Readings
 from taskcal.robot.robot import Robot
 from taskcal.tables.parquet import parquet_of
@@ -125,20 +125,21 @@ def corners_text(corners: Sequence[Corners]) -> str:
     return _table(tabulate_corners(corners))
 
 
-def pictured_text(campaign: Campaign, corners: Corners, robot: Robot) -> str:
+def pictured_text(campaign: Campaign, corners: Sequence[Corners], robot: Robot) -> str:
     """Text of a campaign of images: the corners of each image that a row shows, with the joints of the row.
 
     Args:
         campaign: of images, as it is read with the corners.
-        corners: in the images.
+        corners: in the images of each camera.
         robot: whose joints they are.
     """
     kind = next(one for one in campaign.observations if isinstance(one, Pixels))
     assert kind.of is not None
-    rows = {kind.images[k]: row for row, k in enumerate(kind.of) if k >= 0}
-    cells = corners.table()
-    own = [n for n, name in enumerate(cells["image"]) if name in rows]
-    which = [rows[cells["image"][n]] for n in own]
+    cells, name_of = tabulate_corners(corners), str if len(corners) == 1 else stem_of
+    rows = {name_of(kind.images[k]): row for row, k in enumerate(kind.of) if k >= 0}
+    named = [name_of(name) for name in cells["image"]]
+    own = [n for n, name in enumerate(named) if name in rows]
+    which = [rows[named[n]] for n in own]
     seen = {name: [column[n] for n in own] for name, column in cells.items()}
     return _table({**seen, **_joint_columns(campaign.q[which], robot)})
 

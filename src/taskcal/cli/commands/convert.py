@@ -84,4 +84,9 @@ def _convert_images(
         "targets": list(campaign.targets),
         "notes": list(campaign.notes),
     }
-    out.give(result, lambda: info(f"{output}: {images} images with joints and corners, of {len(corners.images)}"))
+    out.give(
+        result,
+        lambda: info(
+            f"{output}: {images} images with joints and corners, of {sum(len(one.images) for one in corners)}"
+        ),
+    )
