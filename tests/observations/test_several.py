@@ -72,7 +72,7 @@ def test_derivatives_of_several_are_those_of_differences(make):
     np.testing.assert_allclose(-told.by_unknown / root, off / root, atol=2e-4)
 
 
-def test_boards_among_each_other_are_where_a_bundle_adjustment_has_them():
+def test_boards_are_where_a_bundle_adjustment_has_them():
     """By SciPy on OpenCV's projection, each image with a pose of its own, to a tenth of a standard deviation: the second order."""
     cv2 = pytest.importorskip("cv2")
     rig = two_boards(5, 10)
