@@ -6,8 +6,8 @@ compliance and gear errors, and beside them what no fit is told: waves over all 
 motion, and drift while the robot warms up. It is measured until its error over a task is proven; its true error there, over ways
 of approach and the time of the campaign, is then compared with the tolerance. That is 1, 1.25 or 1.5 times what 120 random poses
 of the task leave, so that it lies near what the robot can reach; or as ``--over-floor`` or ``--tolerance-mm`` says. With
-``--fixed`` 60 poses planned at once, and 60 at random, are fitted, too. Prints a line of JSON for each robot; with ``--trace``
-also what was known after each row.
+``--fixed`` 60 poses planned at once, and 60 at random, are fitted in place of all that. Prints a line of JSON for each robot; with
+``--trace`` also what was known after each row.
 """
 
 import argparse
@@ -149,6 +149,15 @@ def run(
 
     goal = tc.reach_task(model, task, GOALS, seed=77).q
     out: dict[str, object] = {"number": number, "robot": robot.name}
+    if fixed:
+        plans = {
+            "planned": tc.plan(model, task, 60, seed=number).q,
+            "random": tc.reach_task(model, task, 60, seed=79).q,
+        }
+        for how, q in plans.items():
+            own = cell()
+            out[f"{how}_60_mm"] = own.error(own.fitted(q, number), goal, 60) * 1e3
+        return out
     if tolerance is None:
         own = cell()
         floor = own.error(own.fitted(tc.reach_task(model, task, FLOOR_ROWS, seed=78).q, number), goal, FLOOR_ROWS)
@@ -183,14 +192,6 @@ def run(
             "fits": len(journal.noted("fit")),
         }
         out["true_mm"] = own.error(steering.calibration(), goal, state.rows) * 1e3
-    if fixed:
-        plans = {
-            "planned": tc.plan(model, task, 60, seed=number).q,
-            "random": tc.reach_task(model, task, 60, seed=79).q,
-        }
-        for how, q in plans.items():
-            own = cell()
-            out[f"{how}_60_mm"] = own.error(own.fitted(q, number), goal, 60) * 1e3
     return out
 
 
