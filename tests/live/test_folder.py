@@ -101,9 +101,10 @@ def test_registries_know_their_own() -> None:
 
 def test_joints_that_are_typed_are_those_of_the_pose() -> None:
     """A value that is mistyped is asked for again, and not taken for another pose."""
-    typed = ["0 -90 90 0 0 0", "10 -90 95 0 0 0", "10,5 -91 90 0 0 0"]
+    typed = ["0 -90 90 0 0 0", "10 -90 95 0 0 0", "0.18 -1.57 1.57 0 0 0", "10,5 -91 90 0 0 0"]
     asked: list[str] = []
     hand = Hand(load_robot("ur5"), ask=lambda text: asked.append(text) or typed[len(asked) - 1])
     hand.show(np.radians([10.0, -90.0, 90.0, 0.0, 0.0, 0.0]))
     np.testing.assert_allclose(np.degrees(hand.read(1.0).joints), [10.5, -91.0, 90.0, 0.0, 0.0, 0.0])
     assert ["J1_deg is 10.0 from" in asked[1], "J3_deg is 5.0 from" in asked[2]] == [True, True]
+    assert "in radians; enter them in degrees" in asked[3]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import taskcal as tc
+from taskcal.errors import CampaignError
 from taskcal.live.journal import Journal, Row
 from taskcal.live.steering import (
     DRIFT_SIGMAS,
@@ -15,6 +16,7 @@ from taskcal.live.steering import (
     MIN_KEPT_OUT,
     REPEATABILITY_M,
     START_ROWS,
+    UNIT_ROWS,
     Aim,
     Steering,
     error_bound,
@@ -114,6 +116,28 @@ def test_wrong_rows_and_drift_are_noticed(measured: Steering) -> None:
         assert measured.surprise(off) == pytest.approx(5e-4, abs=2e-4)
         assert limit < 5e-4
         assert measured.drift(off) is not None
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [(np.pi / 180.0, "radians were taken for degrees"), (180.0 / np.pi, "degrees were taken for radians"), (1.0, None)],
+)
+def test_joints_in_another_unit_are_refused_at_the_fifth_row(tmp_path: Path, factor: float, said: str | None) -> None:
+    """Whichever was taken for the other, also where all values are within the limits; sound rows are not refused."""
+    journal = Journal(tmp_path / "c.csv", ROBOT)
+    journal.begin(AIM.settings)
+    steering, cell = Steering(AIM, journal), VirtualCell.drawn(ROBOT, 3)
+    scale = np.radians(3.0 if factor > 1.0 else 90.0)  # 3° taken for radians are within the limits
+    q = scale * np.random.default_rng(1).uniform(-1.0, 1.0, (UNIT_ROWS, 6))
+    for k, point in enumerate(cell.points(q)):
+        assert steering.update().rows == k
+        row = Row(number=k + 1, purpose="chosen", station=1, time_s=20.0 * k, joints=factor * q[k], point=point)
+        journal.append(row)
+    if said is None:
+        assert steering.update().rows == UNIT_ROWS
+    else:
+        with pytest.raises(CampaignError, match=said):
+            steering.update()
 
 
 @pytest.mark.parametrize("count", [6, 12])

@@ -84,13 +84,17 @@ class Hand(Controller):
                 "{count} values; {needed} are needed, in this order.", count=len(cells), needed=len(self._names)
             )
         try:
-            joints = np.array([float(cell.replace(",", ".")) for cell in cells]) * self._units
+            typed = np.array([float(cell.replace(",", ".")) for cell in cells])
         except ValueError:
             return Said("'{text}' are not numbers alone.", text=shown(text.strip()))
+        joints = typed * self._units
         if not np.isfinite(joints).all() or not self._robot.inside_limits(joints[None])[0]:
             return Said("beyond the robot's limits; see the order of the joints and their signs.")
         off = np.abs(joints - self._pose) / self._units
         if (off * self._units > self._within).any():
+            in_radians = np.where(self._robot.prismatic, joints, typed)
+            if (np.abs(in_radians - self._pose) <= self._within).all():
+                return Said("these are the joints of the pose in radians; enter them in degrees.")
             far = int(off.argmax())
             return Said(
                 "{joint} is {off:.1f} from the pose; go nearer, or mend what was typed.",

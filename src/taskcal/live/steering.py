@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.campaigns.campaign import Campaign, Stations
 from taskcal.correction.correction import ErrorBudget
-from taskcal.errors import CampaignError, ReachError
+from taskcal.errors import CampaignError, FitError, ReachError
 from taskcal.estimation.experiment_design import choose
 from taskcal.estimation.matrices import single_threaded
 from taskcal.identification.calibration import Calibration, covariance_on, residuals_on
@@ -35,6 +35,10 @@ from taskcal.task.task import Task
 START_ROWS = 12
 """Rows that are planned at once before the first fit: 36 numbers for the nine of frame and target and the six or more of a robot
 that matter most. A convention."""
+
+UNIT_ROWS = 5
+"""Chosen rows from which on it is seen whether joints are in the unit that they are taken for: fifteen numbers for the nine of
+tracker frame and target."""
 
 REFIT_GROWTH = 1.3
 """Of the fitted rows, after which all of them are fitted anew with all effects, which takes seconds; between, a row adds its
@@ -361,6 +365,7 @@ class Steering:
         """
         fitting, fits = self._fitting(), self.journal.noted("fit")
         if len(fitting) < self.start_rows:
+            self._refuse_other_unit(fitting)
             return self._state()
         if self._fit is None and fits and fits[-1] <= len(fitting):
             self._fit = self._fitted(fitting[: fits[-1]])
@@ -371,6 +376,32 @@ class Steering:
             self._refit(fitting)  # what would end it is not taken from an approximation
             budget = self._budget_of_fit()
         return self._judged(budget)
+
+    def _refuse_other_unit(self, fitting: Int[np.ndarray, " k"]) -> None:
+        """See that joints are not in another unit than they are taken for, as a program's table or a driver may have them.
+
+        Raises:
+            CampaignError: joints and points contradict each other, and agree in the other unit.
+        """
+        first = fitting[np.array([self.journal.rows[k].station == 1 for k in fitting], dtype=bool)]
+        if len(first) < UNIT_ROWS or not self._tracked or self._agrees(campaign := self._read(first)):
+            return
+        turning = ~np.array(self.aim.model.robot.prismatic)
+        for meant, taken, factor in (("radians", "degrees", 180.0 / np.pi), ("degrees", "radians", np.pi / 180.0)):
+            if self._agrees(replace(campaign, q=np.where(turning, campaign.q * factor, campaign.q))):
+                raise CampaignError(
+                    f"joints and points of the first {len(first)} rows contradict each other, and agree if the joints are "
+                    f"{meant}: {meant} were taken for {taken}. Mend that where the joints come from, the head of the program's "
+                    "table or the controller's driver, and begin another campaign"
+                )
+
+    def _agrees(self, campaign: Campaign) -> bool:
+        """Whether the nominal robot can have been at the rows' joints where its target was measured."""
+        try:
+            fit_nominal(self.aim.model, campaign, FitOptions())
+        except (CampaignError, FitError, ReachError):
+            return False
+        return True
 
     def _is_due(self, fitting: Int[np.ndarray, " k"]) -> bool:
         """Whether it is time for a fit: at first, after many rows, where a station is new, or fitted rows count no more."""
