@@ -541,7 +541,7 @@ def test_corners_are_read_with_a_board_and_their_camera_shown(language, tmp_path
 
     async def without_board(user: Visitor) -> None:
         await user.open("measurements")
-        assert texts("measurements.boards") in user.said("h2")
+        assert texts("measurements.boards") in user.said("summary")
         assert texts("measurements.understood") not in user.said("h2")
 
     visit(tmp_path, without_board, **{"accept-language": language})
