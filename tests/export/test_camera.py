@@ -16,7 +16,7 @@ from taskcal.export.camera import (
     export_camera_urdf,
     export_opencv_yaml,
 )
-from taskcal.export.descriptions import export_description
+from taskcal.export.descriptions import export_description, links_of
 from taskcal.geometry import se3
 from taskcal.geometry.euler import from_angles
 from taskcal.identification.calibration import Calibration
@@ -89,6 +89,17 @@ def test_every_file_reads_back_as_it_was_written(found, tmp_path):
     own = replace(calibration, model=ErrorModel(robot))
     named = ET.fromstring(export_camera_urdf(own).text).find("joint").find("parent").get("link")
     assert named == ("hand" if camera.on_wrist else "world & base")
+    renamed = ET.fromstring(export_description(own, "urdf", accept_loss=True, accept_uncertain=True).text)
+    assert {link.get("name") for link in renamed.findall("link")} == ends - {"base_link", "tool0"} | {
+        "world & base",
+        "hand",
+    }
+    (root,) = {one.find("parent").get("link") for one in renamed.findall("joint")} - {
+        one.find("child").get("link") for one in renamed.findall("joint")
+    }
+    assert root == "world & base"
+    clash = robot_from({**calibration.model.robot.description, "links": ["base", f"{robot.joint_names[-1]}_link"]})
+    assert links_of(clash) == ("base_link", "tool0")
     xyz, rpy = (np.array(joint.find("origin").get(key).split(), dtype=float) for key in ("xyz", "rpy"))
     T = se3.pose(from_angles("rpy", rpy[None])[0], xyz)
     np.testing.assert_allclose(T, camera.T_parent_camera, atol=1e-12)

@@ -157,6 +157,19 @@ def test_rows_and_images_without_each_other_are_named(folder):
     assert campaign.notes == ("no image is named in line 5: not used", "no row names 3.png: not used")
 
 
+def test_rows_whose_images_are_not_there_are_named_where_every_image_has_a_row(folder):
+    """Fewer images than rows: by name none is left for the row, so that its name cannot be another's."""
+    seen = {
+        name: [cell for cell, k in zip(cells, corners()["image"], strict=True) if k != "3.png"]
+        for name, cells in corners().items()
+    }
+    write(folder / "seen.corners.csv", seen)
+    for columns in ({"image": [f"{k}.png" for k in range(8)]}, {"id": list("01234567")}):
+        campaign = read(folder, {**columns, **JOINTS})
+        assert campaign.valid[:, 0].tolist() == [k != 3 for k in range(8)]
+        assert [note for note in campaign.notes if "has no image 3" in note]
+
+
 WRONG = {
     "no such image": ({"image": ["x.png", *(f"{k}.png" for k in range(1, 8))], **JOINTS}, {}, "no image x.png"),
     "image twice": ({"image": ["1.png", *(f"{k}.png" for k in range(1, 8))], **JOINTS}, {}, "named in two rows"),

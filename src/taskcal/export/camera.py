@@ -10,7 +10,7 @@ import tomli_w
 from jaxtyping import Float
 
 from taskcal.errors import TaskcalError, UnknownName
-from taskcal.export.descriptions import BASE, tip_of
+from taskcal.export.descriptions import links_of
 from taskcal.export.forms import Export, Loss, placed
 from taskcal.identification.calibration import Calibration
 from taskcal.observations import Pixels
@@ -92,7 +92,7 @@ class Camera:
                 matrix=np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]),
                 distortion=np.array([values[f"{name}.{number}"] for number in DISTORTION[lens.model]]),
                 error=np.array([errors[f"{name}.{number}"] * KILO ** (number[0] in "fc") for number in lens.unknowns]),
-                parent=(robot.links or (BASE, tip_of(robot)))[on_wrist],
+                parent=links_of(robot)[on_wrist],
                 on_wrist=on_wrist,
                 T_parent_camera=place_of(calibration, t, name)[0],
             )

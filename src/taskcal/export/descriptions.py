@@ -67,6 +67,18 @@ def tip_of(robot: Robot) -> str:
     return "tool0" if np.allclose(robot.T_flange_tool, np.eye(4), atol=1e-12) else "tool"
 
 
+def links_of(robot: Robot) -> tuple[str, str]:
+    """Names of the links of base and tool in a URDF: those of the one that the robot was imported from, so that the two exchange.
+
+    Where that calls one of them as a joint's link is called here, or names none, they are `BASE` and `tip_of`.
+    """
+    taken = {f"{name}{ending}" for name in robot.joint_names for ending in ("_link", "_motor")}
+    beside = tuple(f"{name}_with_" for name in robot.joint_names)
+    own = robot.links
+    free = own is not None and own[0] != own[1] and not any(one in taken or one.startswith(beside) for one in own)
+    return own if own is not None and free else (BASE, tip_of(robot))
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shape:
     """A mesh on a link."""
@@ -114,6 +126,8 @@ class Tree:
     """By link."""
     folder: Path = Path()
     """Where the file will be."""
+    ends: tuple[str, str] = (BASE, "tool0")
+    """Names of the links of base and tool in a URDF."""
 
     @classmethod
     def of(cls, chain: CalibratedChain) -> "Tree":
@@ -129,6 +143,7 @@ class Tree:
             name=chain.robot.name,
             joints=tuple(joints),
             tip=tip_of(chain.robot),
+            ends=links_of(chain.robot),
             tip_on=on,
             tip_origin=pending @ chain.end,
             warning=shown(chain.warning, 200).replace("--", "- -") if chain.warning else "",
@@ -402,6 +417,7 @@ def urdf_text(tree: Tree, _: dict[str, None] | None = None) -> str:
         f"<robot name={quoteattr(tree.name)}>",
         *_urdf_link(tree, BASE),
     ]
+    base, tip = (quoteattr(name) for name in tree.ends)
     for joint in tree.joints:
         kind = "continuous" if joint.kind == "revolute" and joint.limits is None else joint.kind
         limits = (-ANYWHERE, ANYWHERE) if joint.kind == "prismatic" and joint.limits is None else joint.limits
@@ -410,7 +426,7 @@ def urdf_text(tree: Tree, _: dict[str, None] | None = None) -> str:
         lines += [
             *_urdf_link(tree, joint.child),
             f'  <joint name="{joint.name}" type="{kind}">',
-            f'    <parent link="{joint.parent}"/>',
+            f"    <parent link={base if joint.parent == BASE else quoteattr(joint.parent)}/>",
             f'    <child link="{joint.child}"/>',
             f"    {_origin(joint.origin)}",
             f'    <axis xyz="0 0 {joint.sign:.0f}"/>',
@@ -423,10 +439,10 @@ def urdf_text(tree: Tree, _: dict[str, None] | None = None) -> str:
             "  </joint>",
         ]
     lines += [
-        f'  <link name="{tree.tip}"/>',
-        f'  <joint name="{tree.tip}_fixed" type="fixed">',
-        f'    <parent link="{tree.tip_on}"/>',
-        f'    <child link="{tree.tip}"/>',
+        f"  <link name={tip}/>",
+        f'  <joint name={quoteattr(f"{tree.ends[1]}_fixed")} type="fixed">',
+        f"    <parent link={base if tree.tip_on == BASE else quoteattr(tree.tip_on)}/>",
+        f"    <child link={tip}/>",
         f"    {_origin(tree.tip_origin)}",
         "  </joint>",
         "</robot>",
@@ -435,15 +451,15 @@ def urdf_text(tree: Tree, _: dict[str, None] | None = None) -> str:
 
 
 def _urdf_link(tree: Tree, link: str) -> list[str]:
-    shapes = tree.shapes.get(link, ())
+    shapes, name = tree.shapes.get(link, ()), quoteattr(tree.ends[0] if link == BASE else link)
     if not shapes:
-        return [f'  <link name="{link}"/>']
+        return [f"  <link name={name}/>"]
     visuals = [
         f"    <visual>{_origin(shape.origin)}<geometry><mesh filename={quoteattr(tree.path_to(shape.file))} "
         f'scale="{_numbers(shape.scale)}"/></geometry></visual>'
         for shape in shapes
     ]
-    return [f'  <link name="{link}">', *visuals, "  </link>"]
+    return [f"  <link name={name}>", *visuals, "  </link>"]
 
 
 def _warned(tree: Tree) -> list[str]:

@@ -406,7 +406,7 @@ def with_pictures(
             is known does not.
     """
     blank = next(one for one in campaign.observations if isinstance(one, Pixels))
-    number = _numbers(campaign, blank, corners)
+    number, missing = _numbers(campaign, blank, corners)
     shapes = [_shapes(own, of, boards) for own, of in zip(corners, number, strict=True)]
     rows = np.unique([shape.row for own in shapes for shape in own]).astype(int)
     _refuse_unseen(shapes, corners, boards)
@@ -415,6 +415,8 @@ def with_pictures(
         for own, found, known in zip(corners, shapes, given, strict=True)
     ]
     notes = [note for _, own in parts for note in own]
+    if missing:
+        notes.append(f"{corners[0].source} has no image {in_words(missing)}: the rows are not used")
     named = (number >= 0).any(axis=0)
     few = [blank.images[blank.of[row]] for row in np.flatnonzero(named) if blank.of is not None and row not in rows]
     if few:
@@ -647,11 +649,13 @@ def _compare_cameras(given: StatedCamera, alone: Pictures, pictures: Pictures) -
     return [*out, f"{given.source} and the images differ by more than their uncertainty: {named}"] if len(far) else out
 
 
-def _numbers(campaign: Campaign, blank: Pixels, corners: Sequence[Corners]) -> Int[np.ndarray, "cameras n"]:
-    """Number of each row's image among those of each camera; −1 where it names none of them.
+def _numbers(
+    campaign: Campaign, blank: Pixels, corners: Sequence[Corners]
+) -> tuple[Int[np.ndarray, "cameras n"], list[str]]:
+    """Number of each row's image among those of each camera, −1 where it names none of them; and names that no camera has.
 
     Raises:
-        CampaignError: no camera has it.
+        CampaignError: no camera has an image, while no row names others, so that the name may be wrong.
     """
     assert blank.of is not None
     out, missing = np.full((len(corners), len(campaign)), -1), list[str]()
@@ -664,13 +668,13 @@ def _numbers(campaign: Campaign, blank: Pixels, corners: Sequence[Corners]) -> I
             out[c, row] = whole[c].get(text.casefold(), whole[c].get(name, stems[c].get(Path(name).stem, -1)))
         if (out[:, row] < 0).all():
             missing.append(text)
-    if missing:
+    if missing and any(len(np.unique(own[own >= 0])) < len(one.images) for own, one in zip(out, corners, strict=True)):
         others = shown(", ".join(sorted(corners[0].images, key=natural_order)[:3]), 80)
         raise CampaignError(
             f"{campaign.source}: {corners[0].source} has no image {in_words(missing)}; its images are {others} …: correct the "
             "column image, or leave out the rows"
         )
-    return out
+    return out, missing
 
 
 def in_words(names: Sequence[str]) -> str:

@@ -1,6 +1,7 @@
 """taskcal identify."""
 
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -421,3 +422,5 @@ def test_next_steps_follow_from_the_errors(run: Run, cell: Path, tmp_path: Path)
     assert advised(1.3, 0.55 * 1.3 * mean) == set()
     assert advised(1.3, mean, targets=unlocated) == {"turn"}
     assert advised(1.3, 0.1 * mean, explanation={}) == set()
+    report = next_steps(calibration, {**fitted, "calibration": "my cells/a b.json"}, mean)[-1]
+    assert "my cells/a b.json" in shlex.split(report.partition(";")[0])

@@ -2,6 +2,7 @@
 
 import math
 import re
+import shlex
 from collections import defaultdict
 from collections.abc import Collection, Generator, Mapping, Sequence
 from contextlib import contextmanager
@@ -336,7 +337,7 @@ def next_steps(
 
     from taskcal.report.calibration import are_most
 
-    program, cal, held_out = started_as(), result["calibration"], result["held_out"]
+    program, cal, held_out = started_as(), shlex.quote(str(result["calibration"])), result["held_out"]
     steps: list[str] = []
     mostly = are_most(len(calibration.outliers), int(np.isfinite(calibration.studentised).sum()))
     judged = [
