@@ -531,6 +531,20 @@ def find_postures(
     Raises:
         ReachError: no seed leads to the pose inside the limits.
     """
+    known = model if model.effects or model.lengths_only else _plain(model.robot)
+    return _postures(known, np.asarray(T, dtype=float).tobytes(), miss).copy()
+
+
+@lru_cache(maxsize=16)
+def _plain(robot: Robot) -> ErrorModel:
+    """The model of a robot without effects, one for all that are asked where its poses are."""
+    return ErrorModel(robot)
+
+
+@lru_cache(maxsize=256)
+def _postures(model: ErrorModel, pose: bytes, miss: Miss) -> Float[np.ndarray, "postures joints"]:
+    """Find them once for a model and a pose: a plan asks for the middle of its task several times, a studio for every page."""
+    T = np.frombuffer(pose).reshape(4, 4)
     if not stretch_of(model).admits(T[None])[0]:
         raise _out_of_reach(model, T)
     seeds = np.concatenate([model.robot.bounded_limits().mean(axis=1)[None], spread_postures(model.robot, 256)])
@@ -540,11 +554,11 @@ def find_postures(
     if not solution.reached.any():
         raise _out_of_reach(model, T)
     q = _best_first(model, solution.q[solution.reached])
-    different: list[np.ndarray] = []
-    for posture in q:
-        if all(np.abs(posture - other).max() > SAME_POSTURE_RAD for other in different):
-            different.append(posture)
-    return np.stack(different)
+    different = q[:1]
+    for posture in q[1:]:
+        if (np.abs(different - posture).max(axis=1) > SAME_POSTURE_RAD).all():
+            different = np.concatenate([different, posture[None]])
+    return different
 
 
 def _best_first(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n joints"]:
