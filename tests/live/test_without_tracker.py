@@ -11,7 +11,7 @@ import taskcal as tc
 from taskcal.geometry import se3
 from taskcal.live.devices import DeviceError
 from taskcal.live.folder import Folder
-from taskcal.live.hand import HandReadings
+from taskcal.live.hand import Hand, HandReadings
 from taskcal.live.journal import Journal
 from taskcal.live.runner import Answer, Event, Outcome, Question, Runner
 from taskcal.live.steering import Aim, Steering
@@ -105,6 +105,21 @@ def test_a_person_reads_and_says_when_it_is_seated(tmp_path: Path) -> None:
             hand.read(0.0)
         with pytest.raises(DeviceError, match="--observe"):
             hand.observes(Tracker())
+
+
+def test_a_person_types_both_reading_and_joints_once(tmp_path: Path) -> None:
+    """Where joints and readings are typed, a row is one answer for each; none is taken for what was measured before."""
+    pose = np.radians([10.0, -90.0, 90.0, -90.0, 90.0, 0.0])
+    answers = ["", "10 -90 90 -90 90 0"]
+    with Hand.open(None, ROBOT, 1.0) as joints, HandReadings.open(None, 1.0) as hand:
+        joints.asks(lambda _: answers.pop(0), SEATED_WITHIN)
+        hand.asks(lambda _: answers.pop(0))
+        hand.observes(instrument("socket", tmp_path)[0])
+        joints.show(pose)
+        hand.show("second/b")
+        taken = Taker(controller=joints, instrument=hand, rules=Rules(shots=1), kind="socket").take(pose)
+    np.testing.assert_allclose(taken.joints, pose)
+    assert (answers, taken.shots) == ([], 1)
 
 
 def test_a_line_of_another_fixture_or_kind_is_not_taken(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ Answer = Literal["again", "skip", "moved", "keep", "yes", "no", "stop"]
 pose that is named, or at another one; stop."""
 
 MEANINGS: dict[Answer, str] = {
-    "again": "measure again (after the reflector is back in its nest, the beam is there, …)",
+    "again": "measure again (once ball or reflector is back in its place, the beam is there, …)",
     "skip": "leave this pose out",
     "moved": "the tracker was moved: a new station from here on",
     "keep": "go on as it is",

@@ -151,7 +151,7 @@ class Taker:
                 )
         raise MissedError(
             "the robot moved, or {shots} shots scattered by more than {limit_mm:g} mm (tries: {tries}); see that robot, target and "
-            "tracker stand firmly",
+            "instrument stand firmly",
             shots=self.rules.shots,
             limit_mm=self.rules.max_scatter_m * 1e3,
             tries=self.rules.tries,
@@ -233,7 +233,8 @@ class Taker:
     ) -> list[JointReading]:
         """Readings of the standstill, which goes on."""
         if not self.controller.streams:
-            while not self.instrument.streams and self.instrument.read(0.0) is not None:
+            own = self.instrument.streams or self.instrument.asked
+            while not own and self.instrument.read(0.0) is not None:
                 pass  # what was measured before the pose was asked for
             return [self.controller.read(self.rules.wait_s)]
         readings: list[JointReading] = []
@@ -297,7 +298,9 @@ class Taker:
                 waited, lost_since = 0.0, shot.time_s
             if waited > patience:
                 raise MissedError(
-                    "no valid shot for {waited_s:.0f} s; see that the tracker sees the target", waited_s=waited
+                    "no valid shot for {waited_s:.0f} s while the robot stood; see that the instrument sees the target, "
+                    "and sends what it reads then",
+                    waited_s=waited,
                 )
             if self.stopped() and waited > rules.settle_s and not shots:
                 raise StoppedError
