@@ -15,6 +15,7 @@ from taskcal.identification.identify import identify
 from taskcal.observations import Pixels
 from taskcal.observations.base import TrackerNoise
 from taskcal.observations.pixels import COMPONENTS
+from taskcal.reading.pictures import Corners
 from tests.observations.pictured import CAMERA, LENS, MODEL
 from tests.observations.rig import FLOOR, Rig, of_boards, two_boards, two_cameras, wrist_and_floor
 
@@ -188,6 +189,34 @@ def both_stand(rig: Rig) -> Rig:
     )
 
 
+def renamed(rig: Rig) -> Rig:
+    """The images of the camera beside the robot have names of their own."""
+    wrist, cell = rig.corners
+    return replace(rig, corners=(wrist, replace(cell, images=tuple(f"c{name}" for name in cell.images))))
+
+
+def late(rig: Rig) -> Rig:
+    """The first image of the camera beside the robot is missing, and the others are counted anew; in some it sees no board."""
+    wrist, cell = rig.corners
+    own = np.flatnonzero(cell.image > 0)
+    part = {"image": cell.image[own] - 1, "id": cell.id[own], "pixel": cell.pixel[own]}
+    return replace(rig, corners=(wrist, replace(cell, board=tuple(cell.board[k] for k in own), **part)))
+
+
+def mixed(rig: Rig) -> Rig:
+    """The first half of the images of two cameras are in the folder of the other."""
+    left, right = rig.corners
+    early, half = [one.image < len(one.images) / 2 for one in (left, right)], list[Corners]()
+    for k, one in enumerate((left, right)):
+        other, first, last = (left, right)[1 - k], np.flatnonzero(early[1 - k]), np.flatnonzero(~early[k])
+        part = {
+            key: np.concatenate([getattr(other, key)[first], getattr(one, key)[last]])
+            for key in ("image", "id", "pixel")
+        }
+        half.append(replace(one, board=("floor",) * len(part["id"]), **part))
+    return replace(rig, corners=tuple(half))
+
+
 def twice(rig: Rig) -> Rig:
     """The camera beside the robot took two images."""
     wrist, cell = rig.corners
@@ -202,10 +231,13 @@ def twice(rig: Rig) -> Rig:
         (two_boards, unseen, ("board side", "no image")),
         (wrist_and_floor, twice, ("camera cell", "board side", "2 images", "none of the others")),
         (wrist_and_floor, both_stand, ("camera cell", "board floor", "both stand")),
+        (wrist_and_floor, renamed, ("camera cell", "no row names", "c0000.png")),
+        (wrist_and_floor, late, ("camera cell", "shifted", "the row after")),
+        (two_cameras, mixed, ("board floor", "of camera", "follow the robot neither")),
     ],
 )
-def test_what_is_not_connected_is_refused_by_name(make, change, words):
-    rig = change(make(7, 14))
+def test_what_does_not_go_together_is_refused_by_name(make, change, words):
+    rig = change(make(7, 14 if change is not mixed else 24))
     with pytest.raises(CampaignError) as refused:
         rig.campaign()
     assert all(word in str(refused.value) for word in words), refused.value

@@ -115,7 +115,11 @@ def test_each_folder_of_images_is_a_camera(folder, tmp_path):
     (tmp_path / "seen.csv").write_text(corners_text(found))
     for one, again in zip(found, corners_of(tmp_path / "seen.csv", [BOARD]), strict=True):
         assert (again.camera, again.images, again.board, again.width) == (one.camera, one.images, one.board, 640)
-        np.testing.assert_allclose(again.pixel, one.pixel, atol=1e-4)
+        np.testing.assert_array_equal(again.pixel, one.pixel)
     (whole / "right" / "0001.png").unlink()
     with pytest.raises(FileError, match=r"has no images .*, but its folder left has: name that"):
         corners_of(whole, [BOARD])
+    (folder / "10.png").rename(whole / "10.png")
+    cv2.imwrite(str(whole / "1.png"), cv2.imread(str(whole / "left" / "0001.png")))
+    (beside,) = corners_of(whole, [BOARD])
+    assert any("folder left has images, too" in note for note in beside.notes)

@@ -137,6 +137,26 @@ def test_a_campaign_of_two_cameras_is_read_as_it_was_written(folder):
     (folder / "known" / "right.toml").rename(folder / "known" / "other.toml")
     with pytest.raises(TaskcalError, match=r"other\.toml: is of none of the cameras left, right"):
         read_campaign(folder / "whole.csv", ROBOT, options=replace(options, camera=folder / "known"))
+    (folder / "known" / "other.toml").unlink()
+    with pytest.raises(TaskcalError, match=r"known: has no file of a camera, such as left\.toml"):
+        read_campaign(folder / "whole.csv", ROBOT, options=replace(options, camera=folder / "known"))
+    # a picture counts once, of one posture, and names are the same whatever their suffix
+    other = [
+        name.replace("png", "jpg") if camera == "right" else name
+        for name, camera in zip(columns["image"], columns["camera"], strict=True)
+    ]
+    whole = columns | {"image": other} | {name: values[row] for name, values in joints.items()}
+    again = read_campaign(write(folder / "whole.csv", whole), ROBOT, options=options)
+    np.testing.assert_array_equal(again.points, one.points)
+    each = {"image": [f"{camera}/{k:04d}" for camera in ("left", "right") for k in range(10)]}
+    each |= {name: np.tile(values, 2) for name, values in joints.items()}
+    write(folder / "rows.csv", each)
+    with pytest.raises(TaskcalError, match=r"'left/\d+' and 'right/\d+' both name '\d+\.png' of camera left"):
+        read_campaign(folder / "rows.csv", ROBOT, options=replace(options, images=folder / "seen.csv"))
+    whole["J2_rad"] = np.where(np.array(columns["camera"]) == "right", whole["J2_rad"] + 0.1, whole["J2_rad"])
+    write(folder / "whole.csv", whole)
+    with pytest.raises(TaskcalError, match=r"whole\.csv:\d+: column 'J2_rad': .* differs from .* of the same image"):
+        read_campaign(folder / "whole.csv", ROBOT, options=options)
 
 
 def test_images_without_a_board_are_named_and_their_rows_not_used(folder):

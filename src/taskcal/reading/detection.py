@@ -13,7 +13,15 @@ from jaxtyping import Float, Int
 from taskcal.errors import FileError, TaskcalError
 from taskcal.observations.calibration_board import Board
 from taskcal.observations.camera import FEWEST_CORNERS
-from taskcal.reading.pictures import CORNER_COLUMNS, Corners, has_corners, in_words, natural_order, read_corners
+from taskcal.reading.pictures import (
+    CORNER_COLUMNS,
+    PIXEL_DECIMALS,
+    Corners,
+    has_corners,
+    in_words,
+    natural_order,
+    read_corners,
+)
 from taskcal.tables.forms import read_table
 
 SUFFIXES = frozenset((".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm"))
@@ -69,7 +77,10 @@ def corners_of(path: Path, boards: Sequence[Board]) -> tuple[Corners, ...]:
     if path.is_dir():
         cameras = sorted((one for one in path.iterdir() if one.is_dir() and _has_images(one)), key=lambda one: one.name)
         if _has_images(path) or len(cameras) < 2:
-            return (detect_corners(path, boards),)
+            found = detect_corners(path, boards)
+            inside = in_words([one.name for one in cameras])
+            more = (f"its folder {inside} has images, too, which are not looked at",) if cameras else ()
+            return (replace(found, notes=(*found.notes, *more)),)
         return tuple(replace(detect_corners(one, boards), camera=one.name) for one in cameras)
     table = read_table(path)
     if not has_corners(table):
@@ -140,7 +151,7 @@ def detect_corners(folder: Path, boards: Sequence[Board]) -> Corners:
         image=np.concatenate([np.full(len(one.id), k) for k, _, one in parts]),
         board=tuple(boards[b].name for _, b, one in parts for _ in one.id),
         id=np.concatenate([one.id for *_, one in parts]),
-        pixel=np.concatenate([one.pixel for *_, one in parts]),
+        pixel=np.round(np.concatenate([one.pixel for *_, one in parts]), PIXEL_DECIMALS),
         folder=folder,
         blurred=tuple(blurred),
         notes=tuple(notes),

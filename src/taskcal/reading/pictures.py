@@ -42,6 +42,9 @@ CORNER_COLUMNS = ("image", "board", "corner", "u_px", "v_px", "width_px", "heigh
 CAMERA = "camera"
 """The column that names the camera of each corner, where there are several."""
 
+PIXEL_DECIMALS = 4
+"""Of corners in a file, to which those that are found are rounded, so that the file has the same: a thousandth of their noise."""
+
 MAX_NAMED = 6
 """Images that a message names."""
 
@@ -130,8 +133,8 @@ class Corners:
             "image": [self.images[k] for k in (*self.image, *without)],
             "board": [*self.board, *("" for _ in without)],
             "corner": [*map(str, self.id), *("" for _ in without)],
-            "u_px": [*(f"{u:.4f}" for u in self.pixel[:, 0]), *("" for _ in without)],
-            "v_px": [*(f"{v:.4f}" for v in self.pixel[:, 1]), *("" for _ in without)],
+            "u_px": [*(f"{u:.{PIXEL_DECIMALS}f}" for u in self.pixel[:, 0]), *("" for _ in without)],
+            "v_px": [*(f"{v:.{PIXEL_DECIMALS}f}" for v in self.pixel[:, 1]), *("" for _ in without)],
         }
         sorted_rows = {name: [cells[k] for k in order] for name, cells in rows.items()}
         return {**sorted_rows, "width_px": whole[0], "height_px": whole[1]}
@@ -221,11 +224,27 @@ def _size(table: Table, name: str, pixel: Float[np.ndarray, " c"]) -> int:
 
 
 def one_row_an_image(table: Table) -> Table:
-    """A file of corners as a campaign: its first line of each image, without what is of single corners."""
-    names = table.texts("image")
-    first = np.zeros(len(names), dtype=bool)
-    first[list({name: row for row, name in reversed(list(enumerate(names)))}.values())] = True
-    return without_columns(table.take(first), (CAMERA, *CORNER_COLUMNS[1:]))
+    """A file of corners as a campaign: its first line of each image, without what is of single corners.
+
+    Raises:
+        FileError: lines of one image differ in what is of the whole image, such as joints.
+    """
+    rows = without_columns(table, (CAMERA, *CORNER_COLUMNS[1:]))
+    cells, first = [tuple(row) for row in rows.rows], dict[str, int]()
+    image, name_of = rows.header.index(rows.spelled("image")), stem_of if CAMERA in table else str
+    for row, name in enumerate(table.texts("image")):
+        before = first.setdefault(name_of(name), row)
+        for k, (cell, other) in enumerate(zip(cells[row], cells[before], strict=True)):
+            if k != image and cell != other:
+                raise table.error(
+                    f"'{shown(cell)}' differs from '{shown(other)}' in line {table.lines[before]}, of the same image "
+                    f"'{shown(name)}', which is of one row: name images of another posture otherwise, or leave the column out",
+                    row,
+                    rows.header[k],
+                )
+    there = np.zeros(len(cells), dtype=bool)
+    there[list(first.values())] = True
+    return rows.take(there)
 
 
 def without_columns(table: Table, names: Sequence[str]) -> Table:
@@ -272,6 +291,8 @@ def with_images(readings: Readings, robot: Robot, corners: Sequence[Corners]) ->
 
 def _names_of_images(corners: Sequence[Corners]) -> tuple[str, ...]:
     """Names of the images of all cameras, those of one posture once, whatever their suffix."""
+    if len(corners) == 1:
+        return corners[0].images
     return tuple({stem_of(name): name for one in reversed(corners) for name in one.images}.values())
 
 
@@ -370,11 +391,11 @@ def _wrist_as_joints(readings: Readings, robot: Robot) -> Readings:
     free = list(robot.prismatic) == [True] * 3 + [False] * 3
     if not free or not readings.rotations or len(readings.points) != 1:
         what = (
-            "poses of the wrist need qx qy qz qw"
+            "poses of the wrist need qx qy qz qw, beside x y z"
             if free
             else "joints are lacking; with poses of the wrist alone take --robot wrist"
         )
-        raise FileError(readings.path, f"{what}, beside x y z", line=1)
+        raise FileError(readings.path, what, line=1)
     (points,), (rotations,) = readings.points.values(), list(readings.rotations.values())[:1]
     q = np.concatenate([points, to_angles("rpy", rotations)[:, ::-1]], axis=1)
     return replace(readings, q=q, joint_unit_stated=True)
@@ -446,7 +467,7 @@ def with_pictures(
     M[:, :3, 3] = np.nan
     assert kind.start is not None
     M[rows] = kind.views(kind.start).moving.T
-    sources = ", ".join(dict.fromkeys(own.source for own in corners))
+    sources = _sources(corners)
     pictured = replace(
         campaign,
         targets=(kind.target,),
@@ -460,6 +481,11 @@ def with_pictures(
         for pair in pairs:
             _refuse_misfit(kind, pair, campaign.source)
     return pictured
+
+
+def _sources(corners: Sequence[Corners]) -> str:
+    """Files or folders of the corners of all cameras."""
+    return ", ".join(dict.fromkeys(own.source for own in corners))
 
 
 class Shape(NamedTuple):
@@ -508,13 +534,14 @@ def _refuse_unseen(shapes: Sequence[Sequence[Shape]], corners: Sequence[Corners]
     """
     for own, found in zip(corners, shapes, strict=True):
         if not found:
+            of = f" of {own.label}" if own.camera else ""
             raise CampaignError(
-                f"{own.source}: no image of the rows shows {FEWEST_CORNERS} corners of a board; check the board's file"
+                f"{own.source}: no image{of} that a row names shows {FEWEST_CORNERS} corners of a board; check the board's file"
             )
     unseen = [board.name for b, board in enumerate(boards) if all(shape.board != b for own in shapes for shape in own)]
     if unseen:
         raise CampaignError(
-            f"{corners[0].source}: no image of the rows shows {FEWEST_CORNERS} corners of board {in_words(unseen)}; leave it out "
+            f"{_sources(corners)}: no image of the rows shows {FEWEST_CORNERS} corners of board {in_words(unseen)}; leave it out "
             "of --board, or check its description"
         )
 
@@ -655,7 +682,8 @@ def _numbers(
     """Number of each row's image among those of each camera, −1 where it names none of them; and names that no camera has.
 
     Raises:
-        CampaignError: no camera has an image, while no row names others, so that the name may be wrong.
+        CampaignError: no camera has an image, while no row names others, so that the name may be wrong; two rows name the same; or
+            rows name none of a camera.
     """
     assert blank.of is not None
     out, missing = np.full((len(corners), len(campaign)), -1), list[str]()
@@ -671,10 +699,40 @@ def _numbers(
     if missing and any(len(np.unique(own[own >= 0])) < len(one.images) for own, one in zip(out, corners, strict=True)):
         others = shown(", ".join(sorted(corners[0].images, key=natural_order)[:3]), 80)
         raise CampaignError(
-            f"{campaign.source}: {corners[0].source} has no image {in_words(missing)}; its images are {others} …: correct the "
+            f"{campaign.source}: {_sources(corners)} has no image {in_words(missing)}; its images are {others} …: correct the "
             "column image, or leave out the rows"
         )
+    for own, of in zip(corners, out, strict=True):
+        _refuse_unnamed(campaign, own, of, [blank.images[k] for k in blank.of[of >= 0]])
     return out, missing
+
+
+def _refuse_unnamed(campaign: Campaign, corners: Corners, number: Int[np.ndarray, " n"], texts: Sequence[str]) -> None:
+    """See that rows name images of a camera, and each of them once.
+
+    Args:
+        campaign: as read.
+        corners: in the images of the camera.
+        number: of each row's image; −1 of none.
+        texts: how rows name these.
+
+    Raises:
+        CampaignError: they do not.
+    """
+    named, count = np.unique(number[number >= 0], return_counts=True)
+    if not len(named):
+        raise CampaignError(
+            f"{campaign.source}: no row names an image of {corners.label}, whose images are {in_words(corners.images)}: images of "
+            "one posture have one name in the folders of all cameras, that of the row"
+        )
+    for k in np.flatnonzero(count > 1)[:1]:
+        own = np.flatnonzero(number[number >= 0] == named[k])
+        one, other = (texts[j] for j in own[:2])
+        raise CampaignError(
+            f"{campaign.source}: the rows with images '{shown(one)}' and '{shown(other)}' both name "
+            f"'{corners.images[named[k]]}' of {corners.label}: give each posture one row, whose image is the name that it has in "
+            "the folders of all cameras"
+        )
 
 
 def in_words(names: Sequence[str]) -> str:
@@ -803,10 +861,12 @@ def _refuse_misfit(kind: Pixels, poses: BoardPoses, source: str) -> None:
     moves, alone = kind.on_wrist[poses.camera], len(kind.bodies) == 2
     (wrist, base), one = poses.apart, poses.apart[0 if moves else 1]
     camera, board = kind.cameras[poses.camera], "board" if alone else f"board {kind.boards[poses.board]}"
-    _refuse_shifted(poses, min(wrist.turn, base.turn), source)
-    if alone and max(wrist.turn, base.turn) < SURE * min(wrist.turn, base.turn):
+    of = f" of {camera}" if len(kind.cameras) > 1 else ""
+    _refuse_shifted(poses, min(wrist.turn, base.turn), source, of)
+    least = min(wrist.turn, base.turn)
+    if (alone or least > MIN_TURN_RAD) and max(wrist.turn, base.turn) < SURE * least:
         raise CampaignError(
-            f"{source}: the poses of the board in the images follow the robot neither with the camera on the wrist (off "
+            f"{source}: the poses of the {board} in the images{of} follow the robot neither with the camera on the wrist (off "
             f"by {np.degrees(wrist.turn):.2g}°, median) nor beside the robot ({np.degrees(base.turn):.2g}°): check that rows and "
             "images belong together, and the joints' units and signs; or turn the wrist more from image to image"
         )
@@ -828,16 +888,19 @@ def is_of_other_size(one: Apart) -> bool:
     return abs(one.scale - 1.0) > max(MAX_SCALE_ERROR, SCALE_SIGMAS * one.scale_error)
 
 
-def _refuse_shifted(poses: BoardPoses, turn: float, source: str) -> None:
+def _refuse_shifted(poses: BoardPoses, turn: float, source: str, of: str) -> None:
     """See that images do not fit far better with the row before or after their own."""
     if turn < MIN_TURN_RAD or len(poses.T) < FEWEST_SHIFTED:
         return
     for shift, which in ((1, "after"), (-1, "before")):
-        moved, kept = (slice(1, None), slice(None, -1)) if shift == 1 else (slice(None, -1), slice(1, None))
+        kept = np.flatnonzero(np.isin(poses.rows + shift, poses.rows))
+        if len(kept) < FEWEST_SHIFTED - 1:
+            continue
+        moved = np.searchsorted(poses.rows, poses.rows[kept] + shift)
         found = min(Apart.of(poses.T[moved], M[kept]).turn for M in poses.mounts)
         if found < min(turn / FAR_BETTER, MIN_TURN_RAD):
             raise CampaignError(
-                f"{source}: images are shifted against joints by one row: with each image taken for the row {which} its own, "
+                f"{source}: images{of} are shifted against joints by one row: with each image taken for the row {which} its own, "
                 f"the board is off by {np.degrees(found):.2g}° instead of {np.degrees(turn):.2g}° (median), from {poses.names[0]} "
                 "on; pair them by the column image"
             )

@@ -213,10 +213,19 @@ def _stated_cameras(options: ReadOptions, corners: Sequence[Corners]) -> "list[S
                 path,
                 f"is not a folder; of the cameras {', '.join(names)} name one with a file for each, as {names[0]}.toml",
             )
-        files = {one.stem: one for one in sorted(path.iterdir()) if one.suffix.lower() in (".toml", *YAML_SUFFIXES)}
-        for name, file in files.items():
-            if name not in names:
+        files = dict[str, Path]()
+        for file in sorted(one for one in path.iterdir() if one.suffix.lower() in (".toml", *YAML_SUFFIXES)):
+            if file.stem not in names:
                 raise FileError(file, f"is of none of the cameras {', '.join(names)}; leave it out, or rename it")
+            if file.stem in files:
+                raise FileError(
+                    file, f"is a second file of camera {file.stem}, beside {files[file.stem].name}; leave one out"
+                )
+            files[file.stem] = file
+        if not files:
+            raise FileError(path, f"has no file of a camera, such as {names[0]}.toml; of the others it needs none")
+    elif path.is_dir():
+        raise FileError(path, "is a folder, and the images are of one camera; name its file")
     out: list[StatedCamera | None] = []
     for name in names:
         given = as_prior(read_camera(files[name]), exact=options.camera_exact) if name in files else None
