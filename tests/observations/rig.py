@@ -54,9 +54,14 @@ class Rig:
     """Of each camera."""
 
     def campaign(
-        self, boards: tuple[Board, ...] | None = None, cameras: tuple[int, ...] | None = None, *, judged: bool = True
+        self,
+        boards: tuple[Board, ...] | None = None,
+        cameras: tuple[int, ...] | None = None,
+        *,
+        targets: tuple[str, ...] = (),
+        judged: bool = True,
     ) -> Campaign:
-        """As it is read, with some of the boards and cameras; by default all."""
+        """As it is read, with some of the boards and cameras, by default all; and with the targets of a calibration."""
         names = self.corners[0].images
         blank = Pixels(images=names, of=np.arange(len(names)))
         n = len(names)
@@ -73,7 +78,8 @@ class Rig:
             of_boards(one, [board.name for board in chosen])
             for one in (self.corners if cameras is None else [self.corners[k] for k in cameras])
         ]
-        return with_pictures(empty, corners, chosen, MODEL.robot, "pinhole", (None,) * len(corners), judged=judged)
+        given = (None,) * len(corners)
+        return with_pictures(empty, corners, chosen, MODEL.robot, "pinhole", given, targets=targets, judged=judged)
 
 
 def take_rig(

@@ -131,8 +131,12 @@ def test_the_order_of_boards_and_cameras_does_not_matter(make):
     """Whichever comes first, and is the target: corners tell the same of each state of robot, boards and cameras."""
     rig = make(4, 12)
     turned, costs = replace(rig, boards=rig.boards[::-1], corners=rig.corners[::-1]), []
-    for each in (rig, turned):
-        campaign = each.campaign()
+    whole = rig.campaign()
+    kind = whole.observations[0]
+    last = replace(kind, moving=kind.moving[::-1]).target
+    other = rig.campaign(targets=(last,))
+    assert other.targets == (last,)
+    for each, campaign in ((rig, whole), (turned, turned.campaign()), (rig, other)):
         (kind,), seen = campaign.observations, campaign.read(0)
         T = MODEL.poses(each.q, each.x) @ se3.error_transform(np.full(6, 3e-4)) @ each.bodies[kind.moving[0]]
         unknown = true_unknowns(each, kind)
@@ -141,7 +145,24 @@ def test_the_order_of_boards_and_cameras_does_not_matter(make):
         W = np.linalg.inv(kind.covariance(seen, None, TrackerNoise()))
         r, own = at.residual[seen.valid], stated.residual / stated.uncertainty
         costs.append(np.einsum("ni,nij,nj->", r, W[seen.valid], r) + own @ own)
-    assert costs[0] == pytest.approx(costs[1], rel=1e-2)
+    assert costs == pytest.approx([costs[0]] * 3, rel=1e-2)
+
+
+def test_images_of_other_cameras_than_calibrated_are_refused():
+    """What is on the wrist stands there, a camera has another size, or nothing on the wrist is known."""
+    rig = wrist_and_floor(4, 12)
+    (kind,) = rig.campaign().observations
+    numbers = np.arange(float(len(kind.unknowns)))
+    fewer = replace(kind, cameras=kind.cameras[:1], lenses=kind.lenses[:1])
+    assert set(fewer.named_like(kind, numbers)) < set(numbers)
+    larger = replace(kind, lenses=(kind.lenses[0], replace(LENS, width=1920)))
+    with pytest.raises(CampaignError, match=r"camera cell has images of 1920 × 1200 pixels"):
+        larger.named_like(kind, numbers)
+    swapped = replace(kind, moving=("board side", "camera cell"))
+    with pytest.raises(CampaignError, match="camera wrist stands in these images, and is on the wrist in the calib"):
+        swapped.named_like(kind, numbers)
+    with pytest.raises(CampaignError, match=r"on the wrist, the calibration camera left: they are of other cameras"):
+        rig.campaign(targets=("camera left",))
 
 
 @pytest.mark.parametrize("make", [two_boards, two_cameras])

@@ -568,6 +568,28 @@ class Pixels(Standalone):
         """The image of every row; what it shows is in a file of corners."""
         return {"image": self.labels(measured)}
 
+    def named_like(self, other: Observation, unknown: Float[np.ndarray, " u"]) -> Float[np.ndarray, " v"]:
+        """Another one's unknowns in the order of these, NaN for those it does not have.
+
+        Raises:
+            CampaignError: a camera has another lens or size there, or what is on the wrist stands there.
+        """
+        assert isinstance(other, Pixels)
+        lenses = dict(zip(other.cameras, other.lenses, strict=False))
+        for name, lens in zip(self.cameras, self.lenses, strict=False):
+            if lenses.get(name, lens) != lens:
+                here, there = (f"{one.width} × {one.height} pixels ({one.model})" for one in (lens, lenses[name]))
+                raise CampaignError(
+                    f"{name} has images of {here}, and was calibrated with {there}: its numbers are of that size and lens"
+                )
+        for name in self.bodies:
+            if name in other.bodies and (name in self.moving) != (name in other.moving):
+                here, there = ("is on the wrist" if name in one.moving else "stands" for one in (self, other))
+                raise CampaignError(
+                    f"{name} {here} in these images, and {there} in the calibration: check the names of folders and boards"
+                )
+        return super().named_like(other, unknown)
+
     def describe(self) -> dict[str, Any]:
         """Cameras and boards, without pictures."""
         return {

@@ -409,6 +409,7 @@ def with_pictures(
     model: str,
     given: Sequence[StatedCamera | None] = (None,),
     *,
+    targets: Sequence[str] = (),
     judged: bool = True,
 ) -> Campaign:
     """A campaign whose rows name images, with what these show.
@@ -420,6 +421,7 @@ def with_pictures(
         robot: whose nominal poses tell which cameras and boards move.
         model: of the lenses, ``pinhole`` or ``fisheye``.
         given: what is known of each camera, with an uncertainty.
+        targets: of a calibration, among which what is on the wrist is to be; by default it is what most images show.
         judged: whether pictures that do not fit the robot are refused.
 
     Raises:
@@ -457,6 +459,7 @@ def with_pictures(
     T = ErrorModel(robot).poses(campaign.q)
     pairs = BoardPoses.each(kind, T)
     kind = replace(kind, moving=find_mounts(kind, pairs, campaign.source))
+    kind = replace(kind, moving=_with_target_first(kind, targets, campaign.source))
     kind = replace(kind, start=kind.on_robot(T))
     notes += [
         f"{'' if len(corners) == 1 else f'{own.label}: '}{said}"
@@ -847,6 +850,22 @@ def find_mounts(kind: Pixels, pairs: Sequence[BoardPoses], source: str) -> tuple
     camera, board = kind.cameras[pairs[0].camera], f"board {kind.boards[pairs[0].board]}"
     first = camera if moves[camera] else board
     return (first, *(name for name in kind.bodies if moves[name] and name != first))
+
+
+def _with_target_first(kind: Pixels, targets: Sequence[str], source: str) -> tuple[str, ...]:
+    """Cameras and boards on the wrist, that first which is the target of a calibration.
+
+    Raises:
+        CampaignError: none of them is.
+    """
+    orders = [(name, *(other for other in kind.moving if other != name)) for name in kind.moving]
+    found = [order for order in orders if replace(kind, moving=order).target in targets]
+    if targets and not found:
+        raise CampaignError(
+            f"{source}: these images have {', '.join(kind.moving)} on the wrist, the calibration {', '.join(targets)}: they "
+            "are of other cameras or boards; name the folder, and the boards' file, as they were calibrated"
+        )
+    return (found or orders)[0]
 
 
 def _refuse_misfit(kind: Pixels, poses: BoardPoses, source: str) -> None:

@@ -100,7 +100,7 @@ def read_campaign(
     if not paths:
         raise WrongValue("path names no file; give one or several")
     if options is not None and options.board is not None:
-        return _read_pictures(paths, robot, options)
+        return _read_pictures(paths, robot, options, targets)
     parts = [
         (name, campaign_of(part, robot, targets, reference_points))
         for name, part in _by_station(paths, robot, options or ReadOptions())
@@ -159,7 +159,9 @@ def _by_station(paths: Sequence[str | Path], robot: Robot, options: ReadOptions)
             yield name, _one_row_a_pose(part, robot, options)
 
 
-def _read_pictures(paths: Sequence[str | Path], robot: Robot, options: ReadOptions) -> Campaign:
+def _read_pictures(
+    paths: Sequence[str | Path], robot: Robot, options: ReadOptions, targets: Sequence[str] | None
+) -> Campaign:
     """A campaign of images.
 
     Raises:
@@ -192,7 +194,9 @@ def _read_pictures(paths: Sequence[str | Path], robot: Robot, options: ReadOptio
     readings = _one_row_a_pose(readings, robot, options)
     given = _stated_cameras(options, corners)
     campaign = campaign_of(readings, robot)
-    return pictures.with_pictures(campaign, corners, boards, robot, options.lens, given, judged=options.judged)
+    return pictures.with_pictures(
+        campaign, corners, boards, robot, options.lens, given, targets=targets or (), judged=options.judged
+    )
 
 
 def _stated_cameras(options: ReadOptions, corners: Sequence[Corners]) -> "list[StatedCamera | None]":

@@ -14,7 +14,7 @@ from taskcal.export.camera import pictured_target, place_of, unknowns_of
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.observations import Pixels
-from taskcal.observations.camera import KILO, Pictures
+from taskcal.observations.camera import KILO, Lens, Pictures
 from taskcal.reading.detection import thumbnail
 from taskcal.report.chart import BLUE, VERMILION, Axis, Cells, Figure, Panel, Series
 from taskcal.report.content import Chart, Column, Section, Table, decimals_of
@@ -96,11 +96,7 @@ def _seen(calibration: Calibration, campaign: Campaign, t: int) -> tuple[Pixels,
     layout, found = calibration.layout, campaign.observations
     kind, own = found[t] if len(found) == len(layout.kinds) else None, layout.kinds[t]
     assert isinstance(own, Pixels)
-    if not isinstance(kind, Pixels) or (kind.cameras, kind.lenses, kind.moving) != (
-        own.cameras,
-        own.lenses,
-        own.moving,
-    ):
+    if not isinstance(kind, Pixels) or _who(kind) != _who(own):
         cameras = ", ".join(
             f"{name}: {lens.model}, {lens.width} × {lens.height} pixels, {'on the wrist' if moves else 'beside the robot'}"
             for name, lens, moves in zip(own.cameras, own.lenses, own.on_wrist, strict=True)
@@ -110,6 +106,11 @@ def _seen(calibration: Calibration, campaign: Campaign, t: int) -> tuple[Pixels,
             f"{', '.join(own.moving)}); name the campaign that was fitted, with its --images, --board and --lens"
         )
     return kind, kind.named_like(layout.kinds[t], layout.unknowns(calibration.z)[t])
+
+
+def _who(kind: Pixels) -> tuple[dict[str, Lens], str, set[str]]:
+    """Cameras and their lenses, and what is on the wrist, the target by its name."""
+    return dict(zip(kind.cameras, kind.lenses, strict=True)), kind.target, set(kind.moving)
 
 
 def _residuals(calibration: Calibration, campaign: Campaign, t: int) -> tuple[Float[np.ndarray, "c 2"], ...]:

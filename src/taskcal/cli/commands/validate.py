@@ -62,7 +62,8 @@ def command(
 ) -> None:
     """Validate a calibration against a campaign; optional pass/fail decision."""
     calibrated = read_calibration(calibration, unsealed=unsealed)
-    measured = reading.read(campaign, calibrated.model.robot).campaign
+    known = None if reregister or reading.board is None else calibrated.targets
+    measured = reading.read(campaign, calibrated.model.robot, targets=known).campaign
     if reading.targets is None and not reregister:
         measured = _shared_targets(measured, calibrated)
     examination = taskcal.identification.examine(calibrated, measured, reregister=reregister)
