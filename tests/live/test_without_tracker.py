@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 import taskcal as tc
+from taskcal.errors import UnitError
 from taskcal.geometry import se3
 from taskcal.live.devices import DeviceError
 from taskcal.live.folder import Folder
 from taskcal.live.hand import Hand, HandReadings
-from taskcal.live.journal import Journal
+from taskcal.live.journal import Journal, Row
 from taskcal.live.runner import Answer, Event, Outcome, Question, Runner
 from taskcal.live.steering import Aim, Steering
 from taskcal.live.stillness import SEATED_WITHIN, MissedError, Rules, Taker
@@ -138,6 +139,41 @@ def test_a_line_of_another_fixture_or_kind_is_not_taken(tmp_path: Path) -> None:
             taker.take(None, fixture="left")
         with pytest.raises(DeviceError, match="distance"):
             replace(taker, kind="point").take(None)
+
+
+def test_lengths_in_metres_are_refused_after_eight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Long before the first fit, as soon as an anchor has so many that their unit is seen."""
+    session = Session(tmp_path / "c.csv", "wire", most=40)
+    shot = session.cell.shot
+    monkeypatch.setattr(session.cell, "shot", lambda: replace(one := shot(), point=one.point * 1e-3))
+    with pytest.raises(UnitError, match="metres where millimetres are"):
+        session.run()
+    at = [row.fixture for row in session.journal.rows]
+    assert max(map(at.count, at)) == 8
+
+
+def test_distances_of_sockets_left_out_do_not_count(tmp_path: Path) -> None:
+    """What is stated of a socket that no row names, as of one that a person leaves out, hinders no fit of the others."""
+    stated = tmp_path / "d.csv"
+    stated.write_text("socket_a,socket_b,distance_mm,u_mm\nfirst/a,first/b,100,0.02\nsecond/a,second/b,100.5,0.03\n")
+    observed = instrument_classes()["socket"].set_up(MODEL, TASK, TOOL, distances=stated)
+    journal = Journal(tmp_path / "c.csv", ROBOT, observe=observed, options=ReadOptions(distances=stated))
+    journal.begin({})
+    for number, name in enumerate(["first/a", "second/a", "second/b"], 1):
+        journal.append(
+            Row(
+                number=number,
+                purpose="chosen",
+                station=1,
+                time_s=number,
+                joints=0.1 * np.arange(6),
+                point=np.zeros(3),
+                fixture=name,
+            )
+        )
+    (both,), (alone,) = (journal.campaign(np.arange(count)).observations for count in (3, 2))
+    assert both.stated_text() == "socket_a,socket_b,distance_mm,u_mm\nsecond/a,second/b,100.500000,0.030000\n"
+    assert (both.tells_scale, alone.tells_scale) == (True, False)
 
 
 @pytest.mark.long

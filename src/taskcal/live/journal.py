@@ -5,7 +5,7 @@ import json
 import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -159,13 +159,25 @@ class Journal:
 
     def campaign(self, rows: Int[np.ndarray, " k"]) -> Campaign:
         """Some rows, in their order, as they are read from the file."""
-        if len(rows) == len(self.rows):
-            return read_campaign(self.path, self.robot, options=self._options)
         header, *lines = self.path.read_text().splitlines(keepends=True)
         with tempfile.TemporaryDirectory() as folder:
-            part = Path(folder) / self.path.name
+            part, options = Path(folder) / self.path.name, self._stated(rows, Path(folder) / "stated.csv")
+            if len(rows) == len(self.rows):
+                return read_campaign(self.path, self.robot, options=options)
             part.write_text(header + "".join(lines[k] for k in rows))
-            return read_campaign(part, self.robot, options=self._options)
+            return read_campaign(part, self.robot, options=options)
+
+    def _stated(self, rows: Int[np.ndarray, " k"], own: Path) -> ReadOptions | None:
+        """What is stated, without distances of fixtures that none of the rows names, as one that is left out; these need a file."""
+        options, observe = self._options, self._observe
+        if options is None or options.distances is None or observe is None:
+            return options
+        of = np.array([observe.fixtures.names.index(self.rows[k].fixture) for k in rows], dtype=np.int64)
+        there = observe.observation(of).take(np.arange(len(of)))
+        if set(there.named) == set(observe.fixtures.names):
+            return options
+        own.write_text(there.stated_text() or "", encoding="utf-8")
+        return replace(options, distances=own if there.tells_scale else None)
 
     def _lines(self, rows: Iterable[Row]) -> list[str]:
         """The header, and a line for each row."""

@@ -25,7 +25,7 @@ from taskcal.identification.holdout import with_held_out
 from taskcal.identification.identify import fit_nominal, identify
 from taskcal.identification.options import FitOptions
 from taskcal.live.journal import Journal, Purpose, Row
-from taskcal.observations.base import error_lengths
+from taskcal.observations.base import Measured, error_lengths
 from taskcal.observations.instrument import Fixtures, Instrument, Measurable
 from taskcal.observations.point import Station, Tracker
 from taskcal.planning.plan import POOL_SEED, PlanOptions, PoseChoice
@@ -381,10 +381,13 @@ class Steering:
         """See that joints are not in another unit than they are taken for, as a program's table or a driver may have them.
 
         Raises:
-            CampaignError: joints and points contradict each other, and agree in the other unit.
+            CampaignError: joints and points contradict each other, and agree in the other unit; or lengths must be in another.
         """
+        if not self._tracked:
+            self._check_readings()
+            return
         first = fitting[np.array([self.journal.rows[k].station == 1 for k in fitting], dtype=bool)]
-        if len(first) < UNIT_ROWS or not self._tracked or self._agrees(campaign := self._read(first)):
+        if len(first) < UNIT_ROWS or self._agrees(campaign := self._read(first)):
             return
         turning = ~np.array(self.aim.model.robot.prismatic)
         for meant, taken, factor in (("radians", "degrees", 180.0 / np.pi), ("degrees", "radians", np.pi / 180.0)):
@@ -394,6 +397,18 @@ class Steering:
                     f"{meant}: {meant} were taken for {taken}. Mend that where the joints come from, the head of the program's "
                     "table or the controller's driver, and begin another campaign"
                 )
+
+    def _check_readings(self) -> None:
+        """See that readings without a tracker are in the unit that they are taken for, as far as few rows tell.
+
+        Raises:
+            UnitError: they are not.
+        """
+        rows, names = self.journal.rows, self.aim.instrument.fixtures.names
+        if rows:
+            of = np.array([names.index(row.fixture) for row in rows], dtype=np.int64)
+            tool = self.aim.model.poses(np.stack([row.joints for row in rows]))
+            self.aim.instrument.observation(of).check_unit(tool, Measured(np.stack([row.point for row in rows])))
 
     def _agrees(self, campaign: Campaign) -> bool:
         """Whether the nominal robot can have been at the rows' joints where its target was measured."""

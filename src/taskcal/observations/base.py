@@ -453,6 +453,10 @@ class Observation(ABC):
         """
         raise CampaignError(f"'{cls.key}' observations cannot be simulated: the kind says nothing of a cell for them")
 
+    def check_unit(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> None:
+        """Raise a `UnitError` where few rows tell that numbers are in another unit than they are taken for; by default never."""
+        return
+
     def place(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> Placed:
         """Estimate target and unknowns from poses of the tool alone; for a tracker's measurements the registration finds them."""
         raise CampaignError(

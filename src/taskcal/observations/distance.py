@@ -21,6 +21,10 @@ from taskcal.short_repr import short_repr
 FEWEST = 12
 """Lengths to an anchor, to find it without a guess."""
 
+UNIT_ROWS = 8
+"""Lengths to an anchor, from which on their unit is seen: of as many that spread evenly, the middle half is within a hundredth of
+the robot's movement by chance once in some million times."""
+
 ANOTHER_UNIT = 0.01
 """Share of the robot's movement, below which the lengths must be in metres; beyond its inverse, in a smaller unit."""
 
@@ -105,7 +109,7 @@ class Lengths(Standalone):
                 raise CampaignError(
                     f"{count} lengths to anchor '{name}' do not tell where it is; measure {FEWEST} or more"
                 )
-        self._check_unit(rows.tool[:, :3, 3], rows.measured.points[:, 0], rows.numbers)
+        rows.kind.check_unit(rows.tool, rows.measured)
 
     def starts(self, rows: Search) -> Iterable[Float[np.ndarray, " x"]]:
         """Where equations of squared lengths have the tip, and several places on the tool; with the anchors that fit there.
@@ -145,13 +149,16 @@ class Lengths(Standalone):
         placed = found.placed
         return placed._replace(unknown=np.concatenate([placed.unknown, np.zeros(int(self.scaled))]))
 
-    def _check_unit(self, p: Float[np.ndarray, "n 3"], d: Float[np.ndarray, " n"], k: Int[np.ndarray, " n"]) -> None:
-        """See that lengths differ about as much as the robot has moved.
+    def check_unit(self, tool: Float[np.ndarray, "n 4 4"], measured: Measured) -> None:
+        """See that lengths to anchors that have enough of them differ about as much as the robot has moved.
 
         Raises:
             UnitError: they do so a thousand times less, or more.
         """
-        there = [k == number for number in np.unique(k)]
+        p, d, k = tool[:, :3, 3], measured.points[:, 0], self.numbers
+        there = [k == number for number, count in enumerate(np.bincount(k)) if count >= UNIT_ROWS]
+        if not there:
+            return
         # of the middle half, since single rows may be wrong
         changed = max(float(_middle_half(d[own])) for own in there)
         moved = max(float(np.linalg.norm(_middle_half(p[own]))) for own in there)
