@@ -78,15 +78,18 @@ def test_devices_that_are_not_there_are_named(
 def test_each_pose_without_a_tracker_names_its_fixture(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As does its row; that is a row of an ordinary campaign of sockets."""
+    """As does its row; that is a row of an ordinary campaign of sockets, also of an arm that reaches some in few postures."""
     monkeypatch.chdir(tmp_path)
-    assert run("robots", "task", "ur5", "-o", "task.toml").status == 0
+    assert run("robots", "task", "franka-panda", "-o", "task.toml").status == 0
     Path("d.csv").write_text("socket_a,socket_b,distance_mm\na,b,100\n")
-    ended = run(*LINE.split(), *["--observe", "socket", "--distances", "d.csv", "--most", "2", "--json"])
+    ended = run(
+        *LINE.replace("ur5", "franka-panda").split(),
+        *["--observe", "socket", "--distances", "d.csv", "--most", "2", "--json"],
+    )
     assert ended.status == 0, ended.err
     *lines, end = [json.loads(line) for line in ended.out.splitlines()]
     assert {*map(tuple, map(sorted, lines[::3]))} == {tuple(KEYS["measure, where to go at a fixture"]["top"])}
     assert (end["ended"], end["proven"], end["calibration"]) == ("most", False, None)
-    campaign = tc.read_campaign("c.csv", tc.load_robot("ur5"))
+    campaign = tc.read_campaign("c.csv", tc.load_robot("franka-panda"))
     sockets = campaign.observations[0].labels(campaign.read(0))
     assert sockets == [one["socket"] for one in lines[::3]]

@@ -251,7 +251,7 @@ def _check_observed(devices: DeviceOptions, observing: ObservingOptions, lengths
 
 
 def _observed(aim: "Aim", observing: ObservingOptions, lengths: LengthOptions) -> "Aim":
-    """The aim with what measures instead of a tracker; no distance counts that no file states.
+    """The aim with what measures instead of a tracker, with as many candidates for each fixture; no distance counts unless stated.
 
     Raises:
         FileError: a file cannot be read.
@@ -273,7 +273,7 @@ def _observed(aim: "Aim", observing: ObservingOptions, lengths: LengthOptions) -
 
     if not observe.observation(np.arange(0)).tells_scale:
         info("no length is stated, so that the robot's size is that of its tolerances; state one (--distances)")
-    return replace(aim, station=None, observe=observe)
+    return replace(aim, station=None, observe=observe, candidates=aim.candidates * observe.count)
 
 
 def rows_taker(
