@@ -145,7 +145,9 @@ def test_a_campaign_of_two_cameras_is_read_as_it_was_written(folder):
         name.replace("png", "jpg") if camera == "right" else name
         for name, camera in zip(columns["image"], columns["camera"], strict=True)
     ]
-    whole = columns | {"image": other} | {name: values[row] for name, values in joints.items()}
+    whole = (
+        {"id": range(len(other))} | columns | {"image": other} | {name: values[row] for name, values in joints.items()}
+    )
     again = read_campaign(write(folder / "whole.csv", whole), ROBOT, options=options)
     np.testing.assert_array_equal(again.points, one.points)
     each = {"image": [f"{camera}/{k:04d}" for camera in ("left", "right") for k in range(10)]}

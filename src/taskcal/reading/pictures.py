@@ -30,6 +30,7 @@ from taskcal.observations.camera import (
 from taskcal.observations.camera_file import StatedCamera
 from taskcal.observations.flatness import find_bend
 from taskcal.observations.pixels import FEWEST, Apart
+from taskcal.reading.columns import meanings
 from taskcal.reading.image_times import Stamp, Times, pair_by_time
 from taskcal.reading.readings import Readings
 from taskcal.robot.error_model import ErrorModel
@@ -44,6 +45,9 @@ CAMERA = "camera"
 
 PIXEL_DECIMALS = 4
 """Of corners in a file, to which those that are found are rounded, so that the file has the same: a thousandth of their noise."""
+
+POSE_KINDS = frozenset(("joint", "position", "quaternion", "euler", "matrix"))
+"""Meanings of columns that are of a posture, in which all lines of one image agree."""
 
 MAX_NAMED = 6
 """Images that a message names."""
@@ -223,22 +227,25 @@ def _size(table: Table, name: str, pixel: Float[np.ndarray, " c"]) -> int:
     return int(values[0])
 
 
-def one_row_an_image(table: Table) -> Table:
-    """A file of corners as a campaign: its first line of each image, without what is of single corners.
+def one_row_an_image(table: Table, robot: Robot) -> Table:
+    """A file of corners as a campaign of a robot: its first line of each image, without what is of single corners.
 
     Raises:
-        FileError: lines of one image differ in what is of the whole image, such as joints.
+        FileError: lines of one image differ in their joints or poses.
     """
     rows = without_columns(table, (CAMERA, *CORNER_COLUMNS[1:]))
     cells, first = [tuple(row) for row in rows.rows], dict[str, int]()
-    image, name_of = rows.header.index(rows.spelled("image")), stem_of if CAMERA in table else str
+    name_of = stem_of if CAMERA in table else str
+    units = rows.units or ("",) * len(rows.header)
+    known = meanings(rows.header, units, robot.joint_names)
+    posed = [k for k, one in enumerate(known) if one is not None and one.kind in POSE_KINDS]
     for row, name in enumerate(table.texts("image")):
         before = first.setdefault(name_of(name), row)
-        for k, (cell, other) in enumerate(zip(cells[row], cells[before], strict=True)):
-            if k != image and cell != other:
+        for k in posed:
+            if (cell := cells[row][k]) != (other := cells[before][k]):
                 raise table.error(
                     f"'{shown(cell)}' differs from '{shown(other)}' in line {table.lines[before]}, of the same image "
-                    f"'{shown(name)}', which is of one row: name images of another posture otherwise, or leave the column out",
+                    f"'{shown(name)}', which is of one posture: name images of another one otherwise",
                     row,
                     rows.header[k],
                 )

@@ -187,7 +187,9 @@ def _read_pictures(
             table.path, "has no corners (columns image, corner, u_px, v_px); give the images, --images FOLDER"
         )
     if options.image_times is None:
-        readings = _of_file(pictures.one_row_an_image(table) if own else table, robot, options.form, options.angles)
+        readings = _of_file(
+            pictures.one_row_an_image(table, robot) if own else table, robot, options.form, options.angles
+        )
         readings = pictures.with_images(readings, robot, corners)
     else:
         readings = _at_standstill(table, robot, corners, options)
