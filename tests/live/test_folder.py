@@ -2,16 +2,23 @@
 
 import time
 from pathlib import Path
+from threading import Timer
 
 import numpy as np
 import pytest
 
 from taskcal.errors import TaskcalError, UnknownName
+from taskcal.geometry import se3
 from taskcal.live.devices import DeviceError, controllers, instrument_of, instruments
 from taskcal.live.folder import Folder
 from taskcal.live.hand import Hand
 from taskcal.live.lines import Columns, columns_of
+from taskcal.live.stillness import Rules, Taker
+from taskcal.reading.pictures import Corners
 from taskcal.robot.catalogue import load_robot
+from taskcal.virtual.rendering import render_boards
+from tests.planning.without_tracker import BOARD, LENS
+from tests.planning.without_tracker import instrument_of as cell_instrument
 
 HEADERS = [
     ("x_mm y_mm z_mm", "1.5 -2.5 3.5"),
@@ -89,6 +96,58 @@ def test_lines_that_are_added_are_shots_once_they_are_whole(tmp_path: Path, stat
         first.write_text("x_mm y_mm z_mm\n")
         with pytest.raises(DeviceError, match="shorter"):
             folder.read(1.0)
+
+
+def typed_between(folder: Folder, before: Path, after: Path, image: bytes) -> Corners:
+    """What is taken where a person types joints between two images."""
+
+    def ask(_: str) -> str:
+        before.write_bytes(image)
+        time.sleep(0.2)
+        Timer(0.1, after.write_bytes, (image,)).start()
+        return "0 -90 90 0 0 0"
+
+    hand, pose = Hand(load_robot("ur5"), ask=ask), np.radians([0.0, -90.0, 90.0, 0.0, 0.0, 0.0])
+    hand.show(pose)
+    taken = Taker(controller=hand, instrument=folder, rules=Rules(shots=1), kind="pixels").take(pose)
+    assert taken.corners is not None
+    return taken.corners
+
+
+def test_an_image_counts_once_it_is_whole_and_shows_the_board(tmp_path: Path) -> None:
+    """One that grows waits; without the board, blurred, of another size, no image or of a name that was there it is named.
+    Of a person who types the joints, one that came before does not count."""
+    cv2 = pytest.importorskip("cv2")
+    T = se3.pose(se3.exp(np.array([0.2, -0.3, 0.1])), np.array([-0.12, -0.08, 0.5]))
+    image = render_boards((BOARD,), LENS, LENS.start(0.9), T[None], rng=np.random.default_rng(0))
+    whole = cv2.imencode(".png", image)[1].tobytes()
+    (tmp_path / "old.png").write_bytes(whole)
+    with Folder.open(str(tmp_path), 0.0) as folder:
+        folder.observes(cell_instrument("pixels"))
+        folder.knows(["5.png"])
+        blurred = cv2.GaussianBlur(image, (0, 0), 3.0)
+        faults = {"2.png": np.full_like(image, 128), "3.png": blurred, "4.png": image[:-8], "5.jpg": image}
+        for name, other in faults.items():
+            (tmp_path / name).write_bytes(cv2.imencode(Path(name).suffix, other)[1].tobytes())
+        (tmp_path / "6.png").write_bytes(b"none")
+        (tmp_path / "1.png").write_bytes(whole[: len(whole) // 2])
+        begun = time.monotonic()
+        time.sleep(0.2)
+        (tmp_path / "1.png").write_bytes(whole)
+        read = [shot for _ in range(6) if (shot := folder.read(5.0)) is not None]
+        assert folder.read(0.0) is None
+        stood = typed_between(folder, tmp_path / "7.png", tmp_path / "8.png", whole)
+    assert stood.images == ("8.png",)
+    by_name = {str(one.wrong.values["image"]): one.wrong for one in read if one.wrong is not None}
+    for name, said in {"2": "show enough", "3": "blurred", "4": "1192", "5": "before", "6": "read"}.items():
+        assert said in next(text for image, text in by_name.items() if Path(image).stem == name)
+    (good,) = [one for one in read if one.valid]
+    assert good.corners is not None
+    assert (good.corners.images, good.kind) == (("1.png",), "pixels")
+    assert good.time_s < begun + 0.2  # when it came, not when it was whole
+    K = np.array([[1440.0, 0.0, 799.5], [0.0, 1440.0, 599.5], [0.0, 0.0, 1.0]])
+    expected = se3.apply(T, BOARD.corners()[good.corners.id]) @ K.T
+    np.testing.assert_allclose(good.corners.pixel, expected[:, :2] / expected[:, 2:], atol=0.3)
 
 
 def test_registries_know_their_own() -> None:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,16 @@ import pytest
 import taskcal as tc
 from taskcal.errors import FileError
 from taskcal.live.journal import Journal, Row
+from taskcal.reading.pictures import Corners, read_corners
+from taskcal.tables.forms import read_table
+from tests.planning.without_tracker import instrument_of
 
 ROBOT = tc.load_robot("ur5")
 Q = np.random.default_rng(0).uniform(-1.0, 1.0, size=(6, 6)) + np.array([0.0, -1.5, 1.5, 0.0, 0.0, 0.0])
+CORNERS = Corners(
+    source="", images=("",), width=1600, height=1200, image=np.zeros(5, dtype=int), board=("board",) * 5, id=np.arange(5),
+    pixel=np.zeros((5, 2)),
+)  # fmt: skip
 PURPOSES = ("chosen", "chosen", "kept-out", "reference", "chosen", "kept-out")
 ROWS = [
     Row(
@@ -60,6 +68,38 @@ def test_a_kill_at_any_byte_costs_at_most_the_line_in_hand(tmp_path: Path) -> No
         np.testing.assert_allclose(read.joints, row.joints, atol=1e-10)
         np.testing.assert_allclose(read.point, row.point, atol=1e-9)
     assert journal.noted("fit") == (4,)
+
+
+def test_corners_and_rows_of_images_are_whole_after_a_kill(tmp_path: Path) -> None:
+    """Corners are there before their row; whatever part of them was written without it is taken off, and comes again."""
+    path, observe = tmp_path / "c.csv", instrument_of("pixels")
+    pixel = np.random.default_rng(1).uniform(10.0, 1000.0, size=(3, 5, 2))
+    rows = [
+        replace(
+            row, purpose="chosen", fixture="board", station=1, corners=replace(CORNERS, images=(f"{k}.png",), pixel=uv)
+        )
+        for k, (row, uv) in enumerate(zip(ROWS[:3], pixel, strict=True))
+    ]
+    journal = Journal(path, ROBOT, observe=observe)
+    journal.begin({"seed": 1})
+    for row in rows[:2]:
+        journal.append(row)
+    corners = tmp_path / "c.corners.csv"
+    before = corners.read_bytes(), path.read_bytes()
+    journal.append(rows[2])
+    seen, whole = corners.read_bytes(), path.read_bytes()
+    half = len(whole) - 9
+    for cut, end in [*((k, len(before[1])) for k in range(len(before[0]), len(seen) + 1, 7)), (len(seen), half)]:
+        corners.write_bytes(seen[:cut])
+        path.write_bytes(whole[:end])
+        journal = Journal(path, ROBOT, observe=observe)
+        journal.resume({"seed": 1})
+        assert (corners.read_bytes(), path.read_bytes()) == before
+        journal.append(rows[2])
+        assert (corners.read_bytes(), path.read_bytes()) == (seen, whole)
+    assert [row.image for row in journal.rows] == ["0.png", "1.png", "2.png"]
+    (read,) = read_corners(read_table(corners))
+    np.testing.assert_allclose(read.pixel, pixel.reshape(-1, 2), atol=1e-4)
 
 
 def test_the_file_is_an_ordinary_campaign(tmp_path: Path) -> None:

@@ -19,17 +19,29 @@ from taskcal.live.steering import Aim, Steering
 from taskcal.live.stillness import SEATED_WITHIN, MissedError, Rules, Taker
 from taskcal.live.virtual import VirtualController, VirtualTracker
 from taskcal.observations import Instrument, instrument_classes
+from taskcal.observations.calibration_board import board_text
 from taskcal.observations.point import Tracker
 from taskcal.reading import ReadOptions
+from tests.planning.without_tracker import CAMERA
 
 ROBOT = tc.load_robot("ur5")
 MODEL = tc.ErrorModel(ROBOT)
 TASK = tc.default_task(MODEL)
 TOOL = se3.translation(0.0, 0.0, 0.1)
 
+BOARD = {
+    "kind": "charuco", "columns": 10, "rows": 7, "square_mm": 30.0, "marker_mm": 22.0, "dictionary": "5X5_100",
+    "measured": {"length_mm": 100.0, "u_mm": 0.02},
+}  # fmt: skip
+
 
 def instrument(name: str, folder: Path) -> tuple[Instrument, ReadOptions]:
     """An instrument in the task's cell; of sockets with a stated distance, which alone tells the robot's size."""
+    if name == "pixels":
+        board = folder / "board.toml"
+        board.write_text(board_text(BOARD))
+        observed = instrument_classes()[name].set_up(MODEL, TASK, TOOL, board=board, camera=CAMERA)
+        return observed, ReadOptions(board=board)
     if name != "socket":
         return instrument_classes()[name].set_up(MODEL, TASK, TOOL), ReadOptions()
     stated = folder / "distances.csv"
@@ -54,11 +66,12 @@ class Session:
         self.cell = controller.cell
         tracker = VirtualTracker.open(None, 1.0)
         tracker.observes(self.observed)
+        tracker.knows([row.image for row in self.journal.rows])
         kind = self.observed.kind
         self.taker = Taker(
             controller=controller,
             instrument=tracker,
-            rules=Rules(arrived=SEATED_WITHIN if kind.touched else Rules.arrived),
+            rules=Rules(arrived=SEATED_WITHIN if kind.touched else Rules.arrived, shots=1 if kind.pictured else 3),
             kind=kind.key,
         )
         self.steering = Steering(aim, self.journal)
@@ -192,6 +205,29 @@ def test_without_a_tracker_it_ends_as_consistent_never_proven(tmp_path: Path, na
     for row, same in zip(rows, again.journal.rows, strict=True):
         assert (row.id, row.fixture, row.time_s) == (same.id, same.fixture, same.time_s)
         np.testing.assert_array_equal([*row.joints, *row.point], [*same.joints, *same.point])
+    assert_as_expected(session, outcome)
+
+
+@pytest.mark.long
+def test_images_end_as_consistent_and_resume_as_they_were(tmp_path: Path) -> None:
+    """The calibration is that of the chosen rows and the file of corners offline; a session that goes on knows the same."""
+    path = tmp_path / "c.csv"
+    assert Session(path, "pixels", most=13, tolerance=1e-3).run().reason == "most"
+    session = Session(path, "pixels", resume=True, most=80, tolerance=1e-3)
+    outcome = session.run()
+    assert (outcome.reason, outcome.state.proven, outcome.state.consistent) == ("consistent", False, True)
+    calibration, rows = session.steering.calibration(), session.journal.rows
+    header, *lines = path.read_text().splitlines(keepends=True)
+    own = "".join(line for line, row in zip(lines, rows, strict=True) if row.purpose == "chosen")
+    (tmp_path / "chosen.csv").write_text(header + own)
+    board, corners = tmp_path / "board.toml", tmp_path / "c.corners.csv"
+    for name, ids in (("c.csv", tuple(row.id for row in rows)), ("chosen.csv", calibration.ids)):
+        campaign = tc.read_campaign(tmp_path / name, ROBOT, options=ReadOptions(board=board, images=corners))
+        assert campaign.ids == ids
+    np.testing.assert_allclose(calibration.z, tc.identify(MODEL, campaign).z, atol=1e-9)
+    again = Session(path, "pixels", resume=True, most=80, tolerance=1e-3).steering.update()
+    np.testing.assert_allclose(again.kept_out, outcome.state.kept_out, rtol=1e-9)
+    assert again.consistent
     assert_as_expected(session, outcome)
 
 

@@ -1,7 +1,7 @@
 """What is read while measuring: a controller's joints, and an instrument's points, each a class that enters a registry."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from inspect import isabstract
@@ -15,6 +15,7 @@ from taskcal.observations.base import kinds
 from taskcal.observations.instrument import Instrument as CellInstrument
 from taskcal.observations.point import Point
 from taskcal.plugins import load_plugins, state_faults
+from taskcal.reading.pictures import Corners
 from taskcal.robot.robot import Robot
 
 
@@ -69,6 +70,10 @@ class Shot:
     """At which it was measured, where the instrument says."""
     reason: str = ""
     """Why it is not valid, such as ``beam lost``; empty where it is."""
+    corners: Corners | None = None
+    """Of an image, what it shows."""
+    wrong: Said | None = None
+    """Why a person has to make it again, which is asked for."""
 
     @property
     def valid(self) -> bool:
@@ -169,6 +174,9 @@ class Instrument(Device):
 
     asked: ClassVar[bool] = False
     """Whether a person is asked for each reading, who then says when the robot stands."""
+    unbidden: bool = False
+    """Whether readings that do not stream may still come on the way to a pose, as images of a camera that takes one after another:
+    of a person who types the joints, those before do not count."""
 
     def __init_subclass__(cls, **more: Any) -> None:
         """Enter the registry."""
@@ -200,9 +208,10 @@ class Instrument(Device):
             DeviceError: it does not measure that.
         """
         if not observed.kind.in_tracker:
+            others = "hand, folder or tcp" if observed.looked_for is None else "folder"
             raise DeviceError(
-                f"the instrument '{self.name}' measures points, and not by a {observed.name}; choose hand, folder or tcp, or "
-                f"plan the rows (taskcal plan --observe {observed.name}) and fill in the plan's file"
+                f"the instrument '{self.name}' does not measure by {observed.name}; choose {others}, or plan the rows "
+                f"(taskcal plan --observe {observed.name}) and measure them as its file says"
             )
 
     def show(self, fixture: str) -> None:
@@ -210,6 +219,9 @@ class Instrument(Device):
 
     def asks(self, ask: Callable[[str], str]) -> None:
         """How to ask the person for a line; does nothing where readings come by themselves."""
+
+    def knows(self, images: Sequence[str]) -> None:
+        """Names of the images that the campaign has already, which no other may have; does nothing by default."""
 
     @abstractmethod
     def read(self, timeout_s: float) -> Shot | None:

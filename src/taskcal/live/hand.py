@@ -140,6 +140,8 @@ class HandReadings(Instrument):
         Raises:
             DeviceError: of a tracker, whose points nobody types.
         """
+        if observed.looked_for is not None:
+            super().observes(observed)
         if observed.kind.in_tracker:
             raise DeviceError(
                 "the instrument 'hand' asks for readings without a tracker; state what they are of (--observe socket, wire, …)"

@@ -17,9 +17,11 @@ from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.live.lines import KindColumns
 from taskcal.observations.base import Measured, written
 from taskcal.observations.instrument import Instrument
+from taskcal.reading.pictures import NO_CORNERS, Corners, join_corners, read_corners
 from taskcal.reading.reader import ReadOptions, read_campaign
-from taskcal.reading.writer import joints_text
+from taskcal.reading.writer import corners_text, joints_text
 from taskcal.robot.robot import Robot
+from taskcal.tables.forms import read_table
 
 Purpose = Literal["chosen", "kept-out", "reference"]
 """Why a row was measured: chosen for the fit, kept out to judge it, or the first pose again."""
@@ -41,6 +43,13 @@ class Row:
     """In the tracker's frame, metres; without a tracker the kind's numbers."""
     fixture: str = ""
     """Without a tracker: at which it was measured."""
+    corners: Corners | None = None
+    """Of an image, what it shows."""
+
+    @property
+    def image(self) -> str:
+        """Name of the image; empty where there is none."""
+        return "" if self.corners is None else self.corners.images[0]
 
     @property
     def id(self) -> str:
@@ -76,6 +85,11 @@ class Journal:
         self.notes: tuple[Mapping[str, Any], ...] = ()
         self.dropped = False
         """Whether a line that a kill had left half-written was dropped."""
+        self.corners_path: Path | None = None
+        """Of the corners that images show, where images are taken."""
+        if observe is not None and observe.looked_for is not None:
+            self.corners_path = path.with_suffix(".corners.csv")
+            self._options = replace(options or ReadOptions(), images=self.corners_path)
 
     def begin(self, settings: Mapping[str, Any]) -> None:
         """Begin a campaign.
@@ -92,7 +106,14 @@ class Journal:
             raise FileError(
                 self.notes_path, f"belongs to a campaign {self.path.name} that is gone; remove it, or give another name"
             )
+        if self.corners_path is not None and self.corners_path.exists():
+            raise FileError(
+                self.corners_path,
+                f"belongs to a campaign {self.path.name} that is gone; remove it, or give another name",
+            )
         _append(self.notes_path, json.dumps({"settings": dict(settings)}) + "\n")
+        if self.corners_path is not None:
+            _append(self.corners_path, corners_text([NO_CORNERS]))
         _append(self.path, self._lines([])[0])
         folder = os.open(self.path.resolve().parent, os.O_RDONLY)
         os.fsync(folder)
@@ -127,7 +148,36 @@ class Journal:
         header, *lines = self._whole_lines(self.path) or [""]
         if f"{header}\n" != self._lines([])[0]:
             raise FileError(self.path, "has other columns than a campaign that is measured with this robot", line=1)
-        self.rows = tuple(self._row(line, number) for number, line in enumerate(lines, 1))
+        seen = self._resumed_corners(len(lines))
+        self.rows = tuple(self._row(line, number, seen) for number, line in enumerate(lines, 1))
+
+    def _resumed_corners(self, rows: int) -> Mapping[str, Corners]:
+        """What each image shows; corners of an image whose row was not written any more are taken off the file.
+
+        Raises:
+            FileError: the file is gone, or is not of these rows.
+        """
+        if self.corners_path is None:
+            return {}
+        if not self.corners_path.exists():
+            raise FileError(
+                self.corners_path, "is not there, where the campaign's corners were; begin another campaign"
+            )
+        header, *lines = self._whole_lines(self.corners_path) or [""]
+        images = [next(csv.reader([line]))[0] for line in lines]
+        names = tuple(dict.fromkeys(images))
+        if f"{header}\n" != corners_text([NO_CORNERS]) or len(names) < rows:
+            raise FileError(
+                self.corners_path, "does not have the images of the campaign's rows; begin another campaign"
+            )
+        if len(names) > rows:
+            there = sum(name in names[:rows] for name in images)
+            os.truncate(self.corners_path, len("".join(f"{line}\n" for line in [header, *lines[:there]]).encode()))
+            self.dropped = True
+        if not rows:
+            return {}
+        (whole,) = read_corners(read_table(self.corners_path))
+        return {name: whole.take(name) for name in whole.images}
 
     @property
     def settings(self) -> Mapping[str, Any]:
@@ -140,9 +190,15 @@ class Journal:
         Raises:
             FileError: the disk refuses.
         """
-        line = self._lines([row])[1]
+        line, seen = self._lines([row])[1], dict[str, Corners]()
+        if self.corners_path is not None and row.corners is not None:
+            _append(self.corners_path, corners_text([row.corners]).partition("\n")[2])
+            seen[row.image] = row.corners
         _append(self.path, line)
-        self.rows = (*self.rows, self._row(line, row.number))  # as it will be read: resuming must make no difference
+        self.rows = (
+            *self.rows,
+            self._row(line, row.number, seen),
+        )  # as it will be read: resuming must make no difference
 
     def note(self, what: Mapping[str, Any]) -> None:
         """Write a note; it is on the disk when this returns.
@@ -179,6 +235,18 @@ class Journal:
         own.write_text(there.stated_text() or "", encoding="utf-8")
         return replace(options, distances=own if there.tells_scale else None)
 
+    def beside(self, rows: Sequence[Row], known: Sequence[int]) -> Campaign:
+        """Rows, which need not be in the file, as they are read with some of it; images of all of them tell of the camera."""
+        numbers = {row.number for row in rows}
+        more = [row for k in known if (row := self.rows[k]).number not in numbers]
+        own = [*rows, *more]
+        corners = join_corners([row.corners for row in own if row.corners is not None])
+        with tempfile.TemporaryDirectory() as folder:
+            part = Path(folder) / self.path.name
+            part.write_text("".join(self._lines(own)))
+            options = replace(self._options or ReadOptions(), images=(corners,), judged=False)
+            return read_campaign(part, self.robot, options=options).take(np.arange(len(rows)))
+
     def _lines(self, rows: Iterable[Row]) -> list[str]:
         """The header, and a line for each row."""
         own = list(rows)
@@ -198,6 +266,8 @@ class Journal:
                 **{f"{self._target}{axis}_mm": written(point[:, k] * 1e3) for k, axis in enumerate("xyz")},
                 "station": [str(row.station) for row in rows],
             }
+        if self.corners_path is not None:
+            return {"image": [row.image for row in rows]}
         # those of all fixtures before them, so that the columns are the same whatever the rows name
         names = self._observe.fixtures.names
         of = np.array([*range(len(names)), *(names.index(row.fixture) for row in rows)], dtype=np.int64)
@@ -206,11 +276,18 @@ class Journal:
         cells = kind.cells(Measured(np.concatenate([blank.points, point]))) or {}
         return {name: texts[len(names) :] for name, texts in cells.items()}
 
-    def _measured(self, cells: Sequence[str], number: int) -> dict[str, Any]:
+    def _measured(self, cells: Sequence[str], number: int, seen: Mapping[str, Corners]) -> dict[str, Any]:
         """Fields of a row that state what was measured."""
         if self._observe is None:
             *xyz, station = cells
             return {"station": int(station), "point": np.array([float(cell) for cell in xyz]) * 1e-3}
+        if self.corners_path is not None:
+            return {
+                "station": 1,
+                "point": np.zeros(3),
+                "fixture": self._observe.fixtures.names[0],
+                "corners": seen[cells[0]],
+            }
         line, kind = Path(f"{self.path}:{number + 1}"), self._observe.kind
         found = KindColumns.of(kind, tuple(self._cells([]))).read(cells, line)
         if found is None:
@@ -218,7 +295,7 @@ class Journal:
         names = found.observation.named
         return {"station": 1, "point": found.points[0], "fixture": names[0] if names else ""}
 
-    def _row(self, line: str, number: int) -> Row:
+    def _row(self, line: str, number: int, seen: Mapping[str, Corners]) -> Row:
         """A row as it was written."""
         try:
             text, *cells, time_s = next(csv.reader([line]))
@@ -232,9 +309,9 @@ class Journal:
                 purpose=purpose or "chosen",  # pyright: ignore[reportArgumentType]
                 time_s=float(time_s),
                 joints=joints,
-                **self._measured(cells[n:], number),
+                **self._measured(cells[n:], number, seen),
             )
-        except (ValueError, StopIteration, IndexError, TaskcalError) as error:
+        except (ValueError, StopIteration, LookupError, TaskcalError) as error:
             raise FileError(
                 self.path,
                 f"row {number} is not as it was written; undo the change, or begin another campaign",

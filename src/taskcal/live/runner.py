@@ -254,6 +254,7 @@ class Runner:
             joints=taken.joints,
             point=taken.point,
             fixture=step.fixture,
+            corners=taken.corners,
         )
 
     def _checked(self, step: Step, row: Row) -> Row:

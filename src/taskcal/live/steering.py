@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from hashlib import sha256
 from typing import Any, NamedTuple
 
@@ -26,7 +26,7 @@ from taskcal.identification.identify import fit_nominal, identify
 from taskcal.identification.options import FitOptions
 from taskcal.live.journal import Journal, Purpose, Row
 from taskcal.observations.base import Measured, error_lengths
-from taskcal.observations.instrument import Fixtures, Instrument, Measurable
+from taskcal.observations.instrument import Instrument, Measurable
 from taskcal.observations.point import Station, Tracker
 from taskcal.planning.plan import POOL_SEED, PlanOptions, PoseChoice
 from taskcal.robot.error_model import ErrorModel
@@ -240,6 +240,7 @@ class Steering:
     def __init__(self, aim: Aim, journal: Journal):
         self.aim, self.journal = aim, journal
         self._fit: Fit | None = None
+        self._beside = lru_cache(maxsize=4)(journal.beside)  # images are looked at again and again while nothing is new
         self._skipped: list[Float[np.ndarray, " joints"]] = []
 
     @cached_property
@@ -334,18 +335,20 @@ class Steering:
     def _standing(self, calibration: Calibration) -> tuple[Instrument, Measurable]:
         """The instrument with the fixtures that a calibration knows, in its order, and the postures in which these are measured."""
         instrument, measurable = self.aim.instrument, self._start[0].measurable
-        names, fixtures = calibration.layout.kinds[0].named, instrument.fixtures
-        if not names:
+        if self._tracked:
             return instrument, measurable
-        known = [fixtures.names.index(name) for name in names]
-        there = Fixtures(names=names, position=fixtures.position[known], direction=fixtures.direction[known])
+        layout = calibration.layout
+        fitted = instrument.as_fitted(layout.kinds[0], layout.unknowns(calibration.z)[0], calibration.T_tool_target[0])
+        known = [instrument.fixtures.names.index(name) for name in fitted.fixtures.names]
         some = measurable.visible[:, known].any(axis=1)
-        return replace(instrument, fixtures=there), replace(
+        return fitted, replace(
             measurable, q=measurable.q[some], rows=measurable.rows[some], visible=measurable.visible[some][:, known]
         )
 
     def _read(self, rows: Int[np.ndarray, " k"]) -> Campaign:
         """Rows as they are read from the file, without those of stations that have too few for their frame."""
+        if self.journal.corners_path is not None:
+            return self.journal.campaign(rows)  # other images would tell of the camera
         known = {self.journal.rows[k].station for k in rows}
         those = np.flatnonzero([row.station in known for row in self.journal.rows])
         return self.journal.campaign(those).take(np.searchsorted(those, rows))
@@ -465,6 +468,8 @@ class Steering:
 
     def _campaign(self, rows: Sequence[Row]) -> Campaign:
         assert self._fit is not None
+        if self.journal.corners_path is not None:
+            return self._beside(tuple(rows), tuple(self._fit.rows.tolist()))
         return as_campaign(rows, self._fit.calibration)
 
     def located(self, row: Row) -> bool:
@@ -629,7 +634,7 @@ class Steering:
         assert self._fit is not None
         choice, (judged, gained) = self._fit.choice, self._gained(self._fitting())
         q, seen = choice.measurable.q, choice.measurable.visible
-        free = np.flatnonzero(self._is_free(q))
+        free = self._free(q)
         while len(free):
             among = replace(
                 choice.candidates,

@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from taskcal.live.devices import Controller, DeviceError, Instrument, JointReading, Said, Shot
 from taskcal.observations.point import Point
+from taskcal.reading.pictures import Corners
 
 
 class StoppedError(Exception):
@@ -72,6 +73,8 @@ class Taken:
     scatter: float
     """Of the shots, rms in space, metres; 0 for one."""
     shots: int
+    corners: Corners | None = None
+    """Of an image, what it shows."""
 
 
 def stands(readings: Sequence[JointReading], rules: Rules) -> bool:
@@ -148,6 +151,7 @@ class Taker:
                     point=points.mean(axis=0),
                     scatter=scatter,
                     shots=len(points),
+                    corners=shots[-1].corners,
                 )
         raise MissedError(
             "the robot moved, or {shots} shots scattered by more than {limit_mm:g} mm (tries: {tries}); see that robot, target and "
@@ -276,7 +280,7 @@ class Taker:
             readings[-1].time_s if self.instrument.streams else readings[0].time_s + rules.late_share * rules.settle_s
         )
         if not (self.instrument.streams or self.controller.streams):
-            since = -np.inf  # a person makes both, in any order
+            since = readings[-1].time_s if self.instrument.unbidden else -np.inf  # a person makes both, in any order
         waited, lost_since = 0.0, readings[-1].time_s
         patience = rules.beam_s if self.instrument.streams else rules.wait_s
         limit = min(rules.read_s, 0.2 * rules.settle_s)  # so that joints are read often enough to show the standstill
@@ -290,6 +294,8 @@ class Taker:
                     return None
             if shot is None:
                 waited += limit
+            elif shot.wrong is not None:
+                raise MissedError(shot.wrong.template, **shot.wrong.values)
             elif not shot.valid:
                 shots.clear()
                 waited = max(waited, shot.time_s - lost_since) if self.instrument.streams else 0.0

@@ -39,7 +39,9 @@ class TcpLines(Instrument):
         return cls(Feed(shots, lambda: hang_up(connection)))
 
     def observes(self, observed: CellInstrument) -> None:
-        """Lines of any kind."""
+        """Lines of any kind, but no images."""
+        if observed.looked_for is not None:
+            super().observes(observed)
 
     def read(self, timeout_s: float) -> Shot | None:
         """The next line's point.

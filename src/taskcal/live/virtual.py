@@ -3,6 +3,7 @@
 Time is simulated, too: every reading lets some pass, and nothing waits.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -11,11 +12,13 @@ from jaxtyping import Float
 
 from taskcal.errors import shown
 from taskcal.geometry import se3
-from taskcal.live.devices import Controller, DeviceError, Instrument, JointReading, Shot
+from taskcal.live.devices import Controller, DeviceError, Instrument, JointReading, Said, Shot
 from taskcal.live.stillness import MissedError
 from taskcal.observations.base import Measured, Scene, TrackerNoise
+from taskcal.observations.camera import FEWEST_CORNERS
 from taskcal.observations.instrument import Instrument as CellInstrument
 from taskcal.observations.point import TRACKER_POSE, Point
+from taskcal.reading.pictures import Corners
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import candidates
 from taskcal.robot.error_model import ErrorModel
@@ -80,6 +83,10 @@ class VirtualCell:
     """What is measured without a tracker, where it truly is; None for a tracker."""
     reading: Measured | None = None
     """What an instrument without a tracker reads where the robot goes to."""
+    camera: CellInstrument | None = None
+    """What takes images, as it truly is; None for what reads numbers."""
+    images: int = 0
+    """How many were taken."""
 
     @classmethod
     def drawn(cls, robot: Robot, seed: int) -> "VirtualCell":
@@ -132,8 +139,9 @@ class VirtualCell:
         shift = {place: MISPLACED_M * self.rng.normal(size=own) for place in places if place}
         for k, place in enumerate(places):
             unknown[k * own : (k + 1) * own] += shift.get(place, MISPLACED_M * self.rng.normal(size=own))
-        T = observed.T_tool_tip @ se3.translation(*(MISPLACED_M * self.rng.normal(size=3)))
+        T = observed.T_tool_targets[0] @ se3.translation(*(MISPLACED_M * self.rng.normal(size=3)))
         self.scene = Scene(observed.observation(np.arange(len(names))), observed.targets[0], T, unknown)
+        self.camera = None if observed.looked_for is None else observed.as_fitted(self.scene.observation, unknown, T)
 
     def visit(self, fixture: str) -> None:
         """Where the robot goes, measure a fixture: the person seats there what touches, so that the robot stands elsewhere.
@@ -161,6 +169,32 @@ class VirtualCell:
         found = visit(robot, scene, self.goal[None], conditions=None, rng=self.rng)
         self.goal, self.reading = found.q[0], found.read
 
+    def _image(self, q: Float[np.ndarray, " joints"]) -> Shot:
+        """What the camera sees where the robot is."""
+        assert self.scene is not None
+        assert self.camera is not None
+        assert self.camera.looked_for is not None
+        (board, *_), lens = self.camera.looked_for
+        target = self.model.poses(q[None], self.x)[0] @ self.scene.T_tool_target
+        target[:3, 3] += MODEL_ERROR_M * self.rng.normal(size=3)
+        ids, pixel = self.camera.sight(target, self.rng)
+        self.images += 1
+        name = f"{self.images:04d}.png"
+        wrong = None if len(ids) >= FEWEST_CORNERS else Said("{image} does not show the board", image=name)
+        corners = Corners(
+            source="virtual",
+            images=(name,),
+            width=lens.width,
+            height=lens.height,
+            image=np.zeros(len(ids), dtype=int),
+            board=(board.name,) * len(ids),
+            id=ids,
+            pixel=pixel,
+        )
+        return Shot(
+            time_s=self.now, point=np.zeros(3), kind=self.kind, reason=wrong or "", corners=corners, wrong=wrong
+        )
+
     def shot(self) -> Shot:
         """What the tracker, or another instrument, measures next."""
         self.now += SHOT_PERIOD_S
@@ -168,6 +202,8 @@ class VirtualCell:
             self.lost_until = self.now + MIN_LOST_S
         if self.now < self.lost_until:
             return Shot(time_s=self.now, point=np.full(3, np.nan), kind=self.kind, reason="beam lost")
+        if self.camera is not None:
+            return self._image(self.joints(self.now - SHOT_LATENCY_S))
         if self.reading is not None:
             return Shot(time_s=self.now, point=self.reading.points[0], kind=self.kind)
         point = self.points(self.joints(self.now - SHOT_LATENCY_S)[None])[0]
@@ -260,13 +296,17 @@ class VirtualTracker(Instrument):
         if not observed.kind.in_tracker:
             self._cell.observe(observed)
 
+    def knows(self, images: Sequence[str]) -> None:
+        """The next image has the next number."""
+        self._cell.images = len(images)
+
     def show(self, fixture: str) -> None:
         """What is measured at the pose to which the robot goes.
 
         Raises:
             MissedError: it cannot be measured there.
         """
-        if self._cell.scene is None:
+        if self._cell.scene is None or self._cell.camera is not None:
             return
         try:
             self._cell.visit(fixture)

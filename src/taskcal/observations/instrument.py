@@ -25,6 +25,8 @@ from taskcal.kinematics.clearance import (
 )
 from taskcal.kinematics.inverse import closes, solve_near, spread_postures
 from taskcal.observations.base import Observation, Scene, instrument_of, kinds
+from taskcal.observations.calibration_board import Board
+from taskcal.observations.camera import Lens
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 from taskcal.tables.forms import read_csv
@@ -128,6 +130,13 @@ class Setting(NamedTuple):
     """To metres or radians."""
     below: float = np.inf
     """Limit that a number must not reach, as it is written."""
+
+
+class LookedFor(NamedTuple):
+    """What images have to show, and their size."""
+
+    boards: tuple[Board, ...]
+    lens: Lens
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -309,6 +318,41 @@ class Instrument:
         if blank.rotations is None:
             return None
         return np.swapaxes(se3.exp(kind.differentiate(tip, self.unknown, blank).residual[:, 3:]), 1, 2)
+
+    def as_fitted(
+        self, kind: Observation, unknown: Float[np.ndarray, " u"], T_tool_target: Float[np.ndarray, "4 4"]
+    ) -> "Instrument":
+        """The instrument as a fit has it: by default with the fixtures that it knows, in its order.
+
+        Args:
+            kind: as it was fitted.
+            unknown: its unknowns.
+            T_tool_target: pose of what the tool carries.
+        """
+        if not kind.named:
+            return self
+        known = [self.fixtures.names.index(name) for name in kind.named]
+        position, direction = self.fixtures.position[known], self.fixtures.direction[known]
+        return replace(self, fixtures=Fixtures(names=kind.named, position=position, direction=direction))
+
+    @property
+    def looked_for(self) -> "LookedFor | None":
+        """What images have to show; None where numbers are read."""
+        return None
+
+    def sight(
+        self, target: Float[np.ndarray, "4 4"], rng: np.random.Generator
+    ) -> tuple[Int[np.ndarray, " c"], Float[np.ndarray, "c 2"]]:
+        """Numbers of the corners that an image shows of the first fixture, and their pixels with noise.
+
+        Args:
+            target: pose of what the tool carries, as it is.
+            rng: source of the noise.
+
+        Raises:
+            CampaignError: it takes no images.
+        """
+        raise CampaignError(f"a {self.name} takes no images")
 
     @property
     def targets(self) -> tuple[str, ...]:

@@ -35,7 +35,7 @@ from taskcal.observations.base import (
 from taskcal.observations.calibration_board import Board, read_boards
 from taskcal.observations.camera import DISTORTION, EXACT, FEWEST_CORNERS, KILO, LENSES, Lens, Pictures
 from taskcal.observations.camera_file import StatedCamera, read_camera
-from taskcal.observations.instrument import Fixtures, Instrument, Setting, far_apart, on_the_floor
+from taskcal.observations.instrument import Fixtures, Instrument, LookedFor, Setting, far_apart, on_the_floor
 from taskcal.observations.landmark import STANDING
 from taskcal.observations.pose import turn_by_rotation
 from taskcal.observations.standalone import Search, Standalone
@@ -798,6 +798,8 @@ class PixelInstrument(Instrument):
     """Of stated directions, radians."""
     roll: float = 0.0
     """Turn of the camera about its line of sight, radians."""
+    found: Float[np.ndarray, "fixtures 4 4"] | None = None
+    """Where a fit has the middle of each board, or the camera, in the base; None for where the fixtures are stated."""
 
     @classmethod
     def set_up(
@@ -880,6 +882,8 @@ class PixelInstrument(Instrument):
     @property
     def _standing(self) -> Float[np.ndarray, "fixtures 4 4"]:
         """The middle of each board, or the camera, in the base."""
+        if self.found is not None:
+            return self.found
         z = -self.fixtures.direction if self.on_wrist else self.fixtures.direction
         T = se3.pose(np.stack([towards(one) for one in z]), self.fixtures.position)
         return T if self.on_wrist else T @ self._rolled
@@ -897,6 +901,39 @@ class PixelInstrument(Instrument):
             T = T @ se3.inverse(np.stack([self._centre(k) for k in range(len(self.board))]))
         poses = np.concatenate([T[:, :3, 3], se3.log(T[:, :3, :3])], axis=1).reshape(-1)
         return np.concatenate([poses, self.camera.numbers, np.zeros(sum(one.u_scale > 0.0 for one in self.board))])
+
+    def as_fitted(
+        self, kind: Observation, unknown: Float[np.ndarray, " u"], T_tool_target: Float[np.ndarray, "4 4"]
+    ) -> "PixelInstrument":
+        """Boards and camera where a fit has them, and the camera's numbers as it has these."""
+        at = dict(zip(kind.unknowns, unknown, strict=True))
+        names = [f"board {name}" if self.on_wrist else name for name in self.fixtures.names]
+        pose = np.array([[at[f"{name}.{c}"] for c in COMPONENTS] for name in names])
+        found, tip = se3.pose(se3.exp(pose[:, 3:]), pose[:, :3]), T_tool_target
+        if self.on_wrist:
+            found = found @ np.stack([self._centre(k) for k in range(self.count)])
+        else:
+            tip = T_tool_target @ self._centre(0) @ FLIP
+        numbers = np.array([at[f"camera.{name}"] for name in self.camera.lens.unknowns])
+        camera = replace(self.camera, numbers=numbers, uncertainty=None)
+        return replace(self, found=found, T_tool_tip=tip, camera=camera, roll=0.0)
+
+    @property
+    def looked_for(self) -> LookedFor:
+        """The boards, in images of the camera's size."""
+        return LookedFor(self.board, self.camera.lens)
+
+    def sight(
+        self, target: Float[np.ndarray, "4 4"], rng: np.random.Generator
+    ) -> tuple[Int[np.ndarray, " c"], Float[np.ndarray, "c 2"]]:
+        """The same; of a board that is found as a whole all corners or none."""
+        of = np.zeros(1, dtype=np.int64)
+        moving = target[None] if self.on_wrist else (target @ self._centre(0))[None]
+        seen, pixel = (one[0] for one in self._seen(self._relative(moving, of), of))
+        if not self.board[0].markers and not seen.all():
+            seen = np.zeros_like(seen)
+        own = np.flatnonzero(seen)
+        return self.board[0].ids()[own], pixel[own] + self.noise_px * rng.normal(size=(len(own), 2))
 
     def _relative(self, moving: Float[np.ndarray, "n 4 4"], of: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 4 4"]:
         """The middle of the board in the camera's frame, by the pose of what moves, camera or middle of the board."""

@@ -137,7 +137,7 @@ def detect_corners(folder: Path, boards: Sequence[Board]) -> Corners:
         raise FileError(folder, f"no board of the file is seen in {len(paths)} images{_what_else(some, boards)}")
     widths = np.array([width for *_, width in seen])
     usual = float(np.nanmedian(widths))
-    blurred = [paths[k].name for k in np.flatnonzero(widths > max(BLURRED_PX, BLURRED_TIMES * usual))]
+    blurred = [path.name for path, width in zip(paths, widths, strict=True) if is_blurred(width, usual)]
     notes = (
         [f"{in_words(blurred)}: blurred, edges of more than {BLURRED_TIMES:g} times the usual {usual:.1f} pixels"]
         if blurred
@@ -156,6 +156,39 @@ def detect_corners(folder: Path, boards: Sequence[Board]) -> Corners:
         blurred=tuple(blurred),
         notes=tuple(notes),
     )
+
+
+def detector(boards: Sequence[Board]) -> Callable[[Path], tuple[Corners, float]]:
+    """What finds the corners of boards in an image at a time, and how wide the edges at them are, pixels; NaN of none.
+
+    It raises a FileError where the image cannot be read.
+
+    Raises:
+        TaskcalError: OpenCV is not installed.
+    """
+    finders = [_finder(board) for board in boards]
+
+    def look(path: Path) -> tuple[Corners, float]:
+        (height, width), found, edge = _look(path, finders)
+        parts = list(zip(boards, found, strict=True))
+        corners = Corners(
+            source=path.name,
+            images=(path.name,),
+            width=width,
+            height=height,
+            image=np.zeros(sum(len(one.id) for one in found), dtype=int),
+            board=tuple(board.name for board, one in parts for _ in one.id),
+            id=np.concatenate([one.id for one in found]),
+            pixel=np.concatenate([one.pixel for one in found]),
+        )
+        return corners, edge
+
+    return look
+
+
+def is_blurred(edge: float, usual: float) -> bool:
+    """Whether edges of an image are far wider than the usual ones of its campaign, pixels."""
+    return edge > max(BLURRED_PX, BLURRED_TIMES * usual)
 
 
 def _has_images(folder: Path) -> bool:

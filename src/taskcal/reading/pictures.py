@@ -128,6 +128,18 @@ class Corners:
         """The camera, as unknowns and messages call it."""
         return f"camera {self.camera}".strip()
 
+    def take(self, image: str) -> "Corners":
+        """Those of one image."""
+        own = np.flatnonzero(self.image == self.images.index(image))
+        return replace(
+            self,
+            images=(image,),
+            image=np.zeros(len(own), dtype=int),
+            board=tuple(self.board[k] for k in own),
+            id=self.id[own],
+            pixel=self.pixel[own],
+        )
+
     def table(self) -> dict[str, list[str]]:
         """Columns of a file from which `read_corners` reads the same; an image without a board has a line of its own."""
         without = np.setdiff1d(np.arange(len(self.images)), self.image)
@@ -142,6 +154,31 @@ class Corners:
         }
         sorted_rows = {name: [cells[k] for k in order] for name, cells in rows.items()}
         return {**sorted_rows, "width_px": whole[0], "height_px": whole[1]}
+
+
+NO_CORNERS = Corners(
+    source="",
+    images=(),
+    width=0,
+    height=0,
+    image=np.zeros(0, dtype=int),
+    board=(),
+    id=np.zeros(0, dtype=int),
+    pixel=np.zeros((0, 2)),
+)
+
+
+def join_corners(parts: Sequence[Corners]) -> Corners:
+    """Corners of one camera, image after image."""
+    count = np.cumsum([0, *(len(one.images) for one in parts)])
+    return replace(
+        parts[0],
+        images=tuple(name for one in parts for name in one.images),
+        image=np.concatenate([one.image + first for one, first in zip(parts, count[:-1], strict=True)]),
+        board=tuple(name for one in parts for name in one.board),
+        id=np.concatenate([one.id for one in parts]),
+        pixel=np.concatenate([one.pixel for one in parts]),
+    )
 
 
 def tabulate_corners(corners: Sequence[Corners]) -> dict[str, list[str]]:

@@ -60,6 +60,8 @@ def test_measuring_stops_resumes_and_ends_with_a_calibration(
         ("-c virtual -i hand", "--observe"),
         ("-c virtual -i virtual --observe board", "plan --observe board"),
         ("-c virtual -i virtual --observe socket --drive", "by hand"),
+        ("-c virtual -i virtual --observe pixels --shots 2", "one image"),
+        ("-c virtual -i virtual --observe pixels", "--camera"),
         ("-c virtual -i virtual --distances task.toml", "--observe socket"),
     ],
 )

@@ -100,12 +100,31 @@ class LengthOptions:
         False, help="Fit the scale of measured lengths (d_mm) too; the robot's size is then nominal."
     )
 
+    board: Path | None = option(None, "BOARD.toml", "The one printed board that images show.", callback=look_at)
+    camera: Path | None = option(
+        None,
+        "CAMERA.toml|.yaml",
+        "The camera that takes them, by which the first poses are chosen; the fit finds its own.",
+        callback=look_at,
+    )
+
     @property
-    def read_options(self) -> "ReadOptions":
-        """Stated options, as the reader takes them."""
+    def files(self) -> list[Path | None]:
+        """Files that are read."""
+        return [self.distances, self.board, self.camera]
+
+    def read_options(self, observed: "Instrument") -> "ReadOptions":
+        """Stated options, as the reader takes them.
+
+        Args:
+            observed: what measures.
+        """
         from taskcal.reading import ReadOptions
 
-        return ReadOptions(distances=self.distances, wire_scale=self.wire_scale)
+        stated = ReadOptions(distances=self.distances, wire_scale=self.wire_scale)
+        if observed.looked_for is None:
+            return stated
+        return replace(stated, board=self.board, lens=observed.looked_for.lens.model)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,16 +169,16 @@ def command(
     Every row is on the disk before the next pose is shown. Ctrl-C finishes the row in hand, and --resume goes on.
 
     A person moves the robot, or with --program a program on the controller, or with --drive Taskcal. With --observe a ball in
-    sockets, a wire or another instrument takes the tracker's place. With --json, each event and
+    sockets, a wire, images of a printed board or another instrument takes the tracker's place. With --json, each event and
     each question is a line; answers are read from standard input.
     """
     beside = {".calibration.json": "calibration", ".report.html": "report"}
     files = {name: output.with_suffix(suffix) for suffix, name in beside.items()}
-    inputs = [robot, station, devices.program, lengths.distances, *observing.files, *files_of_task(task)]
+    inputs = [robot, station, devices.program, *lengths.files, *observing.files, *files_of_task(task)]
     check_outputs("measure", [("--output", output)], inputs, updated=["--output"])
     if (watched := devices.instrument_address) is not None:
         _check_apart(output, Path(watched))
-    _check_observed(devices, observing, lengths)
+    _check_observed(devices, observing, lengths, rows)
     from taskcal.live.devices import Said
     from taskcal.live.journal import Journal
     from taskcal.live.program import Program
@@ -168,7 +187,8 @@ def command(
     aim = _observed(_aim(robot, task, station, accuracy_mm, rows, seed), observing, lengths)
     program = Program.read(devices.program, aim.model.robot) if devices.program is not None else None
     target = "tool" if aim.station is None else aim.station.reflectors[0].name
-    journal = Journal(output, aim.model.robot, target, observe=aim.observe, options=lengths.read_options)
+    options = lengths.read_options(aim.instrument)
+    journal = Journal(output, aim.model.robot, target, observe=aim.observe, options=options)
     terminal = _Terminal(aim=aim, as_json=as_json)
     if aim.tolerance is None:
         terminal.note(
@@ -180,6 +200,7 @@ def command(
     with devices.opened(aim.model.robot, aim.instrument) as (controller, instrument):
         if resume:
             journal.resume(aim.settings)
+            instrument.knows([row.image for row in journal.rows if row.image])
             terminal.note(Said("{file}: {rows} rows are there; going on", file=str(output), rows=len(journal.rows)))
         else:
             journal.begin({**aim.settings, "begun": time.time()})
@@ -223,7 +244,9 @@ def _runner(devices: DeviceOptions, program: "Program | None", **session: Any) -
     return Runner(drive=drive if devices.drive else None, **session)
 
 
-def _check_observed(devices: DeviceOptions, observing: ObservingOptions, lengths: LengthOptions) -> None:
+def _check_observed(
+    devices: DeviceOptions, observing: ObservingOptions, lengths: LengthOptions, rows: RowOptions
+) -> None:
     """See that options go with what is observed.
 
     Raises:
@@ -233,7 +256,9 @@ def _check_observed(devices: DeviceOptions, observing: ObservingOptions, lengths
     if not observing.fixed:
         return
     instrument, kind = observing.instrument, observing.instrument.kind
-    if kind.oriented or kind.pictured or not instrument.extends:
+    if kind.pictured and rows.shots not in (None, 1):
+        raise typer.BadParameter("one image is taken in each pose; leave it out", param_hint="--shots")
+    if (kind.oriented and not kind.pictured) or not instrument.extends:
         raise typer.BadParameter(
             f"'{observing.observe}' is not measured live; plan its rows (taskcal plan --observe {observing.observe}), and fill in "
             "the plan's file",
@@ -261,6 +286,8 @@ def _observed(aim: "Aim", observing: ObservingOptions, lengths: LengthOptions) -
     observe = observing.load(aim.model, aim.task, boxes, replace(lengths, distances=lengths.distances or ()))
     if observe is None:
         return aim
+    if observe.looked_for is not None and len(observe.looked_for.boards) > 1:
+        raise typer.BadParameter("has several boards; one is measured live: leave the others out", param_hint="--board")
     if observe.label and observing.stated is None:
         names = ", ".join(
             f"{one['name']} ({', '.join(f'{mm:.0f}' for mm in one['position_mm'])})"
@@ -288,7 +315,7 @@ def rows_taker(
     from taskcal.observations.point import Point
 
     kind = kind or Point
-    shots = rows.shots or (3 if instrument.streams else 1)
+    shots = rows.shots or (3 if instrument.streams and not kind.pictured else 1)
     rules = Rules(settle_s=rows.settle_s, max_scatter_m=rows.max_scatter_mm * 1e-3, shots=shots)
     if kind.touched:
         rules = replace(rules, arrived=SEATED_WITHIN)
@@ -369,6 +396,9 @@ class _Terminal:
             info(_left_in_words(event.left))
         elif event.kind == "row" and event.taken is not None:
             taken = event.taken
+            if taken.corners is not None:
+                info(f"  measured, {taken.corners.images[0]}, {len(taken.corners.id)} corners")
+                return
             info(f"  measured, {taken.shots} shots, scatter {taken.scatter * 1e3:.3f} mm")
         elif event.state is not None and event.state.rows and event.state.budget is not None:
             for line in _in_words(event.state, self.aim, event.pose_s):
@@ -496,7 +526,8 @@ def _line(aim: "Aim", event: "Event") -> dict[str, Any] | None:
         millimetres = {name: None if error is None else error * 1e3 for name, error in errors.items()}
         return {"left": list(event.left.ids), **millimetres}
     if event.kind == "row" and step is not None and taken is not None:
-        return {"measured": step.number, "shots": taken.shots, "scatter_mm": taken.scatter * 1e3}
+        image = {} if taken.corners is None else {"image": taken.corners.images[0]}
+        return {"measured": step.number, "shots": taken.shots, "scatter_mm": taken.scatter * 1e3, **image}
     if state is None or not state.rows:
         return None
     budget, look = state.budget, state.look
@@ -560,6 +591,8 @@ def _give(result: Mapping[str, Any], outcome: "Outcome", aim: "Aim", output: Pat
         print(json.dumps(plain({**result, "campaign": str(output)}), allow_nan=False), flush=True)
         return
     facts = [("ended", _ENDS[outcome.reason]), ("campaign", f"{output}, {outcome.state.rows} rows")]
+    if aim.instrument.looked_for is not None:
+        facts.append(("corners", f"{output.with_suffix('.corners.csv')}, for --images"))
     if outcome.state.proven and aim.tolerance is not None:
         facts.append(("tolerance", f"{aim.tolerance * 1e3:g} mm, 3D rms over '{aim.task.name}'"))
     if result["calibration"] is not None:
