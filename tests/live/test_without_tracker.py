@@ -30,7 +30,7 @@ TASK = tc.default_task(MODEL)
 TOOL = se3.translation(0.0, 0.0, 0.1)
 
 BOARD = {
-    "kind": "charuco", "columns": 10, "rows": 7, "square_mm": 30.0, "marker_mm": 22.0, "dictionary": "5X5_100",
+    "kind": "charuco", "columns": 6, "rows": 5, "square_mm": 50.0, "marker_mm": 36.0, "dictionary": "5X5_100",
     "measured": {"length_mm": 100.0, "u_mm": 0.02},
 }  # fmt: skip
 

@@ -193,7 +193,9 @@ class Journal:
         line, seen = self._lines([row])[1], dict[str, Corners]()
         if self.corners_path is not None and row.corners is not None:
             _append(self.corners_path, corners_text([row.corners]).partition("\n")[2])
-            seen[row.image] = row.corners
+            cells = row.corners.table()
+            pixel = np.array([cells["u_px"], cells["v_px"]], dtype=float).T
+            seen[row.image] = replace(row.corners, pixel=pixel)
         _append(self.path, line)
         self.rows = (
             *self.rows,
