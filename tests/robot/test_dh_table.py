@@ -62,6 +62,27 @@ def test_limits_and_names_come_from_the_table(tmp_path):
     np.testing.assert_allclose(np.degrees(robot.limits), [[-170, 170], [-90, 90.5]])
 
 
+@pytest.mark.parametrize("unit", ["deg", "rad"])
+def test_a_table_of_a_scara_states_limits_of_turning_joints(tmp_path, unit):
+    """A sliding joint's are lengths, which the column cannot hold."""
+    header = f"joint,type,alpha_deg,a_mm,d_mm,theta_offset_deg,lower_{unit},upper_{unit}"
+    lines = ["1,,0,350,400,0,-2.5,2.5", "2,,180,300,0,0,,", "3,prismatic,0,0,0,0,,", "4,,0,0,50,0,-170,170"]
+    if unit == "rad":
+        lines[3] = "4,,0,0,50,0,-3,3"
+    path = write(tmp_path / "scara.csv", lines, header)
+    limits, scale = read_dh_table(path, "dh").limits, np.pi / 180.0 if unit == "deg" else 1.0
+    np.testing.assert_allclose(limits[0], np.array([-2.5, 2.5]) * scale)
+    assert not np.isfinite(limits[1:3]).any()
+    for cells, column in (("0,200", "lower"), (",200", "upper")):
+        lines[2] = f"3,prismatic,0,0,0,0,{cells}"
+        match = rf"scara\.csv:4: column '{column}_deg': the joint slides .* empty.*limits_mm"
+        with pytest.raises(FileError, match=match):
+            read_dh_table(write(path, lines, header), "dh")
+    lines[2], lines[1] = "3,prismatic,0,0,0,0,,", "2,,180,300,0,0,,2"
+    with pytest.raises(FileError, match=r"scara\.csv:3: column 'lower_deg': the cell is empty; state both"):
+        read_dh_table(write(path, lines, header), "dh")
+
+
 def test_an_imported_table_is_a_robot_file(tmp_path):
     lines = ["1,-90,100,670,0", "2,0,312.5,0,-90"]
     table = write(tmp_path / "arm.csv", lines)
@@ -76,6 +97,7 @@ def test_an_imported_table_is_a_robot_file(tmp_path):
 
 WRONG = {
     "missing column": ("joint,alpha_deg,a_mm,d_mm", ["1,0,0,0"], r"arm\.csv:1.* no column 'theta_offset_deg'"),
+    "limits in mm": (HEADER + ",lower_mm,upper_mm", ["1,0,9,9,0,,"], r"arm\.csv:1: unknown columns 'lower_mm'"),
     "unknown column": (HEADER + ",beta_deg", ["1,0,0,0,0,0"], r"arm\.csv:1: unknown column 'beta_deg'; a table has"),
     "no joints": (HEADER, [], r"arm\.csv: has no joints"),
     "text for a number": (

@@ -105,10 +105,14 @@ def test_limits_that_are_no_range_are_taken_for_none_and_said(tmp_path):
     assert robot.source[1:] == ("limits of elbow are not a range, and taken for none",)
 
 
-def test_limits_in_degrees_are_taken_for_none_and_said(tmp_path):
-    robot = load_robot(write(tmp_path, ARM.replace('lower="-1" upper="1"', 'lower="-170" upper="170"')))
+@pytest.mark.parametrize(("kind", "unit", "other"), [("revolute", "rad", "degrees"), ("prismatic", "m", "millimetres")])
+def test_limits_in_another_unit_are_taken_for_none_and_said(tmp_path, kind, unit, other):
+    """Those of arms in degrees, of slides in millimetres."""
+    arm = ARM.replace('name="elbow" type="revolute"', f'name="elbow" type="{kind}"')
+    robot = load_robot(write(tmp_path, arm.replace('lower="-1" upper="1"', 'lower="-170" upper="1700"')))
+    assert robot.prismatic[1] == (kind == "prismatic")
     np.testing.assert_array_equal(robot.limits[1], [-np.inf, np.inf])
-    assert "limits of elbow, -170 to 170 rad, are taken for none; are they degrees?" in robot.source
+    assert f"limits of elbow, -170 to 1700 {unit}, are taken for none; are they {other}?" in robot.source
 
 
 def test_a_tip_that_follows_a_joint_before_it_is_one(tmp_path):

@@ -12,9 +12,9 @@ from robot_programs.core.program import GradedPosture, Motion, Posture, Program,
 from taskcal.correction.path import Corners, Placed, RoundedPath, Segments, find_corners
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
-from taskcal.kinematics.inverse import conditioning, find_postures, solve_near
+from taskcal.kinematics.inverse import ANY_MISS, conditioning, find_postures, freedom_of, solve_near
 from taskcal.kinematics.spin import about_z, choose_spin
-from taskcal.kinematics.tracing import Outcome, rejections, trace, turned
+from taskcal.kinematics.tracing import NOT_TURNED, Outcome, rejections, trace, turned
 from taskcal.robot.conditions import MAX_REST_MOTION, Conditions, drive_motion
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -359,10 +359,11 @@ class _Simulation:
             self.last = self.end[first + whole - 1]
             self._compare_postures(range(first, first + whole))
         if end < len(reached):
-            reason = dict(rejections(self.robot, traced))[end]
-            self.rejected[first + whole] = f"{reason}, {share[end]:.0%} of the way there"
+            reason = f"{dict(rejections(self.robot, traced))[end]}, {share[end]:.0%} of the way there"
             if traced.outcome[end] == Outcome.OUT_OF_REACH:
-                self.out_of_reach.append(first + whole)
+                self._reject_as_lost(first + whole, reason)
+            else:
+                self.rejected[first + whole] = reason
             self.stretch = min(max(2 * whole, MIN_STRETCH), MAX_STRETCH)
             return first + whole + 1
         self.stretch = min(2 * self.stretch, MAX_STRETCH)
@@ -390,7 +391,7 @@ class _Simulation:
             postures = np.concatenate([turned(self.robot, q) for q in find_postures(self.model, T)])
         except ReachError:
             self.in_vain += 1
-            self._reject_as_lost(i)
+            self._reject_as_lost(i, self._why_lost(T))
             return
         agreeing = postures[_agrees(self.robot, move.end, postures)]
         if not len(agreeing):
@@ -403,7 +404,20 @@ class _Simulation:
 
     def _reject_as_lost(self, i: int, why: str = UNREACHABLE) -> None:
         self.rejected[i] = why
-        self.out_of_reach.append(i)
+        if not why.startswith(NOT_TURNED):
+            self.out_of_reach.append(i)
+
+    def _why_lost(self, T: Float[np.ndarray, "4 4"]) -> str:
+        """Whether a pose is out of reach, or a robot of few joints meets it in place and cannot turn the tool so."""
+        freedom = freedom_of(self.model)
+        if freedom.whole:
+            return UNREACHABLE
+        try:
+            R = self.model.poses(find_postures(self.model, T, miss=ANY_MISS))[:, :3, :3]
+        except ReachError:
+            return UNREACHABLE
+        left = np.degrees(np.linalg.norm(se3.log(R @ T[:3, :3].T), axis=1).min())
+        return f"{NOT_TURNED}: the nearest posture leaves {left:.3g}°, as {freedom}"
 
     @cached_property
     def _within_reach(self) -> Bool[np.ndarray, " m"]:

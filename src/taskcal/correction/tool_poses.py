@@ -8,7 +8,15 @@ from jaxtyping import Bool, Float
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
-from taskcal.kinematics.inverse import SAME_POSTURE_RAD, Reached, find_postures, solve_near
+from taskcal.kinematics.inverse import (
+    REAL_ROBOT,
+    ROUNDED_POSE,
+    SAME_POSTURE_RAD,
+    Miss,
+    Reached,
+    find_postures,
+    solve_near,
+)
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
@@ -134,7 +142,7 @@ def find_joints(
     last: np.ndarray | None = None
     for i in range(len(T)):
         near = seed[i] if seed is not None else last
-        q[i] = _posture(model, T[i], near, free=seed is None)
+        q[i] = _posture(model, T[i], near, REAL_ROBOT if calibrated else ROUNDED_POSE, free=seed is None)
         last = q[i] if np.isfinite(q[i]).all() else last
     if not calibrated:
         return ToolJoints(nominal=q, calibrated=None)
@@ -147,17 +155,17 @@ def find_joints(
 
 
 def _posture(
-    model: ErrorModel, T: Float[np.ndarray, "4 4"], near: Float[np.ndarray, " joints"] | None, *, free: bool
+    model: ErrorModel, T: Float[np.ndarray, "4 4"], near: Float[np.ndarray, " joints"] | None, miss: Miss, *, free: bool
 ) -> Float[np.ndarray, " joints"]:
     """A posture near another, or, where `free`, any; NaN where there is none."""
     if near is not None:
-        solution = solve_near(model, T[None], near[None])
+        solution = solve_near(model, T[None], near[None], miss=miss)
         if solution.reached[0]:
             return solution.q[0]
         if not free:
             return np.full(len(near), np.nan)
     try:
-        postures = find_postures(model, T)
+        postures = find_postures(model, T, miss=miss)
     except ReachError:
         return np.full(len(model.robot.joints), np.nan)
     if near is None:

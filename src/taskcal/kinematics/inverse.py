@@ -179,6 +179,9 @@ class Freedom:
         """Whether the joints command all that a pose has."""
         return self.rank == ALL_DIRECTIONS
 
+    def __str__(self) -> str:
+        return f"the joints move the tool in {self.rank} of six directions"
+
 
 ALL_DIRECTIONS = 6
 """Of a pose."""

@@ -8,7 +8,16 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.geometry import se3
-from taskcal.kinematics.inverse import JUMP_RAD, RADIANS_PER_METRE, NewtonEnd, conditioning, follow, newton_steps
+from taskcal.kinematics.inverse import (
+    JUMP_RAD,
+    RADIANS_PER_METRE,
+    ROUNDED_POSE,
+    NewtonEnd,
+    conditioning,
+    follow,
+    freedom_of,
+    newton_steps,
+)
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 
@@ -34,6 +43,10 @@ JOINT_ROUNDING = 1e-6
 
 MIN_SINGULAR_RATIO = 0.02
 """Smallest over largest singular value under which a posture is called singular."""
+
+
+NOT_TURNED = "cannot be turned so"
+"""Why a pose is rejected that a robot of few joints meets in place."""
 
 
 class Outcome(IntEnum):
@@ -76,7 +89,7 @@ class Traced:
 
 def rejections(robot: Robot, traced: Traced) -> list[tuple[int, str]]:
     """Rows that were rejected, with the reason in words."""
-    outside = dict(reversed(robot.outside_limits(traced.q)))
+    outside, freedom = dict(reversed(robot.outside_limits(traced.q))), freedom_of(ErrorModel(robot))
     out: list[tuple[int, str]] = []
     for row in np.flatnonzero(~traced.reached):
         match Outcome(traced.outcome[row]):
@@ -85,6 +98,8 @@ def rejections(robot: Robot, traced: Traced) -> list[tuple[int, str]]:
             case Outcome.OUT_OF_REACH:
                 distance, angle = traced.off[row, 0] * 1e3, np.degrees(traced.off[row, 1])
                 reason = f"out of reach on this branch: the nearest posture leaves {distance:.3g} mm and {angle:.3g}°"
+                if not freedom.whole and traced.off[row, 0] < ROUNDED_POSE[0]:
+                    reason = f"{NOT_TURNED}: the nearest posture leaves {angle:.3g}°, as {freedom}"
             case Outcome.OUTSIDE_LIMITS:
                 reason = outside[int(row)]
             case Outcome.SINGULAR:

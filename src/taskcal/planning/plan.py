@@ -769,7 +769,8 @@ def describe_accuracy(plan: Plan) -> str:
             "identifying what causes it, effects above all, is worth more than poses"
         )
     if plan.enough is not None:
-        return f"the first {plan.enough} poses chosen meet {stated}, model error included"
+        first = "pose chosen meets" if plan.enough == 1 else f"{plan.enough} poses chosen meet"
+        return f"the first {first} {stated}, model error included"
     if plan.expected <= allowed:
         return f"the whole plan meets {stated}, model error included"
     return f"the plan does not meet {stated}; about {extrapolate_poses(plan, allowed):.0f} poses would, model error included"

@@ -113,13 +113,19 @@ def joints_of(measured: MeasuredTable) -> dict[str, Any]:
     return {"q": values * scale, "joint_columns": columns, "joint_unit_stated": any(turning) or not turning}
 
 
-def read_joints(table: Table, robot: Robot) -> Float[np.ndarray, "rows joints"] | None:
+def read_joints(table: Table, robot: Robot, *, poses: bool = False) -> Float[np.ndarray, "rows joints"] | None:
     """The joints of a table's rows, radians and metres; None where it has no column of a joint.
+
+    Args:
+        table: the table.
+        robot: whose joints they are.
+        poses: whether the table has poses, too, of which columns ``x``, ``y`` and ``z`` are then part.
 
     Raises:
         FileError: as of `joints_of`, or no unit is stated.
     """
-    known = tuple(meanings(table.header, [""] * len(table.header), robot.joint_names))
+    names = robot.column_names if poses else robot.joint_names
+    known = tuple(meanings(table.header, [""] * len(table.header), names))
     found = joints_of(MeasuredTable(table=table, known=known, robot=robot))
     if not found.get("joint_unit_stated", True):
         name = found["joint_columns"][int(np.argmin(robot.prismatic))]

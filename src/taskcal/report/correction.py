@@ -15,12 +15,14 @@ from taskcal.correction.verdict import Verdict
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.measured_range import describe_outside
 from taskcal.identification.uncertainty_budget import evaluation_of_model_error
+from taskcal.kinematics.inverse import freedom_of
 from taskcal.report.calibration import corrected_uncertainty_section
 from taskcal.report.chart import BLUE, GREY, ORANGE, VERMILION, Axis, Figure, Panel, Series
 from taskcal.report.content import Block, Chart, Column, Numbers, Points, Scene, Section, Table
 from taskcal.report.page import Page, edited_entry
 from taskcal.report.scene import coloured_points, spread_rows, strokes
 from taskcal.report.verdict import verdict_section
+from taskcal.robot.error_model import ErrorModel
 
 # Errors of a corrected program along its path, and in space.
 
@@ -225,6 +227,9 @@ def tabulate_correction(correction: Correction) -> list[tuple[str, str]]:
         ("outside measured range", f"{summary['outside_moves']} of {summary['moves']} motions"),
     ]
     robot = motion.robot
+    freedom, targets = freedom_of(ErrorModel(robot)), summary["after"]["targets"]
+    if targets is not None and not freedom.whole:
+        facts.append(("not corrected", f"up to {targets['max_turn_deg']:.3f}° at targets: {freedom}"))
     units = dict(zip(robot.joint_names, ("mm" if slides else "°" for slides in robot.prismatic), strict=True))
     for label, key, per in (("joint speed", "joint_speed", "/s"), ("joint acceleration", "joint_acceleration", "/s²")):
         words = [

@@ -263,11 +263,12 @@ class Robot:
 
     @property
     def reach(self) -> float:
-        """Sum of the lengths of all fixed parts and sliding ranges, metres: no point of the tool is farther away."""
+        """Sum of the lengths of all fixed parts and sliding ranges, metres: no point of the tool is farther away.
+
+        The range of a joint without limits is that in which postures are sought.
+        """
         parts = [p for joint in self.joints for p in (*joint.before, *joint.after)] + list(self.tool)
-        slides = sum(
-            max(map(abs, j.limits)) for j in self.joints if j.kind == "prismatic" and np.isfinite(j.limits).all()
-        )
+        slides = np.abs(self.bounded_limits()[list(self.prismatic)]).max(axis=1, initial=0.0).sum()
         return float(sum(np.linalg.norm(p.transform[:3, 3]) for p in parts) + slides)
 
     def steps(self) -> list[Step]:

@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 
 from taskcal.cli.commands.poses import MAX_SHOWN_ROWS
-from taskcal.robot.catalogue import load_robot
+from taskcal.geometry.euler import to_angles
+from taskcal.robot.catalogue import load_robot, robot_toml
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot_file import robot_from
 from tests.cli.conftest import Run
 from tests.laws.calibrations import calibrated
 
@@ -101,3 +103,31 @@ def test_an_axis_that_slides_is_in_millimetres(run: Run, tmp_path) -> None:
     assert run("poses", "--robot", robot.name, tmp_path / "joints.csv", "-o", tmp_path / "poses.csv").status == 0
     found = run("poses", "--robot", robot.name, tmp_path / "poses.csv", "--json").json["rows"]
     np.testing.assert_allclose([[row[name] for name in names] for row in found], rows, atol=1e-4)
+
+
+def test_poses_are_no_joints_of_a_robot_that_calls_them_xyz(run: Run, tmp_path) -> None:
+    """Beside an orientation; its own joints are written by number. A tool turned beyond rounding is said."""
+    joint = [
+        {"name": name, "type": "prismatic", "steps": [step]}
+        for name, step in (("X", {"ry_deg": 90.0}), ("Y", {"rx_deg": -90.0}), ("Z", {"ry_deg": -90.0}))
+    ]
+    robot, path = robot_from({"name": "gantry", "joint": joint}), tmp_path / "gantry.toml"
+    path.write_text(robot_toml(robot.description), encoding="utf-8")
+    q, calibration = np.array([[0.3, 0.2, 0.1], [0.5, 0.4, 0.3]]), calibrated(robot)
+    calibration.save(tmp_path / "cal.json")
+    lines = [f"{x * 1e3!r},{y * 1e3!r},{z * 1e3!r}" for x, y, z in q.tolist()]
+    (tmp_path / "joints.csv").write_text("\n".join(["q1_mm,q2_mm,q3_mm", *lines]) + "\n", encoding="utf-8")
+    for of in (("--robot", path), ("--calibration", tmp_path / "cal.json")):
+        assert run("poses", *of, tmp_path / "joints.csv", "-o", tmp_path / "poses.csv", "--force").status == 0
+        ended = run("poses", *of, tmp_path / "poses.csv", "--json")
+        assert ended.status == 0
+        at = np.array([[row[f"q{k}_mm"] for k in (1, 2, 3)] for row in ended.json["rows"]])
+        np.testing.assert_allclose(at, q * 1e3, atol=1e-6)
+        assert "stays turned" not in ended.err
+    x, y, z = calibration.tool_in_base(q[:1])[0, :3, 3] * 1e3
+    nominal = to_angles("abc", ErrorModel(robot).poses(q[:1])[:, :3, :3])[0]
+    a, b, c = np.degrees(nominal)
+    tilt = f"x_mm,y_mm,z_mm,a_deg,b_deg,c_deg\n{x},{y},{z},{a + 1.0},{b},{c}\n"
+    (tmp_path / "tilt.csv").write_text(tilt, encoding="utf-8")
+    assert run("poses", "--robot", path, tmp_path / "tilt.csv").status == 1
+    assert "3 of six directions" in run("poses", "--calibration", tmp_path / "cal.json", tmp_path / "tilt.csv").err

@@ -45,13 +45,14 @@ def command(
     outputs = out.begin("poses", [("--output", output)], [table, of.robot, of.calibration])
     from taskcal.reading.readings import read_joints
     from taskcal.tables.forms import read_csv
+    from taskcal.task.orientation import has_poses
 
     model, calibration = of.load()
     columns = read_csv(table)
     ids = columns.texts("id") if "id" in columns else [str(row) for row in range(len(columns))]
     if not len(columns):
         raise columns.error("has no rows below its header")
-    q = read_joints(columns, model.robot)
+    q = read_joints(columns, model.robot, poses=has_poses(columns))
     if reverse or q is None:
         q, header, rows = _joints_for(columns, q, model, calibration)
     else:
@@ -175,6 +176,7 @@ def _joints_for(
         )
     for row in np.flatnonzero(~joints.reached)[:3]:
         info(f"row {row}: the pose is out of reach inside the limits; its joints are left empty")
+    _say_turned(T, joints, model, calibration)
     scale = np.where(robot.prismatic, 1e3, 180.0 / np.pi)
     units = ["mm" if slides else "deg" for slides in robot.prismatic]
     names = [f"{name}_{unit}" for name, unit in zip(robot.column_names, units, strict=True)]
@@ -182,3 +184,28 @@ def _joints_for(
         return joints.nominal, names, (joints.nominal * scale).tolist()
     both = np.concatenate([joints.calibrated, joints.nominal], axis=1) * np.tile(scale, 2)
     return joints.calibrated, [*names, *(f"nominal_{name}" for name in names)], both.tolist()
+
+
+def _say_turned(
+    T: "np.ndarray",
+    joints: "taskcal.correction.ToolJoints",
+    model: "taskcal.ErrorModel",
+    calibration: "taskcal.Calibration | None",
+) -> None:
+    """One line on how far a robot of few joints stays turned from the poses, where it is more than rounding."""
+    import numpy as np
+
+    from taskcal.geometry import se3
+    from taskcal.kinematics.inverse import ROUNDED_POSE, freedom_of
+
+    rows = np.flatnonzero(joints.reached)
+    at = model.poses(joints.nominal[rows])
+    if calibration is not None and joints.calibrated is not None:
+        at = calibration.tool_in_base(joints.calibrated[rows])
+    turned = np.linalg.norm(se3.log(at[:, :3, :3] @ np.swapaxes(T[rows, :3, :3], 1, 2)), axis=1)
+    far = int(np.argmax(turned))
+    if turned[far] > ROUNDED_POSE[1]:
+        info(
+            f"the tool stays turned by up to {np.degrees(turned[far]):.2g}°, in row {rows[far]}, from poses that it meets in "
+            f"place: {freedom_of(model)}"
+        )

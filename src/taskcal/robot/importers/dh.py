@@ -82,7 +82,7 @@ def _lengths(columns: Table) -> None:
 
 
 def _angles(columns: Table, names: Sequence[str]) -> None:
-    values = columns.side_by_side(names)
+    values = np.nan_to_num(columns.side_by_side(names, empty=names == LIMITS))
     row, k = _largest(values)
     if names == ANGLES and abs(values[row, k]) > 360.0:
         raise columns.error(
@@ -181,8 +181,8 @@ def in_own_terms(table: Table, units: str | None = None) -> tuple[Table, tuple[s
     remarks: list[str] = []
     length, angle = stated.get("length"), stated.get("angle")
     bare = [column for column in columns if column.unit is None]
-    lengths = [c for c in bare if c.stands_for.endswith("_mm")]
-    angles = [c for c in bare if c.stands_for.endswith("_deg")]
+    lengths = [c for c in bare if c.stands_for in LENGTHS]
+    angles = [c for c in bare if c.stands_for in (*ANGLES, *LIMITS)]
     if angles and angle is None:
         angle = _told(table, angles, _unit_of_angles, "deg or rad", remarks)
     if lengths and length is None:
@@ -193,8 +193,8 @@ def in_own_terms(table: Table, units: str | None = None) -> tuple[Table, tuple[s
     for k, column in enumerate(columns):
         unit = column.unit or (length if column in lengths else angle if column in angles else None)
         if unit is not None and TO_FILE[unit] != 1.0:
-            for row, value in enumerate(table.numbers(column.header)):
-                cells[row][k] = repr(float(value) * TO_FILE[unit])
+            for row, value in enumerate(_numbers(table, column)):
+                cells[row][k] = "" if np.isnan(value) else repr(float(value) * TO_FILE[unit])
     if "joint" not in names:
         names, cells = ["joint", *names], [[str(i), *row] for i, row in enumerate(cells, start=1)]
     return replace(table, header=tuple(names), rows=tuple(tuple(row) for row in cells)), tuple(remarks)
@@ -234,6 +234,11 @@ def _without_variables(table: Table, columns: Sequence[_Column]) -> Table:
     return replace(table, rows=rows)
 
 
+def _numbers(table: Table, column: _Column) -> Float[np.ndarray, " rows"]:
+    """The numbers of a column; NaN for limits that are not stated."""
+    return table.numbers(column.header, empty=column.stands_for in LIMITS)
+
+
 def _told(
     table: Table,
     columns: Sequence[_Column],
@@ -242,7 +247,7 @@ def _told(
     remarks: list[str],
 ) -> str:
     """The unit of columns by the size of their numbers."""
-    values = np.stack([table.numbers(column.header) for column in columns], axis=1)
+    values = np.nan_to_num(np.stack([_numbers(table, column) for column in columns], axis=1))
     named = ", ".join(column.header for column in columns)
     unit = unit_of(values)
     if unit is None:
@@ -330,7 +335,7 @@ def describe_dh_table(
     if ("lower_deg" in columns) != ("upper_deg" in columns):
         raise columns.header_error("gives one limit only; lower_deg and upper_deg go together")
     check_units(columns)
-    limits = columns.side_by_side(LIMITS) if "lower_deg" in columns else None
+    limits = columns.side_by_side(LIMITS, empty=True) if "lower_deg" in columns else np.full((len(columns), 2), np.nan)
     joints: list[dict[str, Any]] = []
     for i, text in enumerate(joint_names):
         joint: dict[str, Any] = {"name": f"J{text}" if text.isdigit() else text}
@@ -341,8 +346,8 @@ def describe_dh_table(
             joint["offset_deg"] = float(numbers["theta_offset_deg"][i])
         if "theta_from_controller" in given and given["theta_from_controller"][i]:
             joint["angle"] = given["theta_from_controller"][i]
-        if limits is not None:
-            joint["limits_deg"] = limits[i].tolist()
+        if np.isfinite(limits[i]).any():
+            joint["limits_deg"] = _limits(columns, limits, i, slides=joint.get("type") == "prismatic")
         joints.append(joint)
     path = columns.path
     source = [f"imported from {printable(path.name)}", *told]
@@ -352,6 +357,24 @@ def describe_dh_table(
     except TaskcalError as error:
         raise FileError(path, str(error)) from error
     return described
+
+
+def _limits(columns: Table, limits: Float[np.ndarray, "rows 2"], row: int, *, slides: bool) -> list[float]:
+    """Limits of a joint, degrees.
+
+    Raises:
+        FileError: one is stated only, or the joint slides.
+    """
+    stated = np.isfinite(limits[row])
+    if slides:
+        raise columns.error(
+            "the joint slides and has no limits in degrees: leave them empty, and write limits_mm into the robot file",
+            row,
+            LIMITS[int(np.argmax(stated))],
+        )
+    if not stated.all():
+        raise columns.error("the cell is empty; state both limits or neither", row, LIMITS[int(np.argmin(stated))])
+    return limits[row].tolist()
 
 
 @checked

@@ -28,6 +28,9 @@ MAX_NUMBER = 1e3
 MAX_ANGLE_RAD = 8.0 * np.pi
 """Of an angle in the file, four turns: cables stop real joints sooner, and no part is turned so often. Degrees are more."""
 
+MAX_SLIDE_M = 100.0
+"""Of the limits of a joint that slides: the travel of the longest gantries. Millimetres are more."""
+
 XACRO_SUFFIX = ".xacro"
 
 CLOSING = ("loop_joint", "closure", "constraint", "loop")
@@ -216,8 +219,9 @@ def _joint(element: Element, name: str) -> UrdfJoint:
     remark = ""
     if kind in ("revolute", "prismatic") and element.first("limit") is not None and limits is None:
         remark = f"limits of {name} are not a range, and taken for none"
-    if kind == "revolute" and limits is not None and max(map(abs, limits)) > MAX_ANGLE_RAD:
-        remark = f"limits of {name}, {limits[0]:g} to {limits[1]:g} rad, are taken for none; are they degrees?"
+    far, unit, other = (MAX_SLIDE_M, "m", "millimetres") if kind == "prismatic" else (MAX_ANGLE_RAD, "rad", "degrees")
+    if kind in ("revolute", "prismatic") and limits is not None and max(map(abs, limits)) > far:
+        remark = f"limits of {name}, {limits[0]:g} to {limits[1]:g} {unit}, are taken for none; are they {other}?"
         limits = None
     return UrdfJoint(
         name=name,
@@ -286,8 +290,7 @@ def _limits(element: Element, name: str, *, sliding: bool) -> tuple[tuple[float,
         unit = "m" if sliding else "rad"
         message = f"joint '{shown(name)}' has the lower limit {low:g} {unit} above the upper {high:g} {unit}"
         raise limit.error(message)
-    stated = low < high and abs(low) <= MAX_NUMBER and abs(high) <= MAX_NUMBER
-    return (low, high) if stated else None, speed if 0.0 < speed <= MAX_NUMBER else None
+    return (low, high) if low < high else None, speed if 0.0 < speed <= MAX_NUMBER else None
 
 
 def _linked(element: Element, tag: str) -> str:
