@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.diagnosis.diagnose import diagnose
+from taskcal.diagnosis.diagnose import diagnose, scope_of
 from tests.observations.pictured import CORNERS, LENS, MODEL, PIXELS, take_pictures
-from tests.observations.rig import two_boards
+from tests.observations.rig import two_boards, wrist_and_floor
 
 
 def seen(seed: int):
@@ -130,3 +130,10 @@ def test_a_second_board_that_moved_is_named():
     (found,) = diagnose(moved.campaign(judged=False), MODEL.robot).findings
     assert found.id == "fixture-moved"
     assert "board side" in found.fix
+
+
+def test_the_camera_whose_images_are_examined_is_named():
+    """It, and the board, that are in most images: a shift may be of its images alone."""
+    rig = wrist_and_floor(11)
+    most = max(rig.corners, key=lambda one: len(np.unique(one.image)))
+    assert f"board {most.board[0]} in those of {most.label}" in scope_of(rig.campaign(judged=False))

@@ -205,8 +205,12 @@ def scope_of(campaign: Campaign) -> str:
     kinds = dict.fromkeys(one.key for one in campaign.observations if not one.in_tracker)
     if not kinds:
         return ""
-    if pictures_of(campaign) is not None:
-        return "images are examined by the poses of the board in them; other boards and cameras for moves, size and focus alone"
+    if (kind := pictures_of(campaign)) is not None:
+        pairs, counts = np.unique(kind.sightings[1:3], axis=1, return_counts=True)
+        camera, board = pairs[:, np.argmax(counts)]
+        one = "the board" if len(kind.boards) == 1 else f"board {kind.boards[board]}"
+        of = "them" if len(kind.cameras) == 1 else f"those of {kind.cameras[camera]}"
+        return f"images are examined by the poses of {one} in {of}; other boards and cameras for moves, size and focus alone"
     if _is_quick(campaign):
         examined, left = "the joints (units, signs, zeros, couplings, order) and the robot, in pairs too", "frames"
     else:

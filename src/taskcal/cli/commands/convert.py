@@ -76,6 +76,7 @@ def _convert_images(
     for note in campaign.notes:
         info(note)
     images = int(campaign.valid.any(axis=1).sum())
+    rows, of = ("images", "") if len(corners) == 1 else ("postures", f" images of {len(corners)} cameras")
     result = {
         "file": output,
         "robot": robot.name,
@@ -87,6 +88,6 @@ def _convert_images(
     out.give(
         result,
         lambda: info(
-            f"{output}: {images} images with joints and corners, of {sum(len(one.images) for one in corners)}"
+            f"{output}: {images} {rows} with joints and corners, of {sum(len(one.images) for one in corners)}{of}"
         ),
     )
