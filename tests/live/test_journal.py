@@ -125,6 +125,8 @@ def test_another_campaign_is_not_gone_on_with(tmp_path: Path) -> None:
     (tmp_path / "d.csv").rename(path)
     with pytest.raises(FileError, match="another seed"):
         Journal(path, ROBOT).resume({"seed": 2})
+    with pytest.raises(FileError, match=r"another instrument.*: a tracker, not socket \(1f\)"):
+        Journal(path, ROBOT).resume({"seed": 1, "instrument": "socket (1f)"})
     with pytest.raises(FileError, match="columns"):
         Journal(path, tc.load_robot("barrett-wam")).resume({"seed": 1})
     path.write_text(path.read_text().replace("3-kept-out", "8"))

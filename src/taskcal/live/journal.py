@@ -57,6 +57,10 @@ class Row:
         return f"{self.number}" if self.purpose == "chosen" else f"{self.number}-{self.purpose}"
 
 
+SETTINGS = {"instrument": "instrument, or other places, lengths or options of it", "tolerance_mm": "tolerance in mm"}
+"""Settings in words, where their names are not."""
+
+
 class Journal:
     """The campaign's file, and the notes beside it; both are only ever appended to."""
 
@@ -142,8 +146,8 @@ class Journal:
             if begun.get(name) != value:
                 raise FileError(
                     self.notes_path,
-                    f"the campaign was begun with another {name}: {shown(str(begun.get(name)))}, not {shown(str(value))}; "
-                    "give the same, or begin another campaign",
+                    f"the campaign was begun with another {SETTINGS.get(name, name)}: {_worded(name, begun.get(name))}, "
+                    f"not {_worded(name, value)}; give the same, or begin another campaign",
                 )
         header, *lines = self._whole_lines(self.path) or [""]
         if f"{header}\n" != self._lines([])[0]:
@@ -328,6 +332,12 @@ class Journal:
             os.truncate(path, whole)
             self.dropped = True
         return content[:whole].decode("utf-8", "replace").splitlines()
+
+
+def _worded(name: str, value: Any) -> str:
+    """A setting's value in a message."""
+    none = "a tracker" if name == "instrument" else "none"
+    return {"None": none, "True": "yes", "False": "no"}.get(str(value), shown(str(value)))
 
 
 def _append(path: Path, line: str) -> None:
