@@ -67,3 +67,17 @@ def test_joints_are_found_for_poses_that_the_calibrated_robot_takes(palletizer):
     assert found.reached.all()
     np.testing.assert_allclose(palletizer.tool_in_base(found.calibrated), T, atol=1e-8)
     assert not find_joints(palletizer, np.stack([tilted(T[0], np.radians(4.0))]), Q[:1]).reached.any()
+
+
+def test_positions_of_a_path_are_no_joints_called_xyz(tmp_path):
+    """Such joints have columns by number."""
+    steps = ({"ry_deg": 90.0}, {"rx_deg": -90.0}, {"ry_deg": -90.0})
+    joint = [{"name": name, "type": "prismatic", "steps": [step]} for name, step in zip("XYZ", steps, strict=True)]
+    robot = robot_from({"name": "gantry", "joint": joint})
+    T, q = ErrorModel(robot).poses(np.full((2, 3), 0.3)), tmp_path / "q.csv"
+    path = read_program(write_path(tmp_path / "path.csv", T), robot=robot)
+    assert [move.end.q for move in path.motions] == [None, None]
+    np.testing.assert_allclose([move.end.T for move in path.motions], T, atol=1e-9)
+    q.write_text("q1_mm,q2_mm,q3_mm\n100,200,300\n")
+    (move,) = read_program(q, robot=robot).motions
+    np.testing.assert_allclose(move.end.q, [0.1, 0.2, 0.3])

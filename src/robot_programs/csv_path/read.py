@@ -336,6 +336,11 @@ def columns_of(table: Table, robot: Robot | None) -> Columns:
     )
 
 
+def _column(joint: str, number: int) -> str:
+    """A joint's name in columns: by its number where it is called as a part of the position."""
+    return f"q{number}" if f"{joint.lower()}_mm" in POSITION else joint
+
+
 def _joints_of(table: Table, robot: Robot) -> tuple[str, ...]:
     """A column for each of the robot's joints; none where the table has none of them.
 
@@ -345,13 +350,13 @@ def _joints_of(table: Table, robot: Robot) -> tuple[str, ...]:
     names, columns, lacking = table.names, list[str](), list[str]()
     for number, (joint, slides) in enumerate(zip(robot.joint_names, robot.prismatic, strict=True), start=1):
         units = ("mm", "m") if slides else ("deg", "rad")
-        spellings = dict.fromkeys(spelling.lower() for spelling in (joint, f"J{number}", f"q{number}"))
+        spellings = dict.fromkeys(spelling.lower() for spelling in (_column(joint, number), f"J{number}", f"q{number}"))
         candidates = [f"{spelling}_{unit}" for spelling in spellings for unit in units]
         found = [names[column] for column in candidates if column in names]
         if len(found) > 1:
             raise table.refusal(f"joint {joint} is given twice, by '{found[0]}' and '{found[1]}'; keep one")
         columns += found
-        lacking += [] if found else [f"{joint}_{units[0]}"]
+        lacking += [] if found else [f"{_column(joint, number)}_{units[0]}"]
     if columns and lacking:
         raise table.refusal(f"has '{columns[0]}' but no column '{lacking[0]}' of {robot.name}")
     return tuple(columns)
@@ -599,7 +604,8 @@ def compose_csv_path(program: Composition) -> Source:
     posed = any(move.end.T is not None for move in motions)
     jointed = not posed or any(move.end.q is not None for move in motions)
     units = ["mm" if slides else "deg" for slides in robot.prismatic]
-    joints = [f"{joint}_{unit}" for joint, unit in zip(robot.joint_names, units, strict=True)] if jointed else []
+    names = [_column(joint, number) for number, joint in enumerate(robot.joint_names, start=1)]
+    joints = [f"{name}_{unit}" for name, unit in zip(names, units, strict=True)] if jointed else []
     pose = [*POSITION, *QUATERNION] if posed else []
     rows: list[list[str]] = []
     for k, move in enumerate(motions):
