@@ -77,7 +77,7 @@ def test_positions_of_a_path_are_no_joints_called_xyz(tmp_path):
     T, q = ErrorModel(robot).poses(np.full((2, 3), 0.3)), tmp_path / "q.csv"
     path = read_program(write_path(tmp_path / "path.csv", T), robot=robot)
     assert [move.end.q for move in path.motions] == [None, None]
-    np.testing.assert_allclose([move.end.T for move in path.motions], T, atol=1e-9)
+    np.testing.assert_allclose(np.array([move.end.T for move in path.motions]), T, atol=1e-9)
     q.write_text("q1_mm,q2_mm,q3_mm\n100,200,300\n")
     (move,) = read_program(q, robot=robot).motions
-    np.testing.assert_allclose(move.end.q, [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(np.array(move.end.q), [0.1, 0.2, 0.3])
