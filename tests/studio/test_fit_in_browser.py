@@ -72,7 +72,9 @@ def test_mistakes_are_found_and_mended_with_a_click(chromium: Any, example: tupl
     (tmp_path / "project.toml").write_text(f'name = "mend"\nrobot = "{ROBOT}"\n')
     with served(tmp_path) as address, open_tab(chromium, address) as tab:
         page = tab.open("measurements")
-        page.locator("input[type=file]").set_input_files({"name": "wrong.csv", "mimeType": "", "buffer": wrong})
+        page.locator("input[data-kind=campaign]").set_input_files(
+            {"name": "wrong.csv", "mimeType": "", "buffer": wrong}
+        )
         page.get_by_role("cell", name="Joint sign reversed (joint-sign)", exact=True).wait_for(timeout=300_000)
         said = command_line(tmp_path, "doctor", "campaigns/wrong.csv", "--robot", ROBOT)["findings"][0]
         assert f"{said['error_before_mm']:.2f}" in text_of(page)
