@@ -22,6 +22,11 @@ class MissedError(Exception):
         self.said = Said(template, **values)
         super().__init__(self.said)
 
+    @classmethod
+    def of(cls, said: Said) -> "MissedError":
+        """Because of what was said elsewhere."""
+        return cls(said.template, **said.values)
+
 
 SEATED_WITHIN = float(np.radians(15.0))
 """From the pose that is shown, within which the robot has arrived where something touches, radians or metres: fixtures are stated
@@ -295,7 +300,7 @@ class Taker:
             if shot is None:
                 waited += limit
             elif shot.wrong is not None:
-                raise MissedError(shot.wrong.template, **shot.wrong.values)
+                raise MissedError.of(shot.wrong)
             elif not shot.valid:
                 shots.clear()
                 waited = max(waited, shot.time_s - lost_since) if self.instrument.streams else 0.0

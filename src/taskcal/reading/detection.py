@@ -188,7 +188,7 @@ def detector(boards: Sequence[Board]) -> Callable[[Path], tuple[Corners, float]]
 
 def is_blurred(edge: float, usual: float) -> bool:
     """Whether edges of an image are far wider than the usual ones of its campaign, pixels."""
-    return edge > max(BLURRED_PX, BLURRED_TIMES * usual)
+    return bool(edge > max(BLURRED_PX, BLURRED_TIMES * usual))
 
 
 def _has_images(folder: Path) -> bool:
