@@ -138,7 +138,6 @@ def test_irb120_reference_points_drift_and_are_followed(data_folder):
     assert followed < ignored + 1e-3
 
 
-@pytest.mark.long
 def test_lengths_of_the_ur5_change_while_it_is_measured(data_folder):
     """In the order of the rows, taken as evenly paced; with the times of other rows nothing is gained."""
     campaign = read_campaign(data_folder / "ur5_tracker" / "measurements.csv", load_robot("ur5"))

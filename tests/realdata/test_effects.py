@@ -71,7 +71,7 @@ def test_effects_explain_what_geometry_leaves(data_folder, name, effects, rows, 
     assert held_out_mm(data_folder, name, effects, rows) <= bound_mm
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_effects_predict_each_fanuc_pose_leave_one_out(data_folder):
     """Each pose of the robot with coupled axes is predicted from all other poses, with two effects."""
     name = "fanuc-r2000ic-165f"
