@@ -399,7 +399,8 @@ class _Terminal:
             if taken.corners is not None:
                 info(f"  measured, {taken.corners.images[0]}, {len(taken.corners.id)} corners")
                 return
-            info(f"  measured, {taken.shots} shots, scatter {taken.scatter * 1e3:.3f} mm")
+            scatter = f", scatter {taken.scatter * 1e3:.3f} mm" if taken.scatter else ""  # none of a seated ball
+            info(f"  measured, {taken.shots} shots{scatter}")
         elif event.state is not None and event.state.rows and event.state.budget is not None:
             for line in _in_words(event.state, self.aim, event.pose_s):
                 say(line)
