@@ -1,4 +1,5 @@
 import pickle
+import re
 import time
 import unicodedata
 
@@ -6,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskcal.errors import ClosureError, FileError, UnknownName, printable, shown
+from taskcal.errors import ClosureError, FileError, UnknownName, listed, printable, shown
 
 
 @given(st.text(max_size=2000))
@@ -63,3 +64,15 @@ def test_an_unknown_name_of_any_length_is_refused_at_once():
 def test_an_error_of_another_process_is_the_same_here(error):
     here = pickle.loads(pickle.dumps(error))
     assert (type(here), str(here), vars(here)) == (type(error), str(error), vars(error))
+
+
+@given(
+    st.lists(st.from_regex(r"[a-z]{1,5}", fullmatch=True), max_size=30),
+    st.integers(1, 12),
+    st.sampled_from([", ", "; "]),
+)
+def test_a_row_of_texts_names_all_or_says_how_many_more(texts, most, between):
+    """What is named and what is counted are together what there is."""
+    named, *more = re.split(r"(?:;)? and (?=\d+ more$)", listed(texts, most, between))
+    counted = int(more[0].removesuffix(" more")) if more else 0
+    assert ([part for part in named.split(between) if part], counted) == (texts[:most], max(len(texts) - most, 0))

@@ -9,7 +9,7 @@ from importlib.metadata import EntryPoint, entry_points
 from threading import RLock
 from typing import Any
 
-from taskcal.errors import TaskcalError
+from taskcal_groundwork.errors import InputError
 
 
 class PluginWarning(UserWarning):
@@ -52,13 +52,13 @@ def load_plugins(
                 if not isinstance(entry, kind):
                     raise TypeError(f"{point.value} is not of the kind {kind.__module__}.{kind.__qualname__}")
                 if taken := [name for name in claims(entry) if name in owner]:
-                    raise TaskcalError(f"'{taken[0]}' is of the package '{owner[taken[0]]}' already; choose another")
+                    raise InputError(f"'{taken[0]}' is of the package '{owner[taken[0]]}' already; choose another")
                 entries[entry.name] = entry
                 owner |= dict.fromkeys(claims(entry), _package(point))
             except Exception as error:
                 entries.clear()
                 entries.update(before)
-                reason = str(error) if isinstance(error, TaskcalError) else f"{type(error).__name__}: {error}"
+                reason = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
                 fault = f"the package '{_package(point)}' cannot add '{point.name}' to {group}: {reason}"
                 _FAULTS.setdefault(group, []).append(fault)
                 warnings.warn(f"{fault}; mend the package or uninstall it", PluginWarning, stacklevel=2)

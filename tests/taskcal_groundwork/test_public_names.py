@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import taskcal
-from taskcal.public_names import load_lazily
+from taskcal_groundwork.public_names import load_lazily
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:

@@ -15,8 +15,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_programs.core.files import ZipKind, open_zip
 from taskcal.errors import FileError
+from taskcal_groundwork.files import ZipKind, open_zip
 
 KIND = ZipKind(most_entries=20, largest_mb=100.0, small_mb=40.0, most_ratio=10.0, largest_entry_mb=30.0)
 TEXT = b"MoveL p1,v5,fine,tool0;\n" * 40
